@@ -1,0 +1,25 @@
+"""The physics: model (5) of the paper with the errata's corrections, and the library of what it leaves out."""
+
+from .covariance import Covariance
+from .effects import EFFECTS, Effect, EffectType
+from .parameters import THETA_MEANING, THETA_NAMES, RigidBody, physical_consistency
+from .plant import Plant, sampled_plants
+from .sets import LARGE_RIG, PAPER_GAIN, PLANTS, QUBE, TABLE_3
+
+__all__ = [
+    "EFFECTS",
+    "LARGE_RIG",
+    "PAPER_GAIN",
+    "PLANTS",
+    "QUBE",
+    "TABLE_3",
+    "THETA_MEANING",
+    "THETA_NAMES",
+    "Covariance",
+    "Effect",
+    "EffectType",
+    "Plant",
+    "RigidBody",
+    "physical_consistency",
+    "sampled_plants",
+]

@@ -1,0 +1,92 @@
+"""Uncertainty of a plant's parameters: names and a covariance matrix, and plants drawn from it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .effects.effect import Effect
+from .parameters import THETA_NAMES
+
+if TYPE_CHECKING:
+    from .plant import Plant
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance (n, n) of the parameters `names`: theta1 …, r or r1/r2, and effect parameters as "effect.parameter".
+
+    Raises ValueError when the matrix is not symmetric positive semi-definite or does not fit the names.
+    """
+
+    names: tuple[str, ...]
+    matrix: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.matrix, dtype=float)
+        n = len(self.names)
+        if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+            raise ValueError(f"covariance of {n} parameters must be a finite {n}×{n} matrix, got {matrix.shape}")
+        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        if np.any(np.diag(matrix) < 0) or not np.allclose(matrix, matrix.T, atol=1e-8 * scale.max() ** 2):
+            raise ValueError("covariance must be symmetric with a diagonal that is not negative")
+        matrix = 0.5 * (matrix + matrix.T)
+        if n and np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min() < -1e-6:
+            raise ValueError("covariance must be positive semi-definite")
+        matrix.setflags(write=False)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "matrix", matrix)
+
+    def std_of(self, names: Iterable[str]) -> dict[str, float]:
+        """Standard deviations of those of `names` that are estimated."""
+        std = np.sqrt(np.diag(self.matrix))
+        return {name: float(std[self.names.index(name)]) for name in names if name in self.names}
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"names": list(self.names), "matrix": self.matrix.tolist()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any] | list[list[float]]) -> "Covariance":
+        """Names and matrix, or a bare 9×9 list over θ."""
+        if isinstance(data, Mapping):
+            if "names" not in data or "matrix" not in data:
+                raise ValueError('a covariance needs "names" and "matrix"')
+            return cls(tuple(data["names"]), np.array(data["matrix"], dtype=float))
+        return cls(THETA_NAMES, np.array(data, dtype=float))
+
+    def draw(self, plant: "Plant", rng: np.random.Generator, tries: int = 1000) -> "Plant":
+        """A plant from the normal distribution around `plant`, kept where M > 0, friction ≥ 0 and bounds hold.
+
+        Draws outside are drawn again (a truncated normal). Raises ValueError if none of `tries` is possible.
+        """
+        values, vectors = np.linalg.eigh(self.matrix)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        for _ in range(tries):
+            shift = dict(zip(self.names, root @ rng.standard_normal(len(self.names)), strict=True))
+            drawn = _shifted(plant, shift)
+            if drawn is not None:
+                return drawn
+        raise ValueError(
+            f"none of {tries} draws from the covariance gives a possible plant (M > 0, friction ≥ 0): the parameters "
+            "are too uncertain to randomise over; identify with a richer experiment"
+        )
+
+
+def _shifted(plant: "Plant", shift: Mapping[str, float]) -> "Plant | None":
+    theta = np.array([v + shift.get(name, 0.0) for name, v in zip(THETA_NAMES, plant.theta, strict=True)])
+    # friction that the fit itself put below zero may stay; a draw may not make it negative
+    if np.any((theta[5:] < 0) & (plant.theta[5:] >= 0)):
+        return None
+    common = shift.get("r", 0.0)
+    r = tuple(v + common + shift.get(f"r{i + 1}", 0.0) for i, v in enumerate(plant.sharpness))
+    try:
+        effects = tuple(
+            Effect(e.name, {k: v + shift.get(f"{e.name}.{k}", 0.0) for k, v in e.parameters.items()}, e.std)
+            for e in plant.effects
+        )
+        sharpness = r if isinstance(plant.friction_sharpness, tuple) or r[0] != r[1] else r[0]
+        return plant.replace(theta=theta, friction_sharpness=sharpness, effects=effects)
+    except ValueError:
+        return None

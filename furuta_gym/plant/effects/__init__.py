@@ -1,0 +1,7 @@
+"""The library of effects that model (5) leaves out, and the values that put them into a plant."""
+
+from .declaration import EffectType, Parameter
+from .effect import Effect
+from .library import EFFECTS
+
+__all__ = ["EFFECTS", "Effect", "EffectType", "Parameter"]

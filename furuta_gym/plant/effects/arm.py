@@ -1,0 +1,223 @@
+"""Torques on the arm's row of model (5) that the paper leaves out: friction beyond viscous + Coulomb, cable, cogging,
+play."""
+
+import math
+
+from ..compiled import compiled
+from ..elementary import tanh
+from .declaration import EffectType, Parameter
+
+
+def _stribeck(v1, r1, ΔF, vs):
+    return -ΔF * math.exp(-((v1 / vs) ** 2)) * tanh(r1 * v1), 0.0
+
+
+def _coulomb_asymmetry(v1, r1, a):
+    return -a * abs(tanh(r1 * v1)), 0.0
+
+
+def _quadratic_drag(v1, c):
+    return -c * v1 * abs(v1), 0.0
+
+
+def _spring(q1, k, q1n):
+    return -k * (q1 - q1n), 0.0
+
+
+def _ripple(q1, A, n, φ):
+    return -A * math.sin(n * q1 + φ), 0.0
+
+
+def _position_friction(q1, v1, r1, a, b):
+    return -(a * math.sin(q1) + b * math.cos(q1)) * tanh(r1 * v1), 0.0
+
+
+def _friction_drift(t, v1, theta8, r1, a):
+    return -theta8 * a * t * tanh(r1 * v1), 0.0
+
+
+def _viscous_drift(t, v1, theta6, a):
+    return -theta6 * a * t * v1, 0.0
+
+
+def _periodic(t, A, f, φ):
+    return A * math.sin(2.0 * math.pi * f * t + φ), 0.0
+
+
+def _presliding(v1, theta8, r1, σ0, z):
+    # takes the Coulomb torque out and puts the bristle's in; σ0 = inf is a rigid bristle: Coulomb again
+    if math.isinf(σ0):
+        return 0.0, 0.0
+    return theta8 * tanh(r1 * v1) - σ0 * z, 0.0
+
+
+def _presliding_rate(v1, theta8, σ0, z):
+    return 0.0 if math.isinf(σ0) else v1 - σ0 * abs(v1) * z / theta8
+
+
+# The rotor on the motor's side of the play: its share of theta1, and the stop it hits (a stiff damped contact; its
+# rate of 200 rad/s is fast against the arm and slow enough for the step rule).
+_ROTOR_SHARE = 0.1
+_STOP_RATE = 200.0
+_STOP_DAMPING = 0.7
+
+
+@compiled(forceinline=True)
+def _contact_torque(theta1, b, s, w):
+    """Torque from rotor to arm when the rotor leads by s [rad] at w [rad/s]; stops push, they never pull."""
+    inertia = _ROTOR_SHARE * theta1
+    stiffness, damping = inertia * _STOP_RATE**2, 2.0 * _STOP_DAMPING * inertia * _STOP_RATE
+    if s > b:
+        return max(0.0, stiffness * (s - b) + damping * w)
+    if s < -b:
+        return min(0.0, stiffness * (s + b) + damping * w)
+    return 0.0
+
+
+def _backlash_theta(theta1, b):
+    return theta1 * (1.0 - _ROTOR_SHARE) if b > 0.0 else theta1
+
+
+def _backlash(tau, theta1, b, s, w):
+    return (_contact_torque(theta1 / (1.0 - _ROTOR_SHARE), b, s, w) - tau, 0.0) if b > 0.0 else (0.0, 0.0)
+
+
+def _backlash_rate(tau, a1, theta1, b, s, w):
+    if b <= 0.0:
+        return 0.0, 0.0
+    whole = theta1 / (1.0 - _ROTOR_SHARE)
+    return w, (tau - _contact_torque(whole, b, s, w)) / (_ROTOR_SHARE * whole) - a1
+
+
+ARM_EFFECTS = (
+    EffectType(
+        name="arm_stribeck",
+        place="arm",
+        equation="arm: −ΔF exp(−(q̇1/vs)²) tanh(r q̇1)",
+        symptom="friction is larger or smaller near standstill than the Coulomb level it settles to (ΔF > 0: larger)",
+        parameters=(
+            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 0.5, relative_to="theta8"),
+            Parameter("vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape"),
+        ),
+        kernels={"torque": _stribeck},
+        mistaken_for=("arm_quadratic_drag", "friction_sharpness", "arm_presliding"),
+    ),
+    EffectType(
+        name="arm_coulomb_asymmetry",
+        place="arm",
+        equation="arm: −a |tanh(r q̇1)|",
+        symptom="the arm slows faster turning one way than the other",
+        parameters=(Parameter("a", "{u}", "half the difference of the levels", 0.35, relative_to="theta8"),),
+        kernels={"torque": _coulomb_asymmetry},
+        mistaken_for=("input_offset",),
+    ),
+    EffectType(
+        name="arm_quadratic_drag",
+        place="arm",
+        equation="arm: −c q̇1 |q̇1|",
+        symptom="fast turns of the arm lose more speed than viscous friction explains",
+        parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 1.5, relative_to="theta6", lower=0.0),),
+        kernels={"torque": _quadratic_drag},
+        mistaken_for=("arm_stribeck",),
+        dissipative=True,
+    ),
+    EffectType(
+        name="arm_spring",
+        place="arm",
+        equation="arm: −k (q1 − q1n)",
+        symptom="with no command the arm is drawn to one angle, as by the pendulum encoder's cable",
+        parameters=(
+            Parameter("k", "{u}/rad", "stiffness", 1.0, relative_to="theta5", lower=0.0),
+            Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape"),
+        ),
+        kernels={"torque": _spring},
+        mistaken_for=("input_offset", "base_tilt", "arm_ripple"),
+    ),
+    EffectType(
+        name="arm_ripple",
+        place="arm",
+        equation="arm: −A sin(n q1 + φ), n integer",
+        symptom="the arm rests and hesitates at evenly spaced angles (cogging)",
+        parameters=(
+            Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
+            Parameter("n", "1", "periods a turn", 12.0, lower=1.0, upper=60.0, role="shape", integer=True),
+            Parameter("φ", "rad", "phase", 0.5, lower=-2 * math.pi, upper=2 * math.pi, role="shape"),
+        ),
+        kernels={"torque": _ripple},
+        mistaken_for=("arm_spring", "arm_position_friction"),
+    ),
+    EffectType(
+        name="arm_position_friction",
+        place="arm",
+        equation="arm: −(a sin q1 + b cos q1) tanh(r q̇1)",
+        symptom="the arm turns more stiffly over one part of its circle",
+        parameters=(
+            Parameter("a", "{u}", "sine part of the Coulomb level", 0.5, relative_to="theta8"),
+            Parameter("b", "{u}", "cosine part of the Coulomb level", 0.3, relative_to="theta8"),
+        ),
+        kernels={"torque": _position_friction},
+        mistaken_for=("arm_ripple",),
+    ),
+    EffectType(
+        name="arm_presliding",
+        place="arm",
+        equation="arm: θ8 tanh(r q̇1) replaced by σ0 z, ż = q̇1 − σ0 |q̇1| z / θ8 (Dahl)",
+        symptom="near standstill the arm springs back by a fraction of a degree instead of stopping dead",
+        parameters=(
+            Parameter(
+                "σ0",
+                "{u}/rad",
+                "bristle stiffness; inf is rigid",
+                100.0,
+                relative_to="theta8",
+                neutral=math.inf,
+                lower=1e-6,
+            ),
+        ),
+        kernels={"torque": _presliding, "rate": _presliding_rate},
+        memory=("z",),
+        mistaken_for=("arm_stribeck", "friction_sharpness", "actuator_lag"),
+    ),
+    EffectType(
+        name="arm_friction_drift",
+        place="arm",
+        equation="arm: −θ8 a t tanh(r q̇1)",
+        symptom="Coulomb friction of the arm falls (or rises) during the run, as a motor warms up",
+        parameters=(Parameter("a", "1/s", "relative change a second", -0.02, lower=-1.0, upper=1.0),),
+        kernels={"torque": _friction_drift},
+        mistaken_for=("arm_viscous_drift", "payload_step"),
+    ),
+    EffectType(
+        name="arm_viscous_drift",
+        place="arm",
+        equation="arm: −θ6 a t q̇1",
+        symptom="viscous friction of the arm changes during the run (grease, magnet temperature)",
+        parameters=(Parameter("a", "1/s", "relative change a second", 0.2, lower=-1.0, upper=5.0),),
+        kernels={"torque": _viscous_drift},
+        mistaken_for=("arm_friction_drift",),
+    ),
+    EffectType(
+        name="arm_backlash",
+        place="arm",
+        equation="play of width 2b between motor and arm: a rotor of inertia θ1/10 drives the arm through a stop",
+        symptom="on each reversal of the command the arm is free for a moment, then is hit",
+        parameters=(Parameter("b", "rad", "half-width of the play", 0.01, lower=0.0, upper=1.0),),
+        kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},
+        memory=("s", "w"),
+        changes=("theta1",),
+        mistaken_for=("input_delay", "input_dead_zone"),
+    ),
+    EffectType(
+        name="periodic_torque",
+        place="arm",
+        equation="arm: +A sin(2π f t + φ)",
+        symptom="a hum or beat of fixed frequency in the arm, whatever the command",
+        parameters=(
+            Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
+            Parameter("f", "Hz", "frequency", 3.3, lower=0.02, upper=100.0, role="shape"),
+            Parameter("φ", "rad", "phase at t = 0", 0.0, lower=-2 * math.pi, upper=2 * math.pi, role="shape"),
+        ),
+        kernels={"torque": _periodic},
+        mistaken_for=("arm_ripple",),
+    ),
+)

@@ -1,0 +1,102 @@
+"""Effects between the logged command u and the motor torque τ: the command path is delay → static maps → lag."""
+
+import math
+
+from .declaration import EffectType, Parameter
+
+
+def _delay(d):
+    return d
+
+
+def _lag(u, since, tau0, T):
+    # exact for a held command; T = 0 is a perfect actuator
+    return u + (tau0 - u) * math.exp(-since / T) if T > 0.0 else u
+
+
+def _offset(u, b):
+    return u + b
+
+
+def _gain_asymmetry(u, a):
+    return u + a * abs(u)
+
+
+def _cubic_gain(u, a):
+    return u + a * u * u * u
+
+
+def _dead_zone(u, w):
+    return u - min(max(u, -w), w)
+
+
+def _saturation(u, m):
+    return min(max(u, -m), m)
+
+
+COMMAND_EFFECTS = (
+    EffectType(
+        name="input_delay",
+        place="input",
+        equation="τ(t) = u(t − d)",
+        symptom="the arm answers a step of the command late but then as sharply as it should",
+        parameters=(Parameter("d", "s", "delay, fractions of a sample too", 0.006, lower=0.0, upper=0.1),),
+        kernels={"delay": _delay},
+        mistaken_for=("actuator_lag",),
+    ),
+    EffectType(
+        name="input_offset",
+        place="input",
+        equation="τ = u + b",
+        symptom="the arm creeps to one side with no command, or rests off its reference",
+        parameters=(Parameter("b", "{u}", "constant added to the command", 0.4, relative_to="theta8"),),
+        kernels={"command": _offset},
+        mistaken_for=("arm_coulomb_asymmetry", "arm_spring"),
+    ),
+    EffectType(
+        name="input_gain_asymmetry",
+        place="input",
+        equation="τ = u (1 + a sign u)",
+        symptom="equal commands of opposite sign move the arm by different amounts",
+        parameters=(Parameter("a", "1", "half the relative difference of the gains", 0.08, lower=-0.9, upper=0.9),),
+        kernels={"command": _gain_asymmetry},
+        mistaken_for=("input_offset", "arm_coulomb_asymmetry"),
+    ),
+    EffectType(
+        name="input_cubic_gain",
+        place="input",
+        equation="τ = u + a u³",
+        symptom="large commands act more (or less) than in proportion to small ones",
+        parameters=(Parameter("a", "1/{u}²", "cubic coefficient", 0.03, lower=-1.0, upper=1.0),),
+        kernels={"command": _cubic_gain},
+        mistaken_for=("input_saturation", "input_dead_zone"),
+    ),
+    EffectType(
+        name="input_dead_zone",
+        place="input",
+        equation="τ = u − clip(u, −w, w)",
+        symptom="small commands do nothing; the arm hunts around its reference",
+        parameters=(Parameter("w", "{u}", "half-width of the zone", 0.8, relative_to="theta8", lower=0.0),),
+        kernels={"command": _dead_zone},
+        mistaken_for=("input_cubic_gain", "arm_stribeck"),
+    ),
+    EffectType(
+        name="input_saturation",
+        place="input",
+        equation="τ = clip(u, −m, m)",
+        symptom="beyond some command the arm accelerates no faster",
+        parameters=(Parameter("m", "{u}", "largest torque", 0.15, relative_to="u_max", neutral=math.inf, lower=1e-6),),
+        kernels={"command": _saturation},
+        mistaken_for=("input_cubic_gain",),
+    ),
+    EffectType(
+        name="actuator_lag",
+        place="input",
+        equation="T τ̇ + τ = u",
+        symptom="the arm's answer to a step of the command is rounded off",
+        parameters=(Parameter("T", "s", "time constant", 0.01, lower=0.0, upper=1.0),),
+        kernels={"filter": _lag},
+        memory=("tau0",),
+        mistaken_for=("input_delay",),
+    ),
+)

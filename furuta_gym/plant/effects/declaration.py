@@ -1,0 +1,90 @@
+"""What an effect is: one declaration, from which simulation, estimation, files, command line and docs follow."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..compiled import compiled
+
+PLACES = ("arm", "pendulum", "arm and pendulum", "input", "sensor", "parameters")
+
+# Where a kernel enters, and the names it may ask for besides its own parameters and memory.
+_BODY = ("t", "q1", "q2", "v1", "v2", "tau", *(f"theta{i}" for i in range(1, 10)), "r1", "r2")
+HOOKS: dict[str, tuple[str, ...]] = {
+    "delay": (),  # -> delay of the command [s]
+    "command": ("u",),  # -> command after a static map
+    "filter": ("u", "since", "tau0"),  # -> torque `since` seconds after u took hold, from tau0
+    "theta": ("t", *(f"theta{i}" for i in range(1, 10)), "base_r1", "base_r2"),  # -> new values of `changes`
+    "torque": _BODY,  # -> (arm, pendulum) torques added to the right-hand side
+    "rate": (*_BODY, "a1"),  # -> d/dt of the memory, after the acceleration a1 = q̈1 is known
+    "sensor": ("q1", "q2"),  # -> (y1, y2)
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    `default` is a size worth noticing on a rig; with `relative_to` it is a fraction of that quantity of the plant
+    (theta1 … theta9, or u_max). A `size` parameter makes the effect vanish at `neutral`; a `shape` parameter
+    (Stribeck speed, ripple order) then has no influence. In `unit`, {u} stands for the plant's command unit.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    default: float
+    relative_to: str | None = None
+    neutral: float = 0.0
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    role: str = "size"
+    integer: bool = False
+
+    @property
+    def positive(self) -> bool:
+        """Whether only positive values make sense (an estimator then works on the logarithm)."""
+        return self.lower >= 0.0
+
+
+@dataclass(frozen=True)
+class EffectType:
+    """An entry of the library; `kernels` maps each hook (see `HOOKS`) to compiled scalar code.
+
+    The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
+    entries of theta (or r1, r2) that its `theta` kernel returns.
+    """
+
+    name: str
+    place: str
+    equation: str
+    symptom: str
+    parameters: tuple[Parameter, ...]
+    kernels: dict[str, Callable[..., Any]]
+    mistaken_for: tuple[str, ...] = ()
+    memory: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
+    dissipative: bool = False
+    arguments: dict[str, tuple[str, ...]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.place not in PLACES:
+            raise ValueError(f"effect {self.name}: place must be one of {PLACES}, got {self.place!r}")
+        own = {p.name for p in self.parameters} | set(self.memory)
+        arguments = {}
+        for hook, kernel in self.kernels.items():
+            arguments[hook] = tuple(inspect.signature(kernel).parameters)
+            if strange := set(arguments[hook]) - own - set(HOOKS[hook]):
+                raise ValueError(f"effect {self.name}: its {hook} kernel asks for unknown {sorted(strange)}")
+        object.__setattr__(self, "arguments", arguments)
+        compiled_kernels = {hook: compiled(k, forceinline=True) for hook, k in self.kernels.items()}
+        object.__setattr__(self, "kernels", compiled_kernels)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.parameters)
+
+    def neutral(self) -> dict[str, float]:
+        """Parameter values at which the effect is absent (shape parameters at their defaults)."""
+        return {p.name: p.neutral if p.role == "size" else p.default for p in self.parameters}

@@ -1,0 +1,89 @@
+"""Compiled entry points to the effects, written out from the declarations.
+
+For each hook one function walks through the active effects (`codes`) and, for each, runs that effect's kernel over
+all lanes. The source of these functions is generated from the library, so that an effect is declared in one place
+and its kernel's arguments are bound by name; no active effect costs one comparison.
+"""
+
+from typing import Any
+
+from ..compiled import compiled
+from .declaration import EffectType
+from .library import EFFECTS, NUMBERS
+
+_STATES = {"q1": 0, "q2": 1, "v1": 2, "v2": 3}
+_BASE = (*(f"theta{i}" for i in range(1, 10)), "r1", "r2")  # the rows of TH
+
+
+def _place_of(effect: EffectType, hook: str, name: str) -> str:
+    """The array element that a kernel's argument `name` reads in lane k."""
+    if name in effect.parameter_names:
+        return f"P[o + {effect.parameter_names.index(name)}, k]"
+    if name in effect.memory:
+        return f"X[z + {effect.memory.index(name)}, k]"
+    if hook == "sensor":  # sensor effects compose: each acts on the reading so far
+        return f"Y[{_STATES[name]}, k]"
+    if name in _STATES:
+        return f"X[{_STATES[name]}, k]"
+    if name in _BASE:
+        return f"TH[{_BASE.index(name)}, k]"
+    if name.startswith("base_"):  # the plant's own, where an effect's parameter has the same name
+        return f"TH[{_BASE.index(name[5:])}, k]"
+    return {"a1": "K[2, k]"}.get(name, f"{name}[k]")
+
+
+def _targets(effect: EffectType, hook: str) -> str:
+    """Where the kernel's result goes."""
+    if hook == "theta":
+        return ", ".join(f"TH[{_BASE.index(name)}, k]" for name in effect.changes) + " ="
+    if hook == "rate":
+        return ", ".join(f"K[z + {i}, k]" for i in range(len(effect.memory))) + " ="
+    return {"delay": "out[k] =", "command": "u[k] =", "filter": "out[k] =", "sensor": "Y[0, k], Y[1, k] ="}[hook]
+
+
+def _source(function: str, hook: str, arguments: str) -> str:
+    lines = [f"def {function}({arguments}):", "    found = False"]
+    lines += ["    for i in range(codes.shape[0]):", "        c, o, z = codes[i, 0], codes[i, 1], codes[i, 2]"]
+    for effect in EFFECTS.values():
+        if hook not in effect.kernels:
+            continue
+        call = f"{effect.name}_{hook}({', '.join(_place_of(effect, hook, a) for a in effect.arguments[hook])})"
+        lines += [f"        if c == {NUMBERS[effect.name]}:", "            found = True"]
+        lines += ["            for k in range(P.shape[1]):"]
+        if hook == "torque":
+            lines += [
+                f"                f1, f2 = {call}",
+                "                F[0, k] += f1",
+                "                F[1, k] += f2",
+            ]
+        else:
+            lines += [f"                {_targets(effect, hook)} {call}"]
+    return "\n".join([*lines, "    return found"])
+
+
+def _entry(function: str, hook: str, arguments: str) -> Any:
+    names: dict[str, Any] = {
+        f"{effect.name}_{hook}": effect.kernels[hook] for effect in EFFECTS.values() if hook in effect.kernels
+    }
+    exec(compile(_source(function, hook, arguments), __file__, "exec"), names)
+    return compiled(names[function])
+
+
+command_delays = _entry("command_delays", "delay", "P, codes, out")
+map_command = _entry("map_command", "command", "P, codes, u")
+filter_command = _entry("filter_command", "filter", "u, since, X, P, codes, out")
+modify_theta = _entry("modify_theta", "theta", "t, P, codes, TH")
+add_torques = _entry("add_torques", "torque", "t, X, tau, P, codes, TH, F")
+memory_rates = _entry("memory_rates", "rate", "t, X, tau, P, codes, TH, K")
+read_sensors = _entry("read_sensors", "sensor", "X, P, codes, Y")
+
+_FILTERS = frozenset(NUMBERS[e.name] for e in EFFECTS.values() if "filter" in e.kernels)
+(_LAG,) = _FILTERS
+
+
+@compiled
+def store_filter(X, codes, value):
+    """Keep the filtered command `value` (L,) in the memory of the active filter, if there is one."""
+    for i in range(codes.shape[0]):
+        if codes[i, 0] == _LAG:
+            X[codes[i, 2]] = value

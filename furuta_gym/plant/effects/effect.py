@@ -1,0 +1,109 @@
+"""An effect of the library with values: what a plant carries."""
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from .declaration import EffectType
+from .library import EFFECTS
+
+# Names as the equations have them; a keyboard without Greek letters may use these.
+_PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "alphax": "αx", "alphay": "αy"}
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect switched on in a plant.
+
+    `parameters` may leave out what should stay at its neutral value or, for a shape parameter, its default.
+    `std` holds standard deviations, where an estimator found them. Raises ValueError for an unknown effect or
+    parameter, a value out of bounds or not a number; the message lists what is allowed.
+    """
+
+    name: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    std: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.name not in EFFECTS:
+            near = difflib.get_close_matches(str(self.name), EFFECTS, n=1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise ValueError(f"unknown effect {self.name!r}; {hint}the library has: {', '.join(EFFECTS)}")
+        values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
+        values.update(self._checked(self.parameters))
+        object.__setattr__(self, "parameters", MappingProxyType(values))
+        std = {_PLAIN.get(k, k): float(v) for k, v in self.std.items() if v is not None}
+        if strange := set(std) - set(values):
+            raise ValueError(f"effect {self.name} has no parameter {sorted(strange)}; it has {list(values)}")
+        object.__setattr__(self, "std", MappingProxyType(std))
+
+    def _checked(self, given: Mapping[str, float]) -> dict[str, float]:
+        known = {p.name: p for p in self.type.parameters}
+        checked = {}
+        for key, raw in given.items():
+            name = _PLAIN.get(key, key)
+            if name not in known:
+                raise ValueError(f"effect {self.name} has no parameter {key!r}; it has {', '.join(known)}")
+            try:
+                value = float(raw)
+            except (TypeError, ValueError):
+                raise ValueError(f"effect {self.name}: {name} must be a number, got {raw!r}") from None
+            p = known[name]
+            if math.isnan(value) or not (p.lower <= value <= p.upper or value == p.neutral):
+                raise ValueError(
+                    f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}, got {value:g}"
+                )
+            if p.integer and value != round(value):
+                raise ValueError(f"effect {self.name}: {name} must be a whole number, got {value:g}")
+            checked[name] = value
+        return checked
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Effect, (self.name, dict(self.parameters), dict(self.std))
+
+    @property
+    def type(self) -> EffectType:
+        return EFFECTS[self.name]
+
+    @classmethod
+    def parse(cls, text: str) -> "Effect":
+        """Read `name:parameter=value,…` as the command line gives it."""
+        name, _, rest = text.partition(":")
+        pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
+        for key, equals, value in pairs:
+            if not equals or not value.strip():
+                raise ValueError(f"effect {text!r}: expected NAME:parameter=value,…, got {key!r} without a value")
+        return cls(name.strip(), {key.strip(): value for key, _, value in pairs})  # type: ignore[misc]
+
+    def to_dict(self, unit: str) -> dict[str, Any]:
+        units = {p.name: p.unit.format(u=unit) for p in self.type.parameters}
+        return {
+            "name": self.name,
+            "parameters": {
+                k: {"value": None if math.isinf(v) else v, "std": self.std.get(k), "unit": units[k]}
+                for k, v in self.parameters.items()
+            },
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Effect":
+        """Inverse of `to_dict`; a null value is the neutral one (JSON has no infinity)."""
+        try:
+            items = {k: (v if isinstance(v, Mapping) else {"value": v}) for k, v in data["parameters"].items()}
+            name = data["name"]
+        except (KeyError, AttributeError, TypeError):
+            raise ValueError(f'an effect needs "name" and "parameters", got {data!r}') from None
+        return cls(
+            name,
+            {k: v["value"] for k, v in items.items() if v.get("value") is not None},
+            {k: v["std"] for k, v in items.items() if v.get("std") is not None},
+        )
+
+    def __str__(self) -> str:
+        def show(name: str, value: float) -> str:
+            return f"{name} = {value:.4g}" + (f" ± {self.std[name]:.1g}" if name in self.std else "")
+
+        return f"{self.name}({', '.join(show(k, v) for k, v in self.parameters.items())})"

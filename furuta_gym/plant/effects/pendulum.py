@@ -1,0 +1,117 @@
+"""Torques on the pendulum's row, effects on both rows, and changes of the parameters themselves."""
+
+import math
+
+from ..elementary import tanh
+from .declaration import EffectType, Parameter
+
+
+def _quadratic_drag(v2, c):
+    return 0.0, -c * v2 * abs(v2)
+
+
+def _stribeck(v2, r2, ΔF, vs):
+    return 0.0, -ΔF * math.exp(-((v2 / vs) ** 2)) * tanh(r2 * v2)
+
+
+def _coulomb_asymmetry(v2, r2, a):
+    return 0.0, -a * abs(tanh(r2 * v2))
+
+
+def _tilt(q1, q2, theta5, αx, αy, G1):
+    s1, c1 = math.sin(q1), math.cos(q1)
+    e = -αx * s1 + αy * c1
+    arm = G1 * e - theta5 * math.sin(q2) * (αx * c1 + αy * s1)
+    return arm, theta5 * math.cos(q2) * e
+
+
+def _sharpness(base_r1, base_r2, r1, r2):
+    return (r1 if r1 > 0.0 else base_r1), (r2 if r2 > 0.0 else base_r2)
+
+
+def _payload(t, theta1, theta2, theta3, theta4, theta5, m, t0):
+    # the pendulum's own mass acts at its centre of mass, so m2 L1² = θ3²/θ2 and the rest scale with m2
+    add = m if t >= t0 else 0.0
+    return (
+        theta1 + add * theta3 * theta3 / theta2,
+        theta2 * (1.0 + add),
+        theta3 * (1.0 + add),
+        theta4 + add * theta2,
+        theta5 * (1.0 + add),
+    )
+
+
+PENDULUM_EFFECTS = (
+    EffectType(
+        name="pendulum_quadratic_drag",
+        place="pendulum",
+        equation="pendulum: −c q̇2 |q̇2|",
+        symptom="large swings decay faster than small ones (air)",
+        parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 1.0, relative_to="theta7", lower=0.0),),
+        kernels={"torque": _quadratic_drag},
+        mistaken_for=("pendulum_stribeck",),
+        dissipative=True,
+    ),
+    EffectType(
+        name="pendulum_stribeck",
+        place="pendulum",
+        equation="pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)",
+        symptom="the pendulum sticks near rest more than its friction in motion explains",
+        parameters=(
+            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 1.0, relative_to="theta9"),
+            Parameter("vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape"),
+        ),
+        kernels={"torque": _stribeck},
+        mistaken_for=("pendulum_quadratic_drag", "friction_sharpness"),
+    ),
+    EffectType(
+        name="pendulum_coulomb_asymmetry",
+        place="pendulum",
+        equation="pendulum: −a |tanh(r q̇2)|",
+        symptom="the pendulum's joint drags more one way than the other",
+        parameters=(Parameter("a", "{u}", "half the difference of the levels", 0.5, relative_to="theta9"),),
+        kernels={"torque": _coulomb_asymmetry},
+        mistaken_for=("pendulum_encoder_offset", "base_tilt"),
+    ),
+    EffectType(
+        name="base_tilt",
+        place="arm and pendulum",
+        equation="e = −αx sin q1 + αy cos q1; arm: +G1 e − θ5 sin q2 (αx cos q1 + αy sin q1); pendulum: +θ5 cos q2 e",
+        symptom="the pendulum balances off its zero, by an amount that turns with the arm",
+        parameters=(
+            Parameter("αx", "rad", "tilt about the x axis", 0.015, lower=-0.5, upper=0.5),
+            Parameter("αy", "rad", "tilt about the y axis", 0.01, lower=-0.5, upper=0.5),
+            Parameter(
+                "G1", "{u}", "weight moment of arm and carried pendulum", 1.0, relative_to="theta5", role="shape"
+            ),
+        ),
+        kernels={"torque": _tilt},
+        mistaken_for=("pendulum_encoder_offset", "arm_spring", "input_offset"),
+    ),
+    EffectType(
+        name="friction_sharpness",
+        place="parameters",
+        equation="tanh(r1 q̇1), tanh(r2 q̇2): r itself differs (0 keeps the plant's r)",
+        symptom="friction turns over more softly or more sharply near standstill than the model's",
+        parameters=(
+            Parameter("r1", "s/rad", "sharpness of the arm's Coulomb friction", 12.0, lower=0.0, upper=1e4),
+            Parameter("r2", "s/rad", "sharpness of the pendulum's Coulomb friction", 12.0, lower=0.0, upper=1e4),
+        ),
+        kernels={"theta": _sharpness},
+        changes=("r1", "r2"),
+        mistaken_for=("arm_stribeck", "pendulum_stribeck", "arm_presliding"),
+    ),
+    EffectType(
+        name="payload_step",
+        place="parameters",
+        equation="from t0 on θ1 … θ5 change as a mass m·m2 added at the pendulum's centre of mass would change them",
+        symptom="the pendulum is heavier from some moment on",
+        parameters=(
+            Parameter("m", "1", "added mass over the pendulum's mass", 0.15, lower=-0.9, upper=10.0),
+            Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape"),
+        ),
+        kernels={"theta": _payload},
+        changes=("theta1", "theta2", "theta3", "theta4", "theta5"),
+        mistaken_for=("arm_friction_drift",),
+    ),
+)

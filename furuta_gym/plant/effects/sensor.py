@@ -1,0 +1,55 @@
+"""Effects between the true angles and the encoders' readings, before counting."""
+
+import math
+
+from .declaration import EffectType, Parameter
+
+
+def _offset(q1, q2, b):
+    return q1, q2 + b
+
+
+def _pendulum_eccentricity(q1, q2, a, b):
+    return q1, q2 + a * math.sin(q2) + b * (math.cos(q2) - 1.0)
+
+
+def _arm_eccentricity(q1, q2, a, b):
+    return q1 + a * math.sin(q1) + b * (math.cos(q1) - 1.0), q2
+
+
+def _eccentricity_parameters() -> tuple[Parameter, ...]:
+    return (
+        Parameter("a", "rad", "sine part of the reading error", 0.03, lower=-0.5, upper=0.5),
+        Parameter("b", "rad", "cosine part of the reading error", 0.03, lower=-0.5, upper=0.5),
+    )
+
+
+SENSOR_EFFECTS = (
+    EffectType(
+        name="pendulum_encoder_offset",
+        place="sensor",
+        equation="y2 = q2 + b",
+        symptom="the pendulum balances at a reading other than zero, the same for every arm angle",
+        parameters=(Parameter("b", "rad", "zero error of the pendulum's encoder", 0.012, lower=-1.0, upper=1.0),),
+        kernels={"sensor": _offset},
+        mistaken_for=("base_tilt", "pendulum_coulomb_asymmetry"),
+    ),
+    EffectType(
+        name="pendulum_encoder_eccentricity",
+        place="sensor",
+        equation="y2 = q2 + a sin q2 + b (cos q2 − 1)",
+        symptom="the pendulum's reading runs ahead and behind once a turn",
+        parameters=_eccentricity_parameters(),
+        kernels={"sensor": _pendulum_eccentricity},
+        mistaken_for=("pendulum_encoder_offset",),
+    ),
+    EffectType(
+        name="arm_encoder_eccentricity",
+        place="sensor",
+        equation="y1 = q1 + a sin q1 + b (cos q1 − 1)",
+        symptom="the arm's reading runs ahead and behind once a turn",
+        parameters=_eccentricity_parameters(),
+        kernels={"sensor": _arm_eccentricity},
+        mistaken_for=("arm_position_friction",),
+    ),
+)

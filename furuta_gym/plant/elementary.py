@@ -1,0 +1,76 @@
+"""sin, cos and tanh as straight-line arithmetic.
+
+The library versions are calls that a compiler cannot vectorise. These have no branch and no call, so a loop over
+many plants (vector env, sensitivities of the filter) becomes SIMD code, and one plant alone is no slower.
+Absolute error against the library: below 4e-16 (sin, cos; |x| < 1e4) and 2e-15 (tanh); tested.
+"""
+
+import math
+
+import numpy as np
+
+from .compiled import compiled
+
+_TWO_OVER_PI = 2.0 / math.pi
+# pi/2 in three parts, so that the reduced angle keeps full precision (Cody and Waite 1980)
+_P1 = 1.5707963267341256e00
+_P2 = 6.0771005063039e-11
+_P3 = 2.0222662487959506e-21
+
+
+@compiled(forceinline=True)
+def sincos(x: float) -> tuple[float, float]:
+    """(sin x, cos x) for |x| < 1e4 rad, by reduction to [-pi/4, pi/4] and Taylor polynomials of degree 17/16."""
+    k = np.floor(x * _TWO_OVER_PI + 0.5)
+    y = ((x - k * _P1) - k * _P2) - k * _P3
+    z = y * y
+    s = -1.0 / 1307674368000.0 + z * (1.0 / 355687428096000.0)
+    s = 1.0 / 6227020800.0 + z * s
+    s = -1.0 / 39916800.0 + z * s
+    s = 1.0 / 362880.0 + z * s
+    s = -1.0 / 5040.0 + z * s
+    s = 1.0 / 120.0 + z * s
+    s = -1.0 / 6.0 + z * s
+    s = y + y * z * s
+    c = -1.0 / 87178291200.0 + z * (1.0 / 20922789888000.0)
+    c = 1.0 / 479001600.0 + z * c
+    c = -1.0 / 3628800.0 + z * c
+    c = 1.0 / 40320.0 + z * c
+    c = -1.0 / 720.0 + z * c
+    c = 1.0 / 24.0 + z * c
+    c = -0.5 + z * c
+    c = 1.0 + z * c
+    # quadrant k mod 4, in arithmetic: odd quadrants swap sin and cos; signs follow
+    half = np.floor(k * 0.5)
+    odd = k - 2.0 * half
+    sign = 1.0 - 2.0 * (half - 2.0 * np.floor(half * 0.5))
+    even = 1.0 - odd
+    return sign * (even * s + odd * c), sign * (even * c - odd * s)
+
+
+@compiled(forceinline=True)
+def tanh(x: float) -> float:
+    """tanh x through exp(-2|x|) = (Taylor of degree 11 at a 64th of the argument)^64."""
+    a = abs(x)
+    a = 20.0 if a > 20.0 else a  # a select, where min() would be a branch; NaN stays NaN
+    y = a * (-2.0 / 64.0)
+    e = 1.0 / 39916800.0
+    e = 1.0 / 3628800.0 + y * e
+    e = 1.0 / 362880.0 + y * e
+    e = 1.0 / 40320.0 + y * e
+    e = 1.0 / 5040.0 + y * e
+    e = 1.0 / 720.0 + y * e
+    e = 1.0 / 120.0 + y * e
+    e = 1.0 / 24.0 + y * e
+    e = 1.0 / 6.0 + y * e
+    e = 0.5 + y * e
+    # the square of 1 + m is 1 + (2m + m²): squaring m, not e, keeps tanh exact near zero
+    m = y * (1.0 + y * e)
+    m = m * (2.0 + m)
+    m = m * (2.0 + m)
+    m = m * (2.0 + m)
+    m = m * (2.0 + m)
+    m = m * (2.0 + m)
+    m = m * (2.0 + m)
+    t = -m / (2.0 + m)
+    return t if x > 0.0 else -t

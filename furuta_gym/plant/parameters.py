@@ -1,0 +1,106 @@
+"""The nine parameters of model (5): names, meanings, units, and what makes them a possible rigid body."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+THETA_NAMES = tuple(f"theta{i}" for i in range(1, 10))
+
+# Table 2 of the paper. {u} is the unit of the command: with a voltage as command, θ is in volts per …
+THETA_MEANING = {
+    "theta1": ("m2 L1² + J1", "{u}·s²/rad"),
+    "theta2": ("m2 l2²", "{u}·s²/rad"),
+    "theta3": ("m2 L1 l2", "{u}·s²/rad"),
+    "theta4": ("m2 l2² + J2", "{u}·s²/rad"),
+    "theta5": ("m2 l2 g", "{u}/rad"),
+    "theta6": ("arm viscous friction Fv1", "{u}·s/rad"),
+    "theta7": ("pendulum viscous friction Fv2", "{u}·s/rad"),
+    "theta8": ("arm Coulomb friction Fc1", "{u}"),
+    "theta9": ("pendulum Coulomb friction Fc2", "{u}"),
+}
+
+
+def theta_vector(theta: ArrayLike | dict[str, float]) -> NDArray[np.float64]:
+    """θ as a read-only array (9,), from nine numbers or from a mapping theta1 … theta9.
+
+    Raises ValueError on a missing or unknown name, a wrong count, NaN, or a mass matrix that is not positive definite
+    for every q2 (θ1 > 0, θ4 > 0, θ1 θ4 > θ3², (θ1 + θ2) > 0).
+    """
+    if isinstance(theta, dict):
+        missing, strange = set(THETA_NAMES) - set(theta), set(theta) - set(THETA_NAMES)
+        if missing or strange:
+            raise ValueError(
+                f"theta needs exactly {', '.join(THETA_NAMES)}; missing {sorted(missing)}, unknown {sorted(strange)}"
+            )
+        theta = [theta[name] for name in THETA_NAMES]
+    try:
+        values = np.array(theta, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"theta must be nine numbers, got {theta!r}") from None
+    if values.shape != (9,) or not np.isfinite(values).all():
+        raise ValueError(f"theta must be nine finite numbers, got {theta!r}")
+    th1, th2, th3, th4 = values[:4]
+    # det M = (θ1 + θ2 sin²)θ4 − θ3² cos² is linear in sin² q2: its two ends decide
+    if not (th1 > 0 and th4 > 0 and th1 + th2 > 0 and th1 * th4 > th3 * th3):
+        raise ValueError(
+            "the mass matrix is not positive definite for every q2: need θ1 > 0, θ4 > 0, θ1 + θ2 > 0 and θ1 θ4 > θ3², "
+            f"got θ1 … θ4 = {', '.join(f'{v:.6g}' for v in values[:4])}"
+        )
+    values.setflags(write=False)
+    return values
+
+
+@dataclass(frozen=True)
+class ConsistencyCheck:
+    """Whether a rigid arm with a rigid pendulum can have these θ (Table 2), with a sentence on each failure."""
+
+    consistent: bool
+    failures: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        return {"physically_consistent": self.consistent, "failures": list(self.failures)}
+
+
+def physical_consistency(theta: ArrayLike) -> ConsistencyCheck:
+    """Check θ (9,) against Table 2: J1 = θ1 − θ3²/θ2 ≥ 0, J2 = θ4 − θ2 ≥ 0, θ2, θ5 > 0 and friction ≥ 0."""
+    th = np.asarray(theta, dtype=float)
+    failures = []
+    if th[1] <= 0:
+        failures.append(f"θ2 = m2 l2² must be positive, is {th[1]:.4g}")
+    elif th[0] < th[2] ** 2 / th[1]:
+        failures.append(f"θ1 ≥ θ3²/θ2 is violated: J1 = {th[0] - th[2] ** 2 / th[1]:.4g} < 0")
+    if th[3] < th[1]:
+        failures.append(f"θ4 ≥ θ2 is violated: J2 = θ4 − θ2 = {th[3] - th[1]:.4g} < 0")
+    if th[4] <= 0:
+        failures.append(f"θ5 = m2 l2 g must be positive, is {th[4]:.4g}")
+    failures += [f"friction θ{i + 1} must not be negative, is {th[i]:.4g}" for i in range(5, 9) if th[i] < 0]
+    return ConsistencyCheck(not failures, tuple(failures))
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A physical rotary pendulum, from which θ follows by Table 2.
+
+    J1 [kg·m²] is the arm's inertia about its axis with everything that turns with it but the pendulum, L1 [m] the
+    arm's length, m2 [kg] the pendulum's mass, l2 [m] the distance of its centre of mass, J2 [kg·m²] its inertia
+    about that centre. `gain` [{u}/(N·m)] turns torques into the command's unit (1 for a torque command).
+    """
+
+    J1: float
+    L1: float
+    m2: float
+    l2: float
+    J2: float
+    Fv1: float
+    Fv2: float
+    Fc1: float
+    Fc2: float
+    gain: float = 1.0
+    gravity: float = 9.81
+
+    def theta(self) -> NDArray[np.float64]:
+        """θ (9,) of Table 2, times `gain`."""
+        m2, L1, l2 = self.m2, self.L1, self.l2
+        inertial = [m2 * L1**2 + self.J1, m2 * l2**2, m2 * L1 * l2, m2 * l2**2 + self.J2, m2 * l2 * self.gravity]
+        return theta_vector(self.gain * np.array([*inertial, self.Fv1, self.Fv2, self.Fc1, self.Fc2]))

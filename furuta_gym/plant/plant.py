@@ -1,0 +1,228 @@
+"""A plant as a value: parameters, effects, uncertainty and where they came from; one JSON file each."""
+
+import dataclasses
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .covariance import Covariance
+from .effects.effect import Effect
+from .effects.library import NUMBERS
+from .parameters import THETA_NAMES, physical_consistency, theta_vector
+
+SCHEMA = "furuta-plant/1"
+UNITS = ("V", "N·m")
+
+
+class Packed(NamedTuple):
+    """A plant as the compiled code takes it; see `dynamics`. p (11 + parameters,), codes (effects, 3), rows of X."""
+
+    p: NDArray[np.float64]
+    codes: NDArray[np.int64]
+    rows: int
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Model (5) with numbers in it.
+
+    theta: θ1 … θ9 (9,), in command units (see `parameters.THETA_MEANING`).
+    friction_sharpness: r [s/rad] of tanh(r q̇), or one for each axis.
+    unit: the command's unit, "V" or "N·m". u_max: largest command. sample_time: control period [s], if known.
+    effects: what acts besides model (5). covariance: over θ and effect parameters, as estimated.
+    sensors, provenance, checks: free mappings that go to the file with it.
+    """
+
+    theta: NDArray[np.float64]
+    friction_sharpness: float | tuple[float, float] = 100.0
+    unit: str = "V"
+    u_max: float = 10.0
+    sample_time: float | None = None
+    effects: tuple[Effect, ...] = ()
+    covariance: Covariance | None = None
+    sensors: Mapping[str, Any] | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    checks: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        put("theta", theta_vector(self.theta))
+        r = np.atleast_1d(np.asarray(self.friction_sharpness, dtype=float))
+        if r.shape not in ((1,), (2,)) or not np.all((r > 0) & np.isfinite(r)):
+            raise ValueError(f"friction_sharpness must be one or two positive numbers, got {self.friction_sharpness}")
+        put("friction_sharpness", float(r[0]) if r.size == 1 else (float(r[0]), float(r[1])))
+        if self.unit not in UNITS:
+            raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
+        if not (np.isfinite(self.u_max) and self.u_max > 0):
+            raise ValueError(f"u_max must be a positive number, got {self.u_max!r}")
+        if self.sample_time is not None and not (np.isfinite(self.sample_time) and 0 < self.sample_time <= 1):
+            raise ValueError(f"sample_time must lie in (0, 1] s, got {self.sample_time!r}")
+        put("effects", tuple(self.effects))
+        names = [effect.name for effect in self.effects]
+        if twice := sorted({n for n in names if names.count(n) > 1}):
+            raise ValueError(f"effect {', '.join(twice)} is given twice; an effect can act once")
+        for name in ("provenance", "checks"):
+            put(name, MappingProxyType(dict(getattr(self, name))))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Plant.from_dict, (self.to_dict(),)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plant) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash(self.to_json())
+
+    def replace(self, **changes: Any) -> "Plant":
+        """A copy with some fields changed."""
+        return dataclasses.replace(self, **changes)
+
+    def with_effects(self, *effects: Effect) -> "Plant":
+        """A copy to which `effects` are added (an effect already there is replaced)."""
+        new = {effect.name: effect for effect in (*self.effects, *effects)}
+        return self.replace(effects=tuple(new.values()))
+
+    def effect(self, name: str) -> Effect | None:
+        return next((e for e in self.effects if e.name == name), None)
+
+    @property
+    def sharpness(self) -> tuple[float, float]:
+        """(r1, r2) [s/rad]."""
+        r = self.friction_sharpness
+        return r if isinstance(r, tuple) else (r, r)
+
+    def default_effect(self, name: str) -> Effect:
+        """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""
+        effect = Effect(name)
+        scale = dict(zip(THETA_NAMES, self.theta, strict=True)) | {"u_max": self.u_max}
+        values = {
+            p.name: p.default * (abs(scale[p.relative_to]) if p.relative_to else 1.0) for p in effect.type.parameters
+        }
+        return Effect(name, values)
+
+    @cached_property
+    def _packed(self) -> Packed:
+        p = [*self.theta, *self.sharpness]
+        codes, rows = [], 4
+        for effect in self.effects:
+            codes.append((NUMBERS[effect.name], len(p), rows))
+            p.extend(effect.parameters.values())
+            rows += len(effect.type.memory)
+        return Packed(np.array(p, dtype=float), np.array(codes, dtype=np.int64).reshape(-1, 3), rows)
+
+    def packed(self) -> Packed:
+        """Flat arrays for the compiled code (fresh copies)."""
+        return Packed(self._packed.p.copy(), self._packed.codes.copy(), self._packed.rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        r = self.friction_sharpness
+        return {
+            "schema": SCHEMA,
+            "theta": {name: float(v) for name, v in zip(THETA_NAMES, self.theta, strict=True)},
+            "unit": self.unit,
+            "friction_sharpness": list(r) if isinstance(r, tuple) else r,
+            "covariance": self.covariance.to_dict() if self.covariance else None,
+            "effects": [effect.to_dict(self.unit) for effect in self.effects],
+            "sensors": dict(self.sensors) if self.sensors is not None else None,
+            "sample_time": self.sample_time,
+            "u_max": self.u_max,
+            "provenance": dict(self.provenance),
+            "checks": physical_consistency(self.theta).to_dict() | dict(self.checks),
+        }
+
+    def to_json(self) -> str:
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Plant":
+        """Read the mapping of a plant file. Raises ValueError on another schema or bad values."""
+        schema = data.get("schema") if isinstance(data, Mapping) else None
+        if schema != SCHEMA:
+            raise ValueError(
+                f'not a plant this version can read: expected "schema": "{SCHEMA}", got {schema!r}'
+                + ("; a newer furuta-gym wrote it" if str(schema).startswith("furuta-plant/") else "")
+            )
+        if not isinstance(data.get("theta"), Mapping):
+            raise ValueError('a plant file needs "theta": {"theta1": …, …, "theta9": …}')
+        r = data.get("friction_sharpness", 100.0)
+        covariance = data.get("covariance")
+        return cls(
+            theta=theta_vector(dict(data["theta"])),
+            friction_sharpness=tuple(r) if isinstance(r, list) else r,
+            unit=data.get("unit", "V"),
+            u_max=data.get("u_max", 10.0),
+            sample_time=data.get("sample_time"),
+            effects=tuple(Effect.from_dict(e) for e in data.get("effects") or ()),
+            covariance=Covariance.from_dict(covariance) if covariance else None,
+            sensors=data.get("sensors"),
+            provenance=data.get("provenance") or {},
+            checks=data.get("checks") or {},
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the plant file; whole or not at all."""
+        path = Path(path)
+        text = self.to_json() + "\n"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(file.name, 0o644)
+        os.replace(file.name, path)
+        return path
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Plant":
+        """Read a plant file. Raises FileNotFoundError or ValueError, each naming the file."""
+        try:
+            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+        except FileNotFoundError:
+            raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None
+        except (ValueError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path}: {error}") from error
+
+    @classmethod
+    def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":
+        """A plant from a plant, the name of a known set (`sets.PLANTS`), or a plant file."""
+        from .sets import PLANTS
+
+        if isinstance(source, Plant):
+            return source
+        if str(source) in PLANTS:
+            return PLANTS[str(source)]
+        if not Path(source).exists():
+            raise FileNotFoundError(
+                f"no plant {str(source)!r}: neither a file nor one of the known sets {', '.join(PLANTS)}"
+            )
+        return cls.load(source)
+
+    def __str__(self) -> str:
+        std = self.covariance.std_of(THETA_NAMES) if self.covariance else {}
+        rows = [f"Plant in {self.unit}, r = {self.friction_sharpness} s/rad, |u| ≤ {self.u_max:g} {self.unit}"]
+        for name, value in zip(THETA_NAMES, self.theta, strict=True):
+            rows.append(f"  {name} = {value:.5g}" + (f" ± {std[name]:.1g}" if name in std else ""))
+        rows += [f"  + {effect}" for effect in self.effects]
+        return "\n".join(rows)
+
+
+def sampled_plants(plant: Plant, n: int, rng: np.random.Generator) -> Iterable[Plant]:
+    """n plants drawn from the covariance of an identified plant; see `Covariance.draw`."""
+    if plant.covariance is None:
+        raise ValueError(
+            "this plant has no covariance to draw from; identify it from a log (`furuta identify`), "
+            "which stores one, or switch randomisation off"
+        )
+    return (plant.covariance.draw(plant, rng) for _ in range(n))
+
+
+def plant_from_theta(theta: ArrayLike, **fields: Any) -> Plant:
+    """Shorthand for a plant from nine numbers."""
+    return Plant(theta=theta_vector(theta), **fields)

@@ -1,0 +1,117 @@
+"""What a rig's computer sees: encoder counts of the two angles, and velocities by a causal filtered difference."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .plant.compiled import compiled
+from .plant.effects.dispatch import read_sensors
+
+
+def _pair(value: Any, name: str) -> tuple[float, float]:
+    pair = np.broadcast_to(np.asarray(value, dtype=float), (2,))
+    if not np.isfinite(pair).all() or (pair < 0).any():
+        raise ValueError(f"{name} must be one or two numbers that are not negative, got {value!r}")
+    return float(pair[0]), float(pair[1])
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Two encoders.
+
+    encoder_counts: counts per revolution of (q1, q2), one number for both; 0 or None reads the angle exactly.
+    noise_std [rad]: standard deviation of white noise before counting (jitter of the edges, vibration).
+    offset [rad]: what is read at zero; it is added before counting.
+    velocity_cutoff [rad/s]: corner of the filtered difference that turns readings into velocities.
+    """
+
+    encoder_counts: tuple[float, float] | float | None = 4096
+    noise_std: tuple[float, float] | float = 0.0
+    offset: tuple[float, float] = (0.0, 0.0)
+    velocity_cutoff: float = 100.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "encoder_counts", _pair(self.encoder_counts or 0.0, "encoder_counts"))
+        object.__setattr__(self, "noise_std", _pair(self.noise_std, "noise_std"))
+        offset = np.asarray(self.offset, dtype=float)
+        if offset.shape != (2,) or not np.isfinite(offset).all():
+            raise ValueError(f"offset must be two finite numbers [rad], got {self.offset!r}")
+        object.__setattr__(self, "offset", (float(offset[0]), float(offset[1])))
+        if not (math.isfinite(self.velocity_cutoff) and self.velocity_cutoff > 0):
+            raise ValueError(f"velocity_cutoff must be a positive number [rad/s], got {self.velocity_cutoff!r}")
+
+    @property
+    def resolution(self) -> NDArray[np.float64]:
+        """One count [rad] of each encoder (2,), zero where the reading is exact."""
+        counts = np.asarray(self.encoder_counts)
+        return np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "encoder_counts": list(self.encoder_counts),  # type: ignore[arg-type]
+            "noise_std": list(self.noise_std),  # type: ignore[arg-type]
+            "offset": list(self.offset),
+            "velocity_cutoff": self.velocity_cutoff,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Sensors":
+        known = {"encoder_counts", "noise_std", "offset", "velocity_cutoff"}
+        if strange := set(data) - known:
+            raise ValueError(f"unknown sensor settings {sorted(strange)}; known are {sorted(known)}")
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items()})
+
+    def read(
+        self, X: NDArray[np.float64], P: NDArray[np.float64], codes: NDArray[np.int64], rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Readings (2, L) [rad] of states X (4 + memory, L), the plants' sensor effects (P, codes) included."""
+        Y = np.empty((2, X.shape[1]))
+        noise = rng.standard_normal(Y.shape) * np.asarray(self.noise_std)[:, None]
+        read_encoders(X, P, codes, np.asarray(self.offset), noise, self.resolution, Y)
+        return Y
+
+
+@compiled
+def read_encoders(X, P, codes, offset, noise, resolution, Y):
+    """Y (2, L) = counted reading of X's angles: sensor effects, offset (2,) and noise (2, L), then rounding."""
+    Y[0] = X[0]
+    Y[1] = X[1]
+    read_sensors(X, P, codes, Y)
+    for axis in range(2):
+        step = resolution[axis]
+        for k in range(X.shape[1]):
+            y = Y[axis, k] + offset[axis] + noise[axis, k]
+            Y[axis, k] = step * np.floor(y / step + 0.5) if step > 0.0 else y
+
+
+@compiled(forceinline=True)
+def difference_gain(cutoff, sample_time):
+    """Weight of the newest difference in the causal filtered difference: 1 − exp(−cutoff · T)."""
+    return 1.0 - np.exp(-cutoff * sample_time)
+
+
+class FilteredDifference:
+    """Velocity from readings: v ← v + (1 − e^(−ωc T)) (Δy/T − v), the discrete s ωc/(s + ωc).
+
+    cutoff ωc [rad/s]. `update` takes a reading (2,) and the time since the last one, and gives (2,) [rad/s].
+    """
+
+    def __init__(self, cutoff: float = 100.0) -> None:
+        self.cutoff = cutoff
+        self.reset()
+
+    def reset(self) -> None:
+        self._last: tuple[float, float] | None = None
+        self._v1 = self._v2 = 0.0
+
+    def update(self, y1: float, y2: float, sample_time: float) -> tuple[float, float]:
+        if self._last is not None:
+            gain = 1.0 - math.exp(-self.cutoff * sample_time)
+            self._v1 += gain * ((y1 - self._last[0]) / sample_time - self._v1)
+            self._v2 += gain * ((y2 - self._last[1]) / sample_time - self._v2)
+        self._last = (y1, y2)
+        return self._v1, self._v2

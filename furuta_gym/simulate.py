@@ -1,0 +1,110 @@
+"""Run a plant under a command or a policy, sampled as a rig's computer samples it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .plant.dynamics import advance, substep
+from .plant.plant import Plant
+from .sensors import Sensors
+
+LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where the friction's sharpness allows it
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """Anything that turns encoder readings y = (q1, q2) [rad] at a sample into a command; state is its own affair."""
+
+    def reset(self) -> None: ...
+
+    def __call__(self, y: NDArray[np.float64]) -> float: ...
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A run: t (n,) [s], state (n, 4) true q1, q2, q̇1, q̇2, measured (n, 2) readings, command (n,) held from t on.
+
+    `fell` is the time at which |q2| first left the limit given to `simulate`, or None; the arrays end there.
+    """
+
+    t: NDArray[np.float64]
+    state: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    command: NDArray[np.float64]
+    fell: float | None = None
+
+    def __len__(self) -> int:
+        return self.t.size
+
+
+def open_loop(values: Sequence[float] | NDArray[np.float64] | float = 0.0) -> Callable[[NDArray[np.float64]], float]:
+    """A policy that ignores the readings: a constant, or a sequence whose last value holds on."""
+    sequence = np.atleast_1d(np.asarray(values, dtype=float))
+    position = iter(range(10**12))
+    return lambda y: float(sequence[min(next(position), sequence.size - 1)])
+
+
+def simulate(
+    plant: Plant,
+    policy: Callable[[NDArray[np.float64]], float],
+    duration: float,
+    sample_time: float | None = None,
+    sensors: Sensors | None = None,
+    excitation: Callable[[NDArray[np.float64]], NDArray[np.float64]] | ArrayLike | None = None,
+    x0: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+    torque_noise: tuple[float, float] = (0.0, 0.0),
+    seed: int | np.random.Generator | None = 0,
+    q2_limit: float = np.inf,
+    longest_step: float = LONGEST_STEP,
+) -> Simulation:
+    """Simulate `duration` seconds with commands u = clip(policy(y) + d(t), ±u_max) held for `sample_time`.
+
+    sensors: default 4096-count encoders. excitation: d(t) as a function of an array of times or as one value a
+    sample. x0: q1, q2, q̇1, q̇2. torque_noise: intensities [{u}² s] of white torque on the two rows, held over each
+    sample. Stops early when |q2| passes q2_limit [rad]. Raises ValueError on impossible durations or excitations, and
+    FloatingPointError if the motion leaves all bounds.
+    """
+    T = sample_time or plant.sample_time or 0.002
+    n = round(duration / T)
+    if not (np.isfinite(duration) and n >= 1):
+        raise ValueError(f"duration must hold at least one sample of {T:g} s, got {duration!r}")
+    sensors = sensors or Sensors()
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) * T
+    d = _excitation(excitation, t)
+    p, codes, rows = plant.packed()
+    P = p[:, None]
+    X = np.zeros((rows, 1))
+    X[:4, 0] = np.asarray(x0, dtype=float)
+    U = np.zeros((n, 1))
+    W = np.zeros((2, 1))
+    noise_std = np.sqrt(np.asarray(torque_noise, dtype=float) / T)
+    state, measured = np.empty((n, 4)), np.empty((n, 2))
+    h_max = substep(max(plant.sharpness), longest_step)
+    if hasattr(policy, "reset"):
+        policy.reset()
+    end, fell = n, None
+    for k in range(n):
+        state[k] = X[:4, 0]
+        if not abs(X[1, 0]) <= q2_limit:
+            end, fell = k, t[k]
+            break
+        measured[k] = sensors.read(X, P, codes, rng)[:, 0]
+        U[k, 0] = min(max(policy(measured[k]) + d[k], -plant.u_max), plant.u_max)
+        W[:, 0] = rng.standard_normal(2) * noise_std
+        advance(X, t[k], t[k] + T, t, U, k, W, P, codes, h_max)
+        if not np.abs(X[:4, 0]).max() < 1e6:
+            raise FloatingPointError(f"the simulated motion leaves all bounds at t = {t[k]:.3f} s: {plant}")
+    return Simulation(t[:end], state[:end], measured[:end], U[:end, 0], fell)
+
+
+def _excitation(excitation: Any, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    if excitation is None:
+        return np.zeros_like(t)
+    d = np.asarray(excitation(t) if callable(excitation) else excitation, dtype=float)
+    if d.shape != t.shape or not np.isfinite(d).all():
+        raise ValueError(f"the excitation must give one finite number a sample: {t.shape}, got {d.shape}")
+    return d
