@@ -62,7 +62,7 @@ def _source(function: str, hook: str, arguments: str) -> str:
 
 
 def _entry(function: str, hook: str, arguments: str) -> Any:
-    names: dict[str, Any] = {
+    names: dict[str, Any] = {"__name__": __name__} | {
         f"{effect.name}_{hook}": effect.kernels[hook] for effect in EFFECTS.values() if hook in effect.kernels
     }
     exec(compile(_source(function, hook, arguments), __file__, "exec"), names)

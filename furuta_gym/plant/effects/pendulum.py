@@ -107,7 +107,7 @@ PENDULUM_EFFECTS = (
         equation="from t0 on θ1 … θ5 change as a mass m·m2 added at the pendulum's centre of mass would change them",
         symptom="the pendulum is heavier from some moment on",
         parameters=(
-            Parameter("m", "1", "added mass over the pendulum's mass", 0.15, lower=-0.9, upper=10.0),
+            Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0),
             Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape"),
         ),
         kernels={"theta": _payload},
