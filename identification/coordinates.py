@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import THETA_NAMES, Plant
+from furuta_gym.plant.effects.declaration import Parameter
 
 NOISE_NAMES = ("torque_noise1", "torque_noise2", "reading_noise1", "reading_noise2")
+R_ROWS = {"r": 9, "r1": 9, "r2": 10}
+_EFFECT_ROW = 11
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,8 @@ class Coordinate:
     """One free number. `log` works on its logarithm (it stays positive), else on value / scale.
 
     row: its row in P, or the index of the noise; low, high: bounds of the value; step: difference used for
-    derivatives, in the coordinate; prior: (mean, std) of the value, or None.
+    derivatives, in the coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
+    coordinate itself, for a log coordinate a log-normal prior.
     """
 
     name: str
@@ -31,12 +35,16 @@ class Coordinate:
     step: float = 1e-4
     noise: bool = False
     prior: tuple[float, float] | None = None
+    weak_prior: tuple[float, float] | None = None
 
     def to_value(self, z: float) -> float:
         return math.exp(min(z, 700.0)) if self.log else z * self.scale
 
     def to_z(self, value: float) -> float:
-        return math.log(value) if self.log else value / self.scale
+        """The coordinate of a value; a value that is not positive goes to the lower bound of a log coordinate."""
+        if self.log:
+            return math.log(value) if value > 0 else self.z_bounds[0]
+        return value / self.scale
 
     @property
     def z_bounds(self) -> tuple[float, float]:
@@ -51,61 +59,78 @@ class Coordinate:
 
 def plant_coordinates(
     plant: Plant,
-    fixed: Sequence[str] = (),
+    fixed: Iterable[str] = (),
     priors: Mapping[str, tuple[float, float]] | None = None,
     free_sharpness: bool = True,
     negative_friction: bool = False,
+    weak_prior_std: float | None = None,
 ) -> list[Coordinate]:
     """Coordinates of θ, r and the parameters of the plant's effects, those of `fixed` left out.
 
-    Inertias, θ5 and r are positive: their logarithms. θ3 keeps the sign it starts with. Friction is linear, so that
-    it can be zero, and not negative unless asked for. Names are theta1 … theta9, r (or r1, r2), effect.parameter.
+    θ1 … θ5 and r are positive: their logarithms (one that starts negative or zero is linear and keeps no sign).
+    Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters and
+    infinite ones (an effect switched off) stay as they are. Names are theta1 … theta9, r (or r1, r2) and
+    effect.parameter. priors: name: (mean, std). weak_prior_std: a log-normal prior of this width around the plant's
+    values on every log coordinate. Raises ValueError for an unknown name or an impossible prior.
     """
-    priors = dict(priors or {})
-    level = float(abs(plant.theta[7]) + 1e-3 * abs(plant.theta[4]))
+    fixed, priors = set(fixed), dict(priors or {})
+    coordinates = _theta_coordinates(plant, negative_friction)
+    if free_sharpness:
+        names = ("r1", "r2") if isinstance(plant.friction_sharpness, tuple) else ("r",)
+        coordinates += [Coordinate(name, R_ROWS[name], log=True, low=1.0, high=1e4, step=1e-3) for name in names]
+    row = _EFFECT_ROW
+    for effect in plant.effects:
+        defaults = plant.default_effect(effect.name).parameters
+        for p in effect.type.parameters:
+            if not p.integer and math.isfinite(effect.parameters[p.name]):
+                coordinates.append(_effect_coordinate(f"{effect.name}.{p.name}", p, defaults[p.name], row))
+            row += 1
+    known = {c.name for c in coordinates} | set(R_ROWS)
+    if strange := (fixed | set(priors)) - known:
+        raise ValueError(f"cannot fix or put a prior on {sorted(strange)}; the parameters are {sorted(known)}")
+    if both := fixed & set(priors):
+        raise ValueError(f"{sorted(both)} cannot be fixed and have a prior; give one of the two")
+    p0 = plant.packed().p
+    weak = [(c.to_z(p0[c.row]), weak_prior_std) if weak_prior_std and c.log else None for c in coordinates]
+    return [
+        replace(c, prior=_checked_prior(c.name, priors.get(c.name)), weak_prior=w)
+        for c, w in zip(coordinates, weak, strict=True)
+        if c.name not in fixed
+    ]
+
+
+def _theta_coordinates(plant: Plant, negative_friction: bool) -> list[Coordinate]:
+    theta = plant.theta
+    # where friction starts near zero: what slows a joint by these many rad/s², or 1/s of its speed
+    least = {5: 0.2 * theta[0], 6: 0.1 * theta[3], 7: 1.0 * theta[0], 8: 0.3 * theta[3]}
+    lowest = -math.inf if negative_friction else 0.0
     coordinates = []
     for i, name in enumerate(THETA_NAMES):
-        if i < 5:
-            if plant.theta[i] > 0:
-                coordinates.append(Coordinate(name, i, log=True))
-            else:
-                coordinates.append(Coordinate(name, i, log=False, scale=float(abs(plant.theta[i]) + 1e-9)))
+        if i >= 5:
+            scale = float(max(abs(theta[i]), least[i]))
+            coordinates.append(Coordinate(name, i, log=False, scale=scale, low=lowest, step=1e-3))
+        elif theta[i] > 0:
+            coordinates.append(Coordinate(name, i, log=True))
         else:
-            scale = float(max(abs(plant.theta[i]), 1e-2 * level))
-            low = -math.inf if negative_friction else 0.0
-            coordinates.append(Coordinate(name, i, log=False, scale=scale, low=low, step=1e-3))
-    if free_sharpness:
-        if isinstance(plant.friction_sharpness, tuple):
-            coordinates += [Coordinate(f"r{i + 1}", 9 + i, log=True, low=1.0, high=1e4, step=1e-3) for i in range(2)]
-        else:
-            coordinates.append(Coordinate("r", 9, log=True, low=1.0, high=1e4, step=1e-3))
-    row = 11
-    for effect in plant.effects:
-        for p in effect.type.parameters:
-            coordinates.append(_effect_coordinate(plant, effect.name, p, row))
-            row += 1
-    known = {c.name for c in coordinates} | {"r"}
-    if strange := (set(fixed) | set(priors)) - known:
-        raise ValueError(f"cannot fix or put a prior on {sorted(strange)}; free parameters are {sorted(known)}")
-    kept = [c for c in coordinates if c.name not in fixed and math.isfinite(plant.packed().p[c.row])]
-    return [_with_prior(c, priors.get(c.name)) for c in kept if c.name.split(".")[-1] != "n" or "ripple" not in c.name]
+            scale = float(max(abs(theta[i]), 0.01 * math.sqrt(theta[0] * theta[3])))
+            coordinates.append(Coordinate(name, i, log=False, scale=scale))
+    return coordinates
 
 
-def _effect_coordinate(plant: Plant, effect: str, p, row: int) -> Coordinate:
-    default = plant.default_effect(effect).parameters[p.name]
-    scale = max(abs(default), 1e-12)
+def _effect_coordinate(name: str, p: Parameter, default: float, row: int) -> Coordinate:
     if p.role == "shape" and p.lower > 0:
-        return Coordinate(f"{effect}.{p.name}", row, log=True, low=p.lower, high=p.upper, step=1e-3)
-    return Coordinate(f"{effect}.{p.name}", row, log=False, scale=scale, low=p.lower, high=p.upper, step=1e-3)
+        return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=1e-3)
+    scale = abs(default) if default and math.isfinite(default) else 1.0
+    return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=1e-3)
 
 
-def _with_prior(c: Coordinate, prior: tuple[float, float] | None) -> Coordinate:
+def _checked_prior(name: str, prior: tuple[float, float] | None) -> tuple[float, float] | None:
     if prior is None:
-        return c
+        return None
     mean, std = prior
-    if not (math.isfinite(mean) and std > 0):
-        raise ValueError(f"a prior is mean ± standard deviation > 0, got {mean:g} ± {std:g} for {c.name}")
-    return Coordinate(**{**c.__dict__, "prior": (float(mean), float(std))})
+    if not (math.isfinite(mean) and math.isfinite(std) and std > 0):
+        raise ValueError(f"a prior is mean ± standard deviation > 0, got {mean:g} ± {std:g} for {name}")
+    return float(mean), float(std)
 
 
 def noise_coordinates() -> list[Coordinate]:
@@ -129,3 +154,20 @@ def fill(
             if c.name == "r":
                 p[10] = p[9]
     return p, noise
+
+
+def filled_plant(plant: Plant, coordinates: Sequence[Coordinate], z: NDArray[np.float64]) -> Plant:
+    """The plant with the coordinates' values in it (noise coordinates are passed over).
+
+    Raises ValueError where the values make no plant (M not positive definite, an effect out of bounds).
+    """
+    p, _ = fill(coordinates, z, plant.packed().p, np.zeros(len(NOISE_NAMES)))
+    effects, row = [], _EFFECT_ROW
+    for effect in plant.effects:
+        values = dict(zip(effect.type.parameter_names, map(float, p[row:]), strict=False))
+        bounded = {q.name: min(max(values[q.name], q.lower), q.upper) for q in effect.type.parameters}
+        effects.append(type(effect)(effect.name, bounded, effect.std))
+        row += len(bounded)
+    two = isinstance(plant.friction_sharpness, tuple)
+    r = (float(p[9]), float(p[10])) if two else float(p[9])
+    return plant.replace(theta=p[:9], friction_sharpness=r, effects=tuple(effects))

@@ -5,18 +5,35 @@ encoders as measurement. Filter b has its own parameters P[:, b] and runs on the
 and covariances with respect to anything are differences between filters of the bank: no derivative of the model is
 ever written down, so every effect of the library can be estimated as it is.
 
-Covariances belong to *groups* of filters: a filter may share the gains of its group's leader (the leader alone then
-carries the state Jacobian), which is the usual Gauss–Newton simplification of a frozen gain and three to four times
-cheaper; a filter that leads its own group is exact.
+Filters of a bank come in three kinds, by what they carry of their own:
+    exact     its own state Jacobian, covariance and gain (n + 1 lanes);
+    leaders   covariance and gain of their own, the Jacobian of filter 0: right to first order for what changes the
+              noise only;
+    followers the gain of filter 0: the usual Gauss–Newton simplification of a frozen gain, three to four times cheaper.
+
+tanh(r q̇) is sharper than what a filter knows of q̇ where noise is large, and its slope at the mean then says nothing.
+So the mean over the velocity's uncertainty σ is taken: with tanh(r v) ≈ erf(√π r v / 2),
+
+    E tanh(r (v + σ ξ)) ≈ tanh(ρ v),   ρ = r / √(1 + (π/2) r² σ²),
+
+which is statistical linearisation (Gelb 1974, section 6.2) of the friction: ρ takes the place of r, sample by sample.
 """
+
+import math
 
 import numpy as np
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance, mass_matrix
+from furuta_gym.plant.dynamics import acceleration, advance, mass_matrix, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
 
 _STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
+
+
+@compiled(forceinline=True)
+def effective_sharpness(r, variance):
+    """ρ [s/rad]: the sharpness left of r where the velocity is known to this variance [rad²/s²]."""
+    return r / math.sqrt(1.0 + 0.5 * math.pi * r * r * variance)
 
 
 @compiled(nogil=True)
@@ -48,11 +65,12 @@ def _propagate(C, Phi, work):
                 s += Phi[i, m] * C[m, j]
             work[i, j] = s
     for i in range(n):
-        for j in range(n):
+        for j in range(i + 1):
             s = 0.0
             for m in range(n):
                 s += work[i, m] * Phi[j, m]
             C[i, j] = s
+            C[j, i] = s
 
 
 @compiled(nogil=True)
@@ -82,69 +100,121 @@ def _gain(C, H, R1, R2, K, S, CH):
 
 
 @compiled(nogil=True)
-def innovations(t, y, u, P, codes, x0, C0, noise, group, h_max, e, S, X_out):
-    """Run B filters over a log of N samples; fills e (N, 2, B) and S (N, 3, G).
+def _steps(X, P, tau, h, n):
+    """n classical Runge–Kutta steps of h seconds for lanes without effects, under the torque tau."""
+    for _ in range(n):
+        for k in range(X.shape[1]):
+            th1, th2, th3, th4, th5 = P[0, k], P[1, k], P[2, k], P[3, k], P[4, k]
+            th6, th7, th8, th9, r1, r2 = P[5, k], P[6, k], P[7, k], P[8, k], P[9, k], P[10, k]
+            q2, v1, v2 = X[1, k], X[2, k], X[3, k]
+            a1, a2 = acceleration(q2, v1, v2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+            w1, w2, p2 = v1 + 0.5 * h * a1, v2 + 0.5 * h * a2, q2 + 0.5 * h * v2
+            b1, b2 = acceleration(p2, w1, w2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+            y1, y2, p2 = v1 + 0.5 * h * b1, v2 + 0.5 * h * b2, q2 + 0.5 * h * w2
+            c1, c2 = acceleration(p2, y1, y2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+            z1, z2, p2 = v1 + h * c1, v2 + h * c2, q2 + h * y2
+            d1, d2 = acceleration(p2, z1, z2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+            X[0, k] += h * (v1 + 2.0 * (w1 + y1) + z1) * (1.0 / 6.0)
+            X[1, k] += h * (v2 + 2.0 * (w2 + y2) + z2) * (1.0 / 6.0)
+            X[2, k] += h * (a1 + 2.0 * (b1 + c1) + d1) * (1.0 / 6.0)
+            X[3, k] += h * (a2 + 2.0 * (b2 + c2) + d2) * (1.0 / 6.0)
 
-    t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; P (parameters, B); x0 (n, B) and C0 (n, n)
+
+@compiled(nogil=True)
+def innovations(t, y, u, weight, P, codes, x0, C0, noise, exact, leaders, sharp, h_max, e, S, X_out):
+    """Run B filters over a log of N samples; fills e (N, 2, B) and S (N, 3, leaders).
+
+    t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; weight (N, 2) factors on the readings'
+    variances; P (parameters, B); x0 (n, B) and C0 (n, n)
     mean and covariance of the first state; noise (4, B): torque intensities on the rows [{u}² s] and variances of the
-    readings [rad²]; group (B,): the first G filters lead the groups, in order. X_out (N, n) receives the filtered
-    state of filter 0 if it has N rows. Returns False if a filter diverged (e and S are then meaningless).
+    readings [rad²]. Of the filters, the first `exact` ≥ 1 carry Jacobians, the first `leaders` covariances, the
+    others follow filter 0. sharp (m, 2): rows of P that hold the sharpness of a friction, and the state its velocity
+    is in. h_max [s]: longest integration step. X_out (N, n) receives the filtered state of filter 0 if it has N rows.
+    Returns False if a filter diverged (e and S are then meaningless).
     """
     N, B = y.shape[0], P.shape[1]
-    n, G = x0.shape[0], S.shape[2]
-    lanes = G * (n + 1) + (B - G)
-    lane = np.empty(B, dtype=np.int64)
-    for b in range(B):
-        lane[b] = b * (n + 1) if b < G else G * (n + 1) + b - G
+    n, G = x0.shape[0], leaders
+    lanes = exact * n + B  # lanes 0 … B−1 are the filters, then n shifted states of each exact one
+    plain = codes.shape[0] == 0
+    X, Y, W = np.zeros((n, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
     PL = np.empty((P.shape[0], lanes))
-    X, Y, W = np.empty((n, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
-    for b in range(B):
-        for i in range(n + 1 if b < G else 1):
-            PL[:, lane[b] + i] = P[:, b]
+    owner = np.empty(lanes, dtype=np.int64)
+    for k in range(lanes):
+        owner[k] = k if k < B else (k - B) // n
+        PL[:, k] = P[:, owner[k]]
     x = x0.copy()
     C = np.empty((G, n, n))
     for g in range(G):
         C[g] = C0
-    Phi, work, H = np.empty((n, n)), np.empty((n, n)), np.empty((2, n))
-    K, CH = np.empty((G, n, 2)), np.empty((n, 2))
+    Phi, H = np.empty((exact, n, n)), np.zeros((exact, 2, n))
+    work, K, CH = np.empty((n, n)), np.empty((G, n, 2)), np.empty((n, 2))
+    for g in range(exact):
+        H[g, 0, 0] = 1.0
+        H[g, 1, 1] = 1.0
     for k in range(N):
-        for sweep in range(2):  # first carry the state to sample k, then read it there
-            if sweep == 0 and k == 0:
-                continue
-            for b in range(B):
-                X[:, lane[b]] = x[:, b]
-                if b < G:
+        if k > 0:
+            T = t[k] - t[k - 1]
+            _spread(X, x, exact)
+            sharpest = 1.0
+            for m in range(sharp.shape[0]):
+                row, velocity = sharp[m, 0], sharp[m, 1]
+                for i in range(lanes):
+                    g = owner[i] if owner[i] < G else 0
+                    PL[row, i] = effective_sharpness(P[row, owner[i]], C[g, velocity, velocity])
+                sharpest = max(sharpest, PL[row, 0])
+            longest = substep(sharpest, h_max)
+            if plain:
+                steps = max(1, math.ceil(T / longest - 1e-6))
+                _steps(X, PL, u[k - 1, 0], T / steps, steps)
+            else:
+                advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest)
+            for g in range(exact):
+                for m in range(n):
+                    lane = B + g * n + m
                     for i in range(n):
-                        X[:, lane[b] + 1 + i] = x[:, b]
-                        X[i, lane[b] + 1 + i] += _STEP
-            if sweep == 0:
-                T = t[k] - t[k - 1]
-                advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, h_max)
-                for g in range(G):
-                    for i in range(n):
-                        for m in range(n):
-                            Phi[i, m] = (X[i, lane[g] + 1 + m] - X[i, lane[g]]) / _STEP
-                    _propagate(C[g], Phi, work)
-                    _add_torque_noise(C[g], x[1, g], P[:4, g], noise[:, g], T)
-                for b in range(B):
-                    x[:, b] = X[:, lane[b]]
-        Y[0] = X[0]
-        Y[1] = X[1]
-        read_sensors(X, PL, codes, Y)
-        for g in range(G):
+                        Phi[g, i, m] = (X[i, lane] - X[i, g]) / _STEP
+            for g in range(G):
+                _propagate(C[g], Phi[g if g < exact else 0], work)
+                _add_torque_noise(C[g], x[1, g], P[:4, g], noise[:, g], T)
             for i in range(n):
-                H[0, i] = (Y[0, lane[g] + 1 + i] - Y[0, lane[g]]) / _STEP
-                H[1, i] = (Y[1, lane[g] + 1 + i] - Y[1, lane[g]]) / _STEP
-            _gain(C[g], H, noise[2, g], noise[3, g], K[g], S[k, :, g], CH)
-            if not (S[k, 0, g] > 0.0 and S[k, 0, g] * S[k, 2, g] > S[k, 1, g] ** 2 and np.abs(x[:, g]).max() < 1e6):
+                for b in range(B):
+                    x[i, b] = X[i, b]
+        if not plain:
+            _spread(X, x, exact)
+            Y[0] = X[0]
+            Y[1] = X[1]
+            if read_sensors(X, PL, codes, Y):
+                for g in range(exact):
+                    for m in range(n):
+                        lane = B + g * n + m
+                        H[g, 0, m] = (Y[0, lane] - Y[0, g]) / _STEP
+                        H[g, 1, m] = (Y[1, lane] - Y[1, g]) / _STEP
+        for g in range(G):
+            R1, R2 = noise[2, g] * weight[k, 0], noise[3, g] * weight[k, 1]
+            _gain(C[g], H[g if g < exact else 0], R1, R2, K[g], S[k, :, g], CH)
+            if not (S[k, 0, g] > 0.0 and S[k, 0, g] * S[k, 2, g] > S[k, 1, g] ** 2 and abs(x[1, g]) < 1e6):
                 return False
         for b in range(B):
-            e1, e2 = y[k, 0] - Y[0, lane[b]], y[k, 1] - Y[1, lane[b]]
+            y1, y2 = (x[0, b], x[1, b]) if plain else (Y[0, b], Y[1, b])
+            e1, e2 = y[k, 0] - y1, y[k, 1] - y2
             e[k, 0, b] = e1
             e[k, 1, b] = e2
-            g = group[b]
+            g = b if b < G else 0
             for i in range(n):
                 x[i, b] += K[g, i, 0] * e1 + K[g, i, 1] * e2
         if X_out.shape[0] == N:
             X_out[k] = x[:, 0]
     return True
+
+
+@compiled(nogil=True)
+def _spread(X, x, exact):
+    """Lanes X from the filters' states x (n, B): each filter, then n states shifted by a step of the exact ones."""
+    n, B = x.shape
+    for i in range(n):
+        for b in range(B):
+            X[i, b] = x[i, b]
+        for g in range(exact):
+            for m in range(n):
+                X[i, B + g * n + m] = x[i, g]
+            X[i, B + g * n + i] += _STEP

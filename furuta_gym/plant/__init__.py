@@ -1,7 +1,7 @@
 """The physics: model (5) of the paper with the errata's corrections, and the library of what it leaves out."""
 
 from .covariance import Covariance
-from .effects import EFFECTS, Effect, EffectType
+from .effects import EFFECTS, Effect, EffectType, Parameter
 from .parameters import THETA_MEANING, THETA_NAMES, RigidBody, physical_consistency
 from .plant import Plant, sampled_plants
 from .sets import LARGE_RIG, PAPER_GAIN, PLANTS, QUBE, TABLE_3
@@ -18,6 +18,7 @@ __all__ = [
     "Covariance",
     "Effect",
     "EffectType",
+    "Parameter",
     "Plant",
     "RigidBody",
     "physical_consistency",

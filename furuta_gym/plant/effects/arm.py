@@ -97,7 +97,9 @@ ARM_EFFECTS = (
         symptom="friction is larger or smaller near standstill than the Coulomb level it settles to (ΔF > 0: larger)",
         parameters=(
             Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 0.5, relative_to="theta8"),
-            Parameter("vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape"),
+            Parameter(
+                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
+            ),
         ),
         kernels={"torque": _stribeck},
         mistaken_for=("arm_quadratic_drag", "friction_sharpness", "arm_presliding"),
@@ -128,7 +130,7 @@ ARM_EFFECTS = (
         symptom="with no command the arm is drawn to one angle, as by the pendulum encoder's cable",
         parameters=(
             Parameter("k", "{u}/rad", "stiffness", 1.0, relative_to="theta5", lower=0.0),
-            Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape"),
+            Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="product"),
         ),
         kernels={"torque": _spring},
         mistaken_for=("input_offset", "base_tilt", "arm_ripple"),
@@ -140,8 +142,18 @@ ARM_EFFECTS = (
         symptom="the arm rests and hesitates at evenly spaced angles (cogging)",
         parameters=(
             Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
-            Parameter("n", "1", "periods a turn", 12.0, lower=1.0, upper=60.0, role="shape", integer=True),
-            Parameter("φ", "rad", "phase", 0.5, lower=-2 * math.pi, upper=2 * math.pi, role="shape"),
+            Parameter(
+                "n",
+                "1",
+                "periods a turn",
+                12.0,
+                lower=1.0,
+                upper=60.0,
+                role="shape",
+                integer=True,
+                grid=tuple(range(1, 31)),
+            ),
+            Parameter("φ", "rad", "phase", 0.5, lower=-2 * math.pi, upper=2 * math.pi, role="shape", span="phase"),
         ),
         kernels={"torque": _ripple},
         mistaken_for=("arm_spring", "arm_position_friction"),
@@ -172,6 +184,7 @@ ARM_EFFECTS = (
                 relative_to="theta8",
                 neutral=math.inf,
                 lower=1e-6,
+                grid=(10.0, 30.0, 100.0, 300.0),
             ),
         ),
         kernels={"torque": _presliding, "rate": _presliding_rate},
@@ -201,7 +214,11 @@ ARM_EFFECTS = (
         place="arm",
         equation="play of width 2b between motor and arm: a rotor of inertia θ1/10 drives the arm through a stop",
         symptom="on each reversal of the command the arm is free for a moment, then is hit",
-        parameters=(Parameter("b", "rad", "half-width of the play", 0.01, lower=0.0, upper=1.0),),
+        parameters=(
+            Parameter(
+                "b", "rad", "half-width of the play", 0.01, lower=0.0, upper=1.0, grid=(0.002, 0.005, 0.01, 0.02, 0.05)
+            ),
+        ),
         kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},
         memory=("s", "w"),
         changes=("theta1",),
@@ -214,8 +231,10 @@ ARM_EFFECTS = (
         symptom="a hum or beat of fixed frequency in the arm, whatever the command",
         parameters=(
             Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
-            Parameter("f", "Hz", "frequency", 3.3, lower=0.02, upper=100.0, role="shape"),
-            Parameter("φ", "rad", "phase at t = 0", 0.0, lower=-2 * math.pi, upper=2 * math.pi, role="shape"),
+            Parameter("f", "Hz", "frequency", 3.3, lower=0.02, upper=100.0, role="shape", grid="frequencies"),
+            Parameter(
+                "φ", "rad", "phase at t = 0", 0.0, lower=-2 * math.pi, upper=2 * math.pi, role="shape", span="phase"
+            ),
         ),
         kernels={"torque": _periodic},
         mistaken_for=("arm_ripple",),

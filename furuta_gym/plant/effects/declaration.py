@@ -29,6 +29,10 @@ class Parameter:
     `default` is a size worth noticing on a rig; with `relative_to` it is a fraction of that quantity of the plant
     (theta1 … theta9, or u_max). A `size` parameter makes the effect vanish at `neutral`; a `shape` parameter
     (Stribeck speed, ripple order) then has no influence. In `unit`, {u} stands for the plant's command unit.
+
+    For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that
+    the log's length decides); `span` says that a shape enters linearly together with the size, either as a "phase"
+    (A sin(x + φ)) or as a "product" (k (x − s)), so that no grid is needed.
     """
 
     name: str
@@ -41,6 +45,8 @@ class Parameter:
     upper: float = float("inf")
     role: str = "size"
     integer: bool = False
+    grid: tuple[float, ...] | str = ()
+    span: str = ""
 
     @property
     def positive(self) -> bool:

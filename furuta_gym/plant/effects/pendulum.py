@@ -59,7 +59,9 @@ PENDULUM_EFFECTS = (
         symptom="the pendulum sticks near rest more than its friction in motion explains",
         parameters=(
             Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 1.0, relative_to="theta9"),
-            Parameter("vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape"),
+            Parameter(
+                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
+            ),
         ),
         kernels={"torque": _stribeck},
         mistaken_for=("pendulum_quadratic_drag", "friction_sharpness"),
@@ -82,7 +84,13 @@ PENDULUM_EFFECTS = (
             Parameter("αx", "rad", "tilt about the x axis", 0.015, lower=-0.5, upper=0.5),
             Parameter("αy", "rad", "tilt about the y axis", 0.01, lower=-0.5, upper=0.5),
             Parameter(
-                "G1", "{u}", "weight moment of arm and carried pendulum", 1.0, relative_to="theta5", role="shape"
+                "G1",
+                "{u}",
+                "weight moment of arm and carried pendulum",
+                1.0,
+                relative_to="theta5",
+                role="shape",
+                grid=(0.0, 1.0, 3.0),
             ),
         ),
         kernels={"torque": _tilt},
@@ -94,8 +102,24 @@ PENDULUM_EFFECTS = (
         equation="tanh(r1 q̇1), tanh(r2 q̇2): r itself differs (0 keeps the plant's r)",
         symptom="friction turns over more softly or more sharply near standstill than the model's",
         parameters=(
-            Parameter("r1", "s/rad", "sharpness of the arm's Coulomb friction", 12.0, lower=0.0, upper=1e4),
-            Parameter("r2", "s/rad", "sharpness of the pendulum's Coulomb friction", 12.0, lower=0.0, upper=1e4),
+            Parameter(
+                "r1",
+                "s/rad",
+                "sharpness of the arm's Coulomb friction",
+                12.0,
+                lower=0.0,
+                upper=1e4,
+                grid=(10.0, 30.0, 300.0, 1000.0),
+            ),
+            Parameter(
+                "r2",
+                "s/rad",
+                "sharpness of the pendulum's Coulomb friction",
+                12.0,
+                lower=0.0,
+                upper=1e4,
+                grid=(10.0, 30.0, 300.0, 1000.0),
+            ),
         ),
         kernels={"theta": _sharpness},
         changes=("r1", "r2"),
@@ -108,7 +132,7 @@ PENDULUM_EFFECTS = (
         symptom="the pendulum is heavier from some moment on",
         parameters=(
             Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0),
-            Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape"),
+            Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times"),
         ),
         kernels={"theta": _payload},
         changes=("theta1", "theta2", "theta3", "theta4", "theta5"),

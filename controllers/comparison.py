@@ -1,0 +1,140 @@
+"""The result of a comparison: figures with intervals, a table to print, and files to keep."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from furuta_gym.plant import Plant
+
+from .statistics import Interval
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SCHEMA = "furuta-comparison/1"
+Scores = Mapping[str, Mapping[str, Mapping[str, Interval]]]
+
+UNITS = {
+    "success": "",
+    "rms_q1": "rad",
+    "rms_q2": "rad",
+    "energy": "{u}²·s",
+    "roughness": "{u}/s",
+    "settling": "s",
+    "largest_q1": "rad",
+    "largest_push": "rad/s",
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """scores[controller][condition][figure] is an `Interval`; groups[condition] is the group it belongs to.
+
+    skipped[controller]: why it was left out.
+    """
+
+    plant: Plant
+    settings: Mapping[str, Any]
+    groups: Mapping[str, str]
+    scores: Scores
+    skipped: Mapping[str, str] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "schema": SCHEMA,
+            "plant": self.plant.to_dict(),
+            "settings": dict(self.settings),
+            "units": {name: unit.format(u=self.plant.unit) for name, unit in UNITS.items()},
+            "groups": dict(self.groups),
+            "controllers": {
+                controller: {
+                    condition: {figure: interval.to_dict() for figure, interval in figures.items()}
+                    for condition, figures in rows.items()
+                }
+                for controller, rows in self.scores.items()
+            },
+            "skipped": dict(self.skipped),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Comparison":
+        """Inverse of `to_dict`. Raises ValueError on another schema."""
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f'not a comparison: expected "schema": "{SCHEMA}", got {data.get("schema")!r}')
+        scores = {
+            controller: {
+                condition: {figure: Interval.from_dict(interval) for figure, interval in figures.items()}
+                for condition, figures in rows.items()
+            }
+            for controller, rows in data["controllers"].items()
+        }
+        return cls(Plant.from_dict(data["plant"]), data["settings"], data["groups"], scores, data["skipped"])
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Comparison":
+        return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+
+    def save(self, folder: str | os.PathLike[str], plots: bool = True) -> list[Path]:
+        """Write `comparison.json` and, with `plots`, one PNG for each group of trials; the paths."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / "comparison.json"
+        path.write_text(
+            json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
+        )
+        if not plots:
+            return [path]
+        from .plots import draw_comparison
+
+        return [path, *draw_comparison(self, folder)]
+
+    def table(self) -> "Table":
+        """The comparison as a table for the terminal: what matters from each group, 95 % intervals in brackets."""
+        from rich.table import Table
+
+        unit = self.plant.unit
+        table = Table(title=f"{self.settings['trials']} trials each, every {1e3 * self.settings['sample_time']:g} ms")
+        columns = self._columns()
+        table.add_column("controller")
+        for title, _, figure in columns:
+            table.add_column(title + (f"\n[{UNITS[figure].format(u=unit)}]" if UNITS[figure] else ""), justify="right")
+        for controller, rows in self.scores.items():
+            cells = [rows[c][f] if c in rows else None for _, c, f in columns]
+            table.add_row(controller, *("–" if x is None else _cell(x, f) for x, (_, _, f) in zip(cells, columns)))  # noqa: B905
+        for controller, reason in self.skipped.items():
+            table.add_row(controller, "left out: " + reason.split(":")[0], style="dim")
+        return table
+
+    def _columns(self) -> list[tuple[str, str, str]]:
+        """(title, condition, figure) of the table; of the groups with many conditions, the hardest for all."""
+        wanted = [
+            ("upright", "balance", "success"),
+            ("rms q1", "balance", "rms_q1"),
+            ("rms q2", "balance", "rms_q2"),
+            ("energy", "balance", "energy"),
+            ("roughness", "balance", "roughness"),
+            ("settling", "balance", "settling"),
+            ("push", "push", "largest_push"),
+            ("θ ±20 %", "θ ±20 %", "success"),
+            ("16 ms late", "delay 16 ms", "success"),
+            ("swing-up", "swing-up", "success"),
+            ("up after", "swing-up", "settling"),
+        ]
+        return [column for column in wanted if column[1] in self.groups]
+
+    def __str__(self) -> str:
+        from rich.console import Console
+
+        console = Console(width=200)
+        with console.capture() as capture:
+            console.print(self.table())
+        return capture.get()
+
+
+def _cell(x: Interval, figure: str) -> str:
+    if figure == "success":
+        return f"{100 * x.value:.1f} % [{100 * x.low:.0f}, {100 * x.high:.0f}]"
+    return str(x)

@@ -1,0 +1,145 @@
+"""What controllers are compared in: the plant as it is, other parameters, delays, encoders, effects, pushes, swing-up."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import EFFECTS, Effect, Plant, sampled_plants
+from furuta_gym.sensors import Sensors
+
+from .statistics import Interval, success_rate, typical
+from .trials import Outcome, Starts, balance_starts, pace, run_trials, swing_up_starts
+
+GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
+METRICS = ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1")
+
+_PUSH_TIME = 0.5  # s
+_AFTER_PUSH = 4.0  # s
+_HALVINGS = 9
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One row of the comparison: the plants, sensors and starts of its trials.
+
+    plants: one, or one for each trial. kind: "balance", "swing_up", or "push" (the largest push is searched).
+    """
+
+    name: str
+    group: str
+    kind: str
+    plants: Plant | Sequence[Plant]
+    sensors: Sensors
+    trials: int
+    duration: float
+
+    def score(self, policy: Any, sample_time: float, seed: int) -> dict[str, Interval]:
+        """Play `policy` and sum up: success rate, and the other figures over the successful trials."""
+        if self.kind == "push":
+            return {"largest_push": typical(self._largest_push(policy, sample_time, seed), seed=seed)}
+        outcome = self.play(policy, self._starts(seed), sample_time, seed)
+        figures = {"success": success_rate(outcome.success)}
+        return figures | {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
+
+    def play(self, policy: Any, starts: Starts, sample_time: float, seed: int) -> Outcome:
+        return run_trials(
+            self.plants,
+            policy,
+            starts,
+            self.duration,
+            sample_time,
+            self.sensors,
+            swing_up=self.kind == "swing_up",
+            seed=seed,
+        )
+
+    def _starts(self, seed: int) -> Starts:
+        rng = np.random.default_rng([seed, 1])
+        one = self.plants if isinstance(self.plants, Plant) else self.plants[0]
+        if self.kind == "swing_up":
+            return swing_up_starts(self.trials, rng)
+        return balance_starts(one, self.trials, self.duration, rng)
+
+    def _largest_push(self, policy: Any, sample_time: float, seed: int) -> NDArray[np.float64]:
+        """The largest survived push (trials,) [rad/s] up to 3 `pace`, by bisection in all trials side by side."""
+        assert isinstance(self.plants, Plant)
+        starts = self._starts(seed)
+        side = np.sign(starts.push)
+        low, high = np.zeros(self.trials), np.full(self.trials, 3.0 * pace(self.plants))
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            pushed = replace(starts, x0=0.2 * starts.x0, push=side * middle, push_time=np.full(self.trials, _PUSH_TIME))
+            survived = self.play(policy, pushed, sample_time, seed).success
+            low, high = np.where(survived, middle, low), np.where(survived, high, middle)
+        return low
+
+
+def conditions(
+    plant: Plant,
+    sensors: Sensors,
+    trials: int,
+    small_trials: int,
+    duration: float,
+    groups: Iterable[str] = GROUPS,
+    effects: Iterable[str] | None = None,
+    seed: int = 0,
+) -> list[Condition]:
+    """The conditions of the named groups; effects (default: the whole library) act at their default size.
+
+    Raises ValueError for an unknown group or effect.
+    """
+    chosen = list(groups)
+    if strange := [g for g in chosen if g not in GROUPS]:
+        raise ValueError(f"unknown group of trials {', '.join(map(repr, strange))}; there are {', '.join(GROUPS)}")
+    names = list(EFFECTS) if effects is None else list(effects)
+    carried = {e.name for e in plant.effects}
+    short = min(duration, 10.0)
+
+    def near_upright(name: str, group: str, plants: Plant | Sequence[Plant], s: Sensors = sensors) -> Condition:
+        return Condition(name, group, "balance", plants, s, small_trials, short)
+
+    found: list[Condition] = []
+    for group in chosen:
+        if group == "balance":
+            found.append(Condition("balance", group, "balance", plant, sensors, trials, duration))
+        elif group == "push":
+            found.append(Condition("push", group, "push", plant, sensors, small_trials, _PUSH_TIME + _AFTER_PUSH))
+        elif group == "parameters":
+            found += [near_upright(n, group, p) for n, p in _other_plants(plant, small_trials, seed)]
+        elif group == "delay":
+            for ms in (4, 8, 16, 32):
+                late = plant.with_effects(Effect("input_delay", {"d": ms * 1e-3}))
+                found.append(near_upright(f"delay {ms} ms", group, late))
+        elif group == "quantisation":
+            for counts in (2048, 1024, 512, 256):
+                coarse = replace(sensors, encoder_counts=counts)
+                found.append(near_upright(f"{counts} counts", group, plant, coarse))
+        elif group == "effects":
+            for name in names:
+                if name not in carried:
+                    found.append(near_upright(name, group, plant.with_effects(plant.default_effect(name))))
+        else:
+            hanging = max(duration, 15.0)
+            found.append(Condition("swing-up", group, "swing_up", plant, sensors, trials, hanging))
+    return found
+
+
+def _other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant]]]:
+    """Plants whose θ is each off by a random factor, and plants from the identified covariance where there is one."""
+    found = []
+    for percent in (10, 20):
+        rng = np.random.default_rng([seed, 2])
+        drawn: list[Plant] = []
+        while len(drawn) < n:
+            theta = plant.theta * np.exp(percent / 100 * rng.standard_normal(9))
+            th1, th2, th3, th4 = theta[:4]
+            if th1 * th4 > 1.05 * th3 * th3 and th1 + th2 > 0:  # a mass matrix well away from singular
+                drawn.append(plant.replace(theta=theta))
+        found.append((f"θ ±{percent} %", drawn))
+    if plant.covariance is not None:
+        rng = np.random.default_rng([seed, 3])
+        found.append(("θ as uncertain as identified", list(sampled_plants(plant, n, rng))))
+    return found

@@ -1,0 +1,188 @@
+"""What every design starts from: the sampled linear plant with its known delay and lag, and weights in its units."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, expm
+
+from furuta_gym.plant import Plant
+from furuta_gym.plant.dynamics import mass_matrix
+from furuta_gym.plant.linearization import linearize, state_derivative
+from furuta_gym.sensors import Sensors
+
+from .base import DesignError
+
+DEFAULT_SAMPLE_TIME = 0.002  # s, where neither caller nor plant says
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Bryson's rule: the deviations that shall cost the same, each entering the cost as its inverse square.
+
+    q1, q2 [rad], v1, v2 [rad/s] (inf: not weighted), torque in the plant's unit.
+    """
+
+    q1: float = 0.7
+    q2: float = 0.1
+    v1: float = np.inf
+    v2: float = np.inf
+    torque: float = 1.0
+
+    @classmethod
+    def of(cls, plant: Plant) -> "Weights":
+        """0.7 rad of arm, 0.1 rad of pendulum, and three times the torque that holds the pendulum at 0.1 rad.
+
+        To hold it there the arm must accelerate at θ5 q2/θ3, which takes about θ1 θ5 q2/θ3: a torque in the plant's
+        own unit, so the same weights serve every rig. At most half of u_max.
+        """
+        th1, _, th3, _, th5 = plant.theta[:5]
+        holding = th1 * abs(th5 / th3) * cls.q2 if th3 else np.inf
+        return cls(torque=min(3.0 * holding, 0.5 * plant.u_max))
+
+    @property
+    def Q(self) -> NDArray[np.float64]:
+        """State weights (4, 4) in the order q1, q2, q̇1, q̇2."""
+        return np.diag([self.q1**-2, self.q2**-2, self.v1**-2, self.v2**-2])
+
+    @property
+    def R(self) -> NDArray[np.float64]:
+        return np.array([[self.torque**-2]])
+
+
+@dataclass(frozen=True)
+class DesignModel:
+    """x⁺ = A x + B τ + noise at the samples, x = [q1, q2 − q2e, q̇1, q̇2, lagged torque, past torques].
+
+    τ is the deviation from `torque`, which with q2 = `q2e` holds the arm at zero (both zero without effects that
+    push or tilt). The lagged torque is there when the plant carries `actuator_lag`, past torques when it carries
+    `input_delay` (newest first; the last one may act in part). noise (n, n): covariance that the unknown torque of
+    `torque_noise_intensity` adds in one sample.
+    """
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    q2e: float
+    torque: float
+    sample_time: float
+
+    @property
+    def size(self) -> int:
+        return self.A.shape[0]
+
+    @property
+    def C(self) -> NDArray[np.float64]:
+        """Readings of the angles (2, n)."""
+        return np.eye(2, self.size)
+
+    def widened(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """State weights (4, 4) with zeros for the command path."""
+        return block_diag(Q, np.zeros((self.size - 4, self.size - 4)))
+
+
+def choose_sample_time(plant: Plant, sample_time: float | None) -> float:
+    """The caller's, else the plant's, else 2 ms. Raises ValueError unless in (0, 1] s."""
+    T = DEFAULT_SAMPLE_TIME if sample_time is None and plant.sample_time is None else sample_time or plant.sample_time
+    if not (T is not None and np.isfinite(T) and 0 < T <= 1):
+        raise ValueError(f"sample_time must lie in (0, 1] s, got {sample_time!r}")
+    return float(T)
+
+
+def choose_sensors(plant: Plant, sensors: Sensors | None) -> Sensors:
+    """The caller's, else the plant file's, else 4096-count encoders."""
+    if sensors is not None:
+        return sensors
+    known = {"encoder_counts", "noise_std", "offset", "velocity_cutoff"}
+    return Sensors.from_dict({k: v for k, v in (plant.sensors or {}).items() if k in known and v is not None})
+
+
+def torque_noise_intensity(plant: Plant) -> NDArray[np.float64]:
+    """Intensities (2,) [{u}² s] of the torque that the linear model does not know.
+
+    On the arm that is Coulomb friction, ±θ8, switching at the pace of the motion, about every 0.1 s. The pendulum's
+    row also carries what linearization drops: three times θ9 there gave LQG the push tolerance of exact velocities
+    (three rigs, 1024 and 4096 counts) at a third of the roughness. Floors keep the filter awake without friction.
+    """
+    gravity = abs(plant.theta[4])
+    level = np.array([max(abs(plant.theta[7]), 0.01 * gravity), max(3.0 * abs(plant.theta[8]), 0.015 * gravity)])
+    return level**2 * 0.1
+
+
+def balance_point(plant: Plant) -> tuple[float, float]:
+    """(q2e, τ): the pendulum angle near upright and the motor torque that leave the arm at rest at q1 = 0.
+
+    Newton's method on the plant's own equations, its memoryless effects included. Raises DesignError if there is
+    none within 0.5 rad.
+    """
+    still = plant.replace(effects=tuple(e for e in plant.effects if not e.type.memory))
+    at = lambda z: state_derivative(still, np.array([0.0, z[0], 0.0, 0.0]), z[1])[2:4]  # noqa: E731
+    z = np.zeros(2)
+    for _ in range(20):
+        base, h = at(z), np.array([1e-6, 1e-6 * plant.u_max])
+        slope = np.stack([(at(z + np.diag(h)[i]) - base) / h[i] for i in range(2)], axis=1)
+        step = np.linalg.solve(slope, base)
+        z -= step
+        if not abs(z[0]) < 0.5:
+            break
+        if np.all(np.abs(step) < 1e-9 * np.array([1.0, plant.u_max])):
+            return float(z[0]), float(z[1])
+    raise DesignError("this plant has no balance point near upright at q1 = 0; check the size of its effects")
+
+
+def design_model(plant: Plant, sample_time: float) -> DesignModel:
+    """The plant at its samples, linear about upright, with the delay and the lag that it carries.
+
+    Raises DesignError if the command cannot reach the pendulum (θ3 = 0).
+    """
+    th1, th2, th3, th4 = plant.theta[:4]
+    if th3 == 0:
+        raise DesignError("θ3 = 0: the arm does not move the pendulum, so no controller can balance it")
+    linear = linearize(plant)
+    q2e, torque = balance_point(plant) if plant.effects else (0.0, 0.0)
+    m11, m12, m22 = mass_matrix(0.0, th1, th2, th3, th4)
+    inverse = np.linalg.inv(np.array([[m11, m12], [m12, m22]]))
+    A, B, W = linear.A, linear.B, np.vstack([np.zeros((2, 2)), inverse])
+    lag, delay = plant.effect("actuator_lag"), plant.effect("input_delay")
+    if lag is not None and (tau := lag.parameters["T"]) > 0:
+        A = np.block([[A, B], [np.zeros((1, 4)), np.full((1, 1), -1 / tau)]])
+        B = np.vstack([np.zeros((4, 1)), [[1 / tau]]])
+        W = np.vstack([W, np.zeros((1, 2))])
+    T = sample_time
+    noise = _sampled_noise(A, W @ np.diag(torque_noise_intensity(plant)) @ W.T, T)
+    d = delay.parameters["d"] if delay is not None else 0.0
+    m = int(np.ceil(d / T - 1e-9))
+    if m == 0:
+        Ad, Bd = _held(A, B, T)
+    else:
+        n = A.shape[0]
+        late = d - (m - 1) * T  # for so long the oldest command still acts
+        after, new = _held(A, B, T - late)
+        whole = expm(A * T)
+        old = after @ _held(A, B, late)[1]
+        Ad, Bd = np.zeros((n + m, n + m)), np.zeros((n + m, 1))
+        Ad[:n, :n] = whole
+        Ad[:n, n + m - 1] = old[:, 0]
+        Ad[n + 1 :, n : n + m - 1] = np.eye(m - 1)
+        Bd[n] = 1.0
+        if m == 1:
+            Bd[:n] = new
+        else:
+            Ad[:n, n + m - 2] = new[:, 0]
+        noise = block_diag(noise, np.zeros((m, m)))
+    return DesignModel(Ad, Bd, noise, q2e, torque, T)
+
+
+def _held(A: NDArray[np.float64], B: NDArray[np.float64], time: float) -> tuple[NDArray[np.float64], ...]:
+    """(e^{A t}, ∫ e^{A s} ds B) for a command held over `time`."""
+    n, m = B.shape
+    E = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)
+    return E[:n, :n], E[:n, n:]
+
+
+def _sampled_noise(A: NDArray[np.float64], Q: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+    """∫ e^{A s} Q e^{Aᵀ s} ds over one sample (Van Loan 1978)."""
+    n = A.shape[0]
+    E = expm(np.block([[-A, Q], [np.zeros((n, n)), A.T]]) * time)
+    N = E[n:, n:].T @ E[:n, n:]
+    return 0.5 * (N + N.T)

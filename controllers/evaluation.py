@@ -1,0 +1,120 @@
+"""Compare controllers: the same seeded trials, sensors, limits and sample time for all, encoders only."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from furuta_gym.plant import Plant
+from furuta_gym.sensors import Sensors
+
+from .base import Controller, DesignError
+from .comparison import Comparison
+from .conditions import GROUPS, Condition, conditions
+from .design import choose_sample_time, choose_sensors
+from .registry import make_controller
+from .statistics import Interval
+
+
+@dataclass(frozen=True)
+class _Task:
+    name: str
+    policy: Any
+    condition: Condition
+    sample_time: float
+    seed: int
+
+    def run(self) -> dict[str, Interval]:
+        return self.condition.score(self.policy, self.sample_time, self.seed)
+
+
+def compare(
+    plant: Plant | str,
+    controllers: Sequence[Any],
+    *,
+    design_plant: Plant | str | None = None,
+    trials: int = 200,
+    small_trials: int | None = None,
+    duration: float = 20.0,
+    sample_time: float | None = None,
+    sensors: Sensors | None = None,
+    groups: Iterable[str] = GROUPS,
+    effects: Iterable[str] | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Comparison:
+    """Play every controller in every condition.
+
+    controllers: names (see `CONTROLLERS`), policy files `*.zip`, `Controller`s, or any policy with a `name`.
+    design_plant: what named controllers are designed from, default `plant`; the two differ to see what a wrong model
+    costs. trials: of the groups balance and swing_up; small_trials (default: a quarter, at least 10) of each other
+    condition. sample_time [s], sensors: default is the plant's, else 2 ms and 4096 counts. jobs: processes.
+    progress(done, of): called after each condition. A controller that does not apply to the plant is left out, with
+    the reason. Raises ValueError on an unknown name, group or effect, and when nothing is left to compare.
+    """
+    plant = Plant.resolve(plant)
+    design = Plant.resolve(design_plant) if design_plant is not None else plant
+    if trials < 1 or (small_trials is not None and small_trials < 1):
+        raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
+    small = small_trials or max(10, trials // 4)
+    T, sensors = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
+    policies, skipped = _build(controllers, design, T, sensors)
+    if not policies:
+        raise ValueError("nothing to compare: " + ("; ".join(skipped.values()) or "no controllers were named"))
+    rows = conditions(plant, sensors, trials, small, duration, groups, effects, seed)
+    tasks = [
+        _Task(name, policy, row, T, seed)
+        for name, policy in policies.items()
+        for row in rows
+        if row.kind != "swing_up" or "swing_up" in getattr(policy, "tasks", ())
+    ]
+    scores: dict[str, dict[str, dict[str, Interval]]] = {name: {} for name in policies}
+    for done, (task, figures) in enumerate(zip(tasks, _run(tasks, jobs), strict=True), start=1):
+        scores[task.name][task.condition.name] = figures
+        if progress:
+            progress(done, len(tasks))
+    settings = {
+        "trials": trials,
+        "small_trials": small,
+        "duration": duration,
+        "sample_time": T,
+        "sensors": sensors.to_dict(),
+        "seed": seed,
+        "u_max": plant.u_max,
+        "designed_for_this_plant": design == plant,
+    }
+    return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped)
+
+
+def _build(
+    controllers: Sequence[Any], plant: Plant, sample_time: float, sensors: Sensors
+) -> tuple[dict[str, Any], dict[str, str]]:
+    policies: dict[str, Any] = {}
+    skipped: dict[str, str] = {}
+    for given in controllers:
+        if isinstance(given, Controller) or (callable(given) and not isinstance(given, str)):
+            name, policy = str(getattr(given, "name", type(given).__name__)), given
+            if isinstance(given, Controller) and abs(given.sample_time - sample_time) > 1e-9:
+                raise ValueError(
+                    f"{name} is made for {given.sample_time:g} s and the trials sample every {sample_time:g} s; "
+                    f"make it for {sample_time:g} s, or pass sample_time={given.sample_time:g}"
+                )
+        else:
+            name = str(given)
+            try:
+                policy = make_controller(name, plant, sample_time, sensors)
+            except DesignError as error:
+                skipped[name] = str(error)
+                continue
+        if name in policies:
+            raise ValueError(f"controller {name} is given twice")
+        policies[name] = policy
+    return policies, skipped
+
+
+def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[dict[str, Interval]]:
+    if jobs == 1:
+        return (task.run() for task in tasks)
+    from joblib import Parallel, delayed
+
+    return Parallel(n_jobs=jobs, return_as="generator")(delayed(_Task.run)(task) for task in tasks)  # type: ignore

@@ -1,0 +1,78 @@
+"""What a controller undoes of the effects that its plant carries: reading errors and the static command path.
+
+Both are inverted numerically from the plant's own compiled equations, so an effect that is added to the library
+is undone here without a word. Delay and lag are no static maps; the design model takes them in (see `design`).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+from furuta_gym.plant.effects.dispatch import add_torques, map_command, read_sensors
+
+_TABLE = 513  # points of the tabulated command map
+
+
+class KnownEffects:
+    """Maps between readings and angles, and between wanted torque and command, for one plant.
+
+    torque_limits: the torques that ±u_max gives. `command_map` is the table (torque, command) when there is one.
+    friction_speed [rad/s]: friction that `arm_torque` knows changes sign over this speed, slower than the plant's
+    own 1/r, as estimated velocities are noisy.
+    """
+
+    def __init__(self, plant: Plant, friction_speed: float = 0.1) -> None:
+        # what depends on the time since a log's start cannot be known on the next run
+        known = tuple(e for e in plant.effects if not e.type.memory and "t" not in e.type.arguments.get("torque", ()))
+        self.plant = plant.replace(effects=known, friction_sharpness=1.0 / friction_speed)
+        p, self._codes, self._rows = self.plant.packed()
+        self._p = p[:, None]
+        self._on_arm = self._codes[[e.type.place == "arm" for e in known]]
+        hooks = {hook for e in known for hook in e.type.kernels}
+        self.reads_wrong = "sensor" in hooks
+        self.command_map: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self.torque_limits = (-plant.u_max, plant.u_max)
+        if "command" in hooks:
+            u = np.linspace(-plant.u_max, plant.u_max, _TABLE)
+            # a little of u itself makes dead zones and saturated ends invertible
+            tau = self._torques(u) + 1e-6 * u
+            middle = _TABLE // 2
+            tau[middle:] = np.maximum.accumulate(tau[middle:])
+            tau[middle::-1] = np.minimum.accumulate(tau[middle::-1])
+            self.command_map = tau, u
+            self.torque_limits = float(tau[0]), float(tau[-1])
+
+    def _torques(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        tau = u.copy()
+        map_command(np.repeat(self._p, u.size, axis=1), self._codes, tau)
+        return tau
+
+    def angles(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Angles (2,) or (2, L) whose readings are y."""
+        if not self.reads_wrong:
+            return y
+        wanted = y.reshape(2, -1)
+        P = np.repeat(self._p, wanted.shape[1], axis=1)
+        q = wanted.copy()
+        for _ in range(4):  # reading errors are small and smooth: each round gains one to two digits
+            Y = q.copy()
+            read_sensors(np.concatenate([q, np.zeros((self._rows - 2, q.shape[1]))]), P, self._codes, Y)
+            q += wanted - Y
+        return q.reshape(y.shape)
+
+    def command(self, torque: Any) -> Any:
+        """The command whose static map gives the wanted motor torque."""
+        return torque if self.command_map is None else np.interp(torque, *self.command_map)
+
+    def arm_torque(self, x: NDArray[np.float64]) -> Any:
+        """Torque, (L,) or float, that Coulomb friction and the arm's effects exert in states x (4,) or (4, L)."""
+        X = np.ascontiguousarray(x.reshape(4, -1))
+        lanes = X.shape[1]
+        zero, F = np.zeros(lanes), np.zeros((2, lanes))
+        F[0] = -self.plant.theta[7] * np.tanh(self.plant.sharpness[0] * X[2])
+        if self._on_arm.size:
+            P = np.repeat(self._p, lanes, axis=1)
+            add_torques(zero, X, zero, P, self._on_arm, P[:11].copy(), F)
+        return F[0] if x.ndim == 2 else float(F[0, 0])

@@ -1,0 +1,65 @@
+"""Controllers by name, each designed from a plant."""
+
+import difflib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from furuta_gym.plant import Plant
+from furuta_gym.sensors import Sensors
+
+from .base import Controller
+
+
+@dataclass(frozen=True)
+class Design:
+    """Where a controller's design function is, and one line on what it does."""
+
+    module: str
+    function: str
+    summary: str
+
+    @property
+    def build(self) -> Callable[..., Controller]:
+        return getattr(import_module(f".{self.module}", __package__), self.function)
+
+
+CONTROLLERS: dict[str, Design] = {
+    "paper-lqr": Design("paper_lqr", "design_paper_lqr", "the paper's gain (24), u = −K x; for the paper's rig only"),
+    "lqr": Design("lqr", "design_lqr", "continuous LQR, velocities by a filtered difference"),
+    "dlqr": Design("lqr", "design_dlqr", "LQR of the sampled plant, its delay and lag included"),
+    "lqg": Design("lqg", "design_lqg", "dlqr on the state of a Kalman filter that knows the encoders"),
+    "lqr-friction": Design("lqr_friction", "design_lqr_friction", "dlqr that cancels the arm's friction"),
+    "lqg-friction": Design("lqr_friction", "design_lqg_friction", "lqg that cancels the arm's friction"),
+    "lqi": Design("lqi", "design_lqi", "dlqr with integral action on the arm angle"),
+    "swing-up": Design("swing_up", "design_swing_up", "energy swing-up, then dlqr inside its region of attraction"),
+}
+
+
+def make_controller(
+    name: str | os.PathLike[str],
+    plant: Plant | str | os.PathLike[str],
+    sample_time: float | None = None,
+    sensors: Sensors | None = None,
+    **options: Any,
+) -> Controller:
+    """The controller called `name`, designed for `plant`; or a learned policy, when `name` is a file `*.zip`.
+
+    sample_time [s]: default is the plant's, else 2 ms. sensors: default is what the plant file says, else 4096-count
+    encoders. options go to the design function (`weights`, `reference`, …). Raises ValueError for an unknown name
+    (the message lists the names), DesignError if the plant cannot be controlled so, FileNotFoundError for a missing
+    policy.
+    """
+    plant = Plant.resolve(plant)
+    text = os.fspath(name)
+    if text.endswith(".zip"):
+        from .learned import load_policy
+
+        return load_policy(text, plant, sample_time, sensors, **options)
+    if text not in CONTROLLERS:
+        near = difflib.get_close_matches(text.lower().replace("_", "-"), CONTROLLERS, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ValueError(f"no controller {text!r}; {hint}there are {', '.join(CONTROLLERS)}, or a policy file *.zip")
+    return CONTROLLERS[text].build(plant, sample_time, sensors, **options)

@@ -1,0 +1,62 @@
+"""Intervals over trials: Wilson's for success rates, bootstrapped interquartile means for everything else."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+_Z = 1.959963984540054  # 95 % of a normal distribution lie within
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval, from n trials. NaN where no trial counted."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+    def to_dict(self) -> dict[str, float | int | None]:
+        number = lambda x: None if np.isnan(x) else float(x)  # noqa: E731  (JSON has no NaN)
+        return {"value": number(self.value), "low": number(self.low), "high": number(self.high), "n": self.n}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, float | int | None]) -> "Interval":
+        value, low, high = (float("nan") if data[k] is None else float(data[k] or 0.0) for k in ("value", "low", "high"))
+        return cls(value, low, high, int(data["n"] or 0))
+
+    def __str__(self) -> str:
+        return "–" if np.isnan(self.value) else f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+def success_rate(success: ArrayLike) -> Interval:
+    """Share of successes with Wilson's score interval (1927), which stays inside [0, 1] and is right near its ends."""
+    outcomes = np.asarray(success, dtype=bool)
+    n = outcomes.size
+    if n == 0:
+        return Interval(np.nan, np.nan, np.nan, 0)
+    p = float(outcomes.mean())
+    centre = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
+    half = _Z / (1 + _Z**2 / n) * np.sqrt(p * (1 - p) / n + _Z**2 / (4 * n * n))
+    return Interval(p, max(0.0, float(centre - half)), min(1.0, float(centre + half)), n)
+
+
+def interquartile_mean(values: np.ndarray) -> np.ndarray:
+    """Mean of the middle half along the last axis, the ends of that half weighted by their share."""
+    ordered = np.sort(values, axis=-1)
+    n = ordered.shape[-1]
+    edges = np.arange(n + 1) / n
+    weight = np.clip(np.minimum(edges[1:], 0.75) - np.maximum(edges[:-1], 0.25), 0.0, None)
+    return ordered @ (weight / weight.sum())
+
+
+def typical(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval:
+    """Interquartile mean with its percentile bootstrap interval (Agarwal et al. 2021, "rliable")."""
+    sample = np.asarray(values, dtype=float)
+    n = sample.size
+    if n == 0:
+        return Interval(np.nan, np.nan, np.nan, 0)
+    draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
+    low, high = np.quantile(interquartile_mean(sample[draws]), [0.025, 0.975])
+    return Interval(float(interquartile_mean(sample)), float(low), float(high), n)

@@ -1,0 +1,206 @@
+"""Many trials at once: one controller on many rigs side by side, all sampled as `furuta_gym.simulate` samples one."""
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+from furuta_gym.plant.dynamics import advance, substep
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulate import LONGEST_STEP
+
+from .base import Controller
+
+FALLEN = np.pi / 2  # rad; beyond it only a swing-up brings the pendulum back
+ARM_TRAVEL = 2 * np.pi  # rad to either side; a cable allows no more
+CALM = 0.05  # rad; a pendulum has settled after a push when it stays within
+PUSH_LENGTH = 0.02  # s
+UPRIGHT = 0.2  # rad; swung up while within
+HOLD = 5.0  # s at the end of a swing-up trial, all of which must be upright
+
+Lanes = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Starts:
+    """How L trials begin and what hits them.
+
+    x0 (4, L): q1, q2, q̇1, q̇2. push (L,) [rad/s]: the change of q̇2 that a tap on the pendulum makes upright, spread
+    over 20 ms from push_time (L,) [s] on.
+    """
+
+    x0: NDArray[np.float64]
+    push: NDArray[np.float64]
+    push_time: NDArray[np.float64]
+
+    @property
+    def lanes(self) -> int:
+        return self.x0.shape[1]
+
+
+def pace(plant: Plant) -> float:
+    """√(θ5/θ4) [rad/s], the pendulum's natural frequency: it makes speeds comparable between rigs."""
+    return float(np.sqrt(abs(plant.theta[4] / plant.theta[3])))
+
+
+def balance_starts(
+    plant: Plant, n: int, duration: float, rng: np.random.Generator, push: float | NDArray[np.float64] | None = None
+) -> Starts:
+    """n starts near upright, and a push to a random side at 40 to 60 % of the duration.
+
+    |q1| ≤ 0.5 rad, |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 `pace`; push [rad/s], by default 0.2 `pace`.
+    """
+    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[0.5], [0.1], [0.1 * pace(plant)], [0.1 * pace(plant)]])
+    size = 0.2 * pace(plant) if push is None else push
+    return Starts(x0, size * rng.choice([-1.0, 1.0], n), duration * rng.uniform(0.4, 0.6, n))
+
+
+def swing_up_starts(n: int, rng: np.random.Generator) -> Starts:
+    """n starts that hang: |q1| ≤ 0.5, |q2 − π| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.1 rad/s, no push."""
+    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[0.5], [0.1], [0.1], [0.1]])
+    x0[1] += np.pi
+    return Starts(x0, np.zeros(n), np.zeros(n))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What happened in L trials, arrays (L,). Where a trial failed, only `success` and `failed_at` mean something.
+
+    rms_q1, rms_q2 [rad] over the whole trial (swing-up: over the holding time at its end); energy ∫u² dt [{u}² s];
+    roughness: mean |Δu|/T [{u}/s]; settling [s]: from the push until |q2| stays below 0.05 rad (swing-up: from the
+    start until it stays below 0.2 rad from upright); largest_q1 [rad].
+    """
+
+    success: NDArray[np.bool_]
+    failed_at: NDArray[np.float64]
+    rms_q1: NDArray[np.float64]
+    rms_q2: NDArray[np.float64]
+    energy: NDArray[np.float64]
+    roughness: NDArray[np.float64]
+    settling: NDArray[np.float64]
+    largest_q1: NDArray[np.float64]
+
+
+def as_lanes(policy: Any, lanes: int) -> Lanes:
+    """`policy`, started anew, for (2, L) readings: a `Controller` as it is, any other policy as L copies."""
+    if isinstance(policy, Controller):
+        one = copy.deepcopy(policy)
+        one.reset()
+        return one
+    copies = [copy.deepcopy(policy) for _ in range(lanes)]
+    for one in copies:
+        if hasattr(one, "reset"):
+            one.reset()
+    return lambda y: np.array([one(y[:, k]) for k, one in enumerate(copies)])
+
+
+def pack(plants: Sequence[Plant]) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
+    """(P, codes, rows of X) of plants that carry the same effects, for the compiled lanes; P (n, L).
+
+    Raises ValueError if their effects differ.
+    """
+    packed = [plant.packed() for plant in plants]
+    codes = packed[0].codes
+    if any(p.codes.shape != codes.shape or (p.codes != codes).any() for p in packed):
+        raise ValueError("plants that run side by side must carry the same effects, in the same order")
+    return np.ascontiguousarray(np.stack([p.p for p in packed], axis=1)), codes, packed[0].rows
+
+
+def run_trials(
+    plant: Plant | Sequence[Plant],
+    policy: Any,
+    starts: Starts,
+    duration: float,
+    sample_time: float,
+    sensors: Sensors | None = None,
+    *,
+    swing_up: bool = False,
+    arm_travel: float = ARM_TRAVEL,
+    seed: int = 0,
+) -> Outcome:
+    """Play `policy` in every trial of `starts`, on one plant or on one plant for each trial.
+
+    A balance trial succeeds if |q2| never passes π/2 and |q1| never passes `arm_travel`; a swing-up trial if the
+    last 5 s are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the number of
+    trials only, so every policy meets the same.
+    """
+    L, T = starts.lanes, sample_time
+    plants = [plant] * L if isinstance(plant, Plant) else list(plant)
+    if len(plants) != L:
+        raise ValueError(f"{L} trials need one plant or {L}, got {len(plants)}")
+    n = round(duration / T)
+    if n < 1 or (swing_up and duration <= HOLD):
+        raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {HOLD:g} s)")
+    sensors = sensors or Sensors()
+    rng = np.random.default_rng(seed)
+    control = as_lanes(policy, L)
+    P, codes, rows = pack(plants)
+    h_max = substep(float(P[9:11].max()), LONGEST_STEP)
+    u_max = np.array([p.u_max for p in plants])
+    impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright
+    X = np.zeros((rows, L))
+    X[:4] = starts.x0
+    U, W, t = np.zeros((n, L)), np.zeros((2, L)), np.arange(n + 1) * T
+    score = _Score(L, T, n, starts.push_time, swing_up, arm_travel)
+    for k in range(n):
+        if not score.watch(k, X):
+            break
+        u = np.minimum(np.maximum(control(sensors.read(X, P, codes, rng)), -u_max), u_max)
+        U[k] = np.where(score.alive, u, 0.0)
+        W[1] = impulse / PUSH_LENGTH * ((t[k] >= starts.push_time) & (t[k] < starts.push_time + PUSH_LENGTH))
+        advance(X, t[k], t[k + 1], t[:n], U, k, W, P, codes, h_max)
+    else:
+        score.watch(n, X)
+    return score.outcome(U)
+
+
+class _Score:
+    """Adds up a batch of trials while it runs."""
+
+    def __init__(
+        self, L: int, T: float, n: int, push_time: NDArray[np.float64], swing_up: bool, arm_travel: float
+    ) -> None:
+        self.T, self.n, self.swing_up, self.arm_travel = T, n, swing_up, arm_travel
+        self.alive = np.ones(L, dtype=bool)
+        self.failed_at = np.full(L, np.inf)
+        self.settled = np.zeros(L)
+        self.push_time = push_time
+        self.hold_from = n - round(HOLD / T) if swing_up else 0
+        self.sum1, self.sum2, self.largest = np.zeros(L), np.zeros(L), np.zeros(L)
+
+    def watch(self, k: int, X: NDArray[np.float64]) -> bool:
+        """Take in the states at sample k; failed trials are stopped. Whether any trial goes on."""
+        q1 = np.abs(X[0])
+        q2 = np.abs(X[1] - 2 * np.pi * np.round(X[1] / (2 * np.pi))) if self.swing_up else np.abs(X[1])
+        limit = (UPRIGHT if k >= self.hold_from else np.inf) if self.swing_up else FALLEN
+        good = (q1 <= self.arm_travel) & (q2 <= limit)  # False for NaN too
+        lost = self.alive & ~good
+        if lost.any():
+            self.failed_at[lost] = k * self.T
+            self.alive &= good
+        X[:, ~self.alive] = 0.0  # keeps stopped trials from running off to infinity
+        since = (k + 1) * self.T - self.push_time
+        restless = (q2 > (UPRIGHT if self.swing_up else CALM)) & (since > 0)
+        self.settled[restless] = since[restless]
+        np.maximum(self.largest, q1, out=self.largest, where=self.alive)
+        if k >= self.hold_from:
+            self.sum1 += q1 * q1
+            self.sum2 += q2 * q2
+        return bool(self.alive.any())
+
+    def outcome(self, U: NDArray[np.float64]) -> Outcome:
+        count = self.n + 1 - self.hold_from
+        return Outcome(
+            success=self.alive,
+            failed_at=self.failed_at,
+            rms_q1=np.sqrt(self.sum1 / count),
+            rms_q2=np.sqrt(self.sum2 / count),
+            energy=(U**2).sum(axis=0) * self.T,
+            roughness=np.abs(np.diff(U, axis=0)).mean(axis=0) / self.T,
+            settling=self.settled,
+            largest_q1=self.largest,
+        )

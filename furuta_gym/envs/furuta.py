@@ -1,0 +1,232 @@
+"""`FurutaID-v0`, one environment."""
+
+import math
+import os
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from ..plant.compiled import compiled
+from ..plant.plant import Plant
+from . import kernels as k
+from .options import Options, Setup
+from .rendering import Scene, Viewer
+from .streams import start_stream
+
+
+class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A Furuta pendulum as a rig's computer sees it: command in, encoders out, one sample a step.
+
+    This text is the specification. The plant is model (5) with the effects of its plant file, integrated by the same
+    compiled code that identification and simulation use. Angles as in the paper: q1 is the arm, q2 the pendulum,
+    q2 = 0 upright.
+
+    ## Task
+    `balance` starts near upright and ends when the pendulum falls. `swing_up` starts hanging; the pendulum is to be
+    swung up and held, in one episode.
+
+    ## Action
+    Box(-u_max, u_max, (1,), float32): the command in the plant's own unit (V or N·m), clipped to ±u_max and held for
+    one sample. With `normalize_action=True` Box(-1, 1, (1,)): the share of u_max, which is what learners want and what
+    the checkers of Gymnasium and stable-baselines3 recommend.
+
+    ## Observation
+    Box((5,), float32): [q1, sin q2, cos q2, v1, v2] in rad and rad/s. The angles are encoder readings (counts, offset,
+    noise, and the plant's sensor effects), the velocities a causal filtered difference of the readings,
+    v ← v + (1 − e^(−ωc T)) (Δy/T − v), which starts from zero at reset. Values are clipped to the space's bounds:
+    |q1| ≤ 2 arm_limit, |v| ≤ 200 rad/s. With `observe_command=True` the last command / u_max is appended. With
+    `history=h` the last h observations follow one another, oldest first; a reset fills them all with the first one.
+
+    ## Reward
+    In [0, 1], from the true state after the step and the command u of the step:
+
+        upright · centred · calm · (1 − (u/u_max)²/4)
+        upright = (1 + cos q2)/4 + ½/(1 + 2 (1 − cos q2)/0.2²)      half of it is sharp: it halves at |q2| ≈ 0.2 rad
+        centred = ½ + ½/(1 + q1²)                                    q1 in rad
+        calm    = ½ + ½/(1 + (q̇1² + q̇2²)/ω²)                         ω² = θ5/θ4, the pendulum's own, at least 1
+
+    Ending an episode early only loses reward.
+
+    ## Start
+    Uniform and independent: `balance` |q1| ≤ 0.2, |q2| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.2 rad/s; `swing_up` |q1| ≤ 0.2,
+    |q2 − π| ≤ 0.05 rad, at rest. Effects with memory start at rest, and before the episode the command was zero.
+    `reset(options={"state": [q1, q2, v1, v2]})` starts from a given state (NaN: drawn).
+
+    ## End of an episode
+    terminated: |q1| > arm_limit (the cable), in `balance` |q2| > pendulum_limit, or a state that is no longer finite.
+    truncated: only by the time limit, 1000 samples unless `max_episode_steps` is given to `gymnasium.make`.
+
+    ## Options
+    plant: Plant, plant file, or the name of a set (`table3`, `qube`, `large`). Default `table3`, the paper's.
+    task: `balance` (default) or `swing_up`.
+    randomize (False): draw the plant at every reset from the covariance in its file, truncated to M > 0, friction ≥ 0
+        and the effects' bounds.
+    effect_probabilities ({}): {name: p} lets an effect act in an episode with probability p; at its own size if the
+        plant carries it, else at a size drawn up to `Plant.default_effect`. Works without `randomize` too.
+    sample_time (the plant's, else 0.01 s): control period T.
+    jitter (0): every period is T (1 + jitter · uniform(−1, 1)), at most 0.3. The velocity filter goes on assuming T.
+    delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included (`input_delay`).
+    encoder_counts, noise_std [rad], encoder_offset [rad], velocity_cutoff ωc [rad/s]: see `Sensors`; default is what
+        the plant file says, else 4096 counts, no noise, no offset, 100 rad/s.
+    history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
+    normalize_action (False): see Action.
+    arm_limit (2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
+    longest_step (2.5 ms): the Runge–Kutta step is at most this and at most 2.5 times `plant.dynamics.substep`, and a
+        sample has at least two. INTEGRATION_ERROR
+    render_mode: None, `rgb_array` or `human`.
+
+    ## Info
+    `state` (4,): true q1, q2, q̇1, q̇2. `measured_state` (4,): the same as the rig's computer has them, q2 unwrapped.
+    `command`: as applied, after clipping, before delay and other effects. At reset also `plant` (theta (9,),
+    friction_sharpness (2,), effects {name: {parameter: value}}; an effect that is off has its neutral value) when
+    plants are drawn; `env.unwrapped.plant` is the same as a `Plant`.
+
+    ## Randomness
+    `reset(seed=…)` reproduces everything that follows: starts, plants, noise, jitter, over any number of episodes.
+
+    ## Versions
+    v0: first version.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 100}  # noqa: RUF012  (Gymnasium's own way)
+
+    def __init__(
+        self,
+        plant: Plant | str | os.PathLike[str] = "table3",
+        task: str = "balance",
+        *,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
+        self.render_mode = render_mode
+        self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
+        self.observation_space: spaces.Box = setup.observation_space  # pyright: ignore
+        self.action_space: spaces.Box = setup.action_space  # pyright: ignore
+        self.metadata = type(self).metadata | {"render_fps": round(1.0 / setup.sample_time)}
+        self._lanes = np.zeros((k.block_rows(setup.sizes), 1))
+        self._stream = np.zeros(1, dtype=np.uint64)
+        self._seeded = False
+        self._ready = False
+        self._size = setup.observation_space.shape[0]
+        random = setup.random
+        shared = (self._lanes, self._stream, setup.codes, setup.sizes, setup.numbers)
+        self._step_arguments = (*shared, np.empty((k.work_rows(setup.sizes), 1)))
+        self._reset_arguments = (*shared, random.table, random.root, random.switches)
+        self._viewer: Viewer | None = None
+
+    @property
+    def plant(self) -> Plant:
+        """The plant of the present episode (the drawn one, where plants are drawn)."""
+        return self.setup.random.drawn_plant(self._parameters) if self._ready else self.setup.plant
+
+    @property
+    def _parameters(self) -> NDArray[np.float64]:
+        first = k.N_FIXED + self.setup.sizes[k.STATE_ROWS]
+        return self._lanes[first : first + self.setup.sizes[k.PARAMETER_ROWS], 0].copy()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        super().reset(seed=seed)
+        if seed is not None or not self._seeded:
+            self._stream[0] = start_stream(self.np_random)
+            self._seeded = True
+        observation, out = np.empty(self._size, dtype=np.float32), np.empty(8)
+        _reset_one(*self._reset_arguments, start_state(options), observation, out)
+        self._ready = True
+        info: dict[str, Any] = {"state": out[:4], "measured_state": out[4:], "command": 0.0}
+        if self.setup.random.active:
+            info["plant"] = self.setup.random.describe(self._parameters)
+        if self.render_mode == "human":
+            self._show()
+        return observation, info
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        if not self._ready:
+            raise ResetNeeded("call reset() before step()")
+        try:
+            (u,) = action
+            u = float(u)
+        except (TypeError, ValueError):
+            raise ValueError(f"action must be an array of one number, shape (1,), got {action!r}") from None
+        if u != u:
+            raise ValueError("action is NaN; check the policy that made it")
+        observation, out = np.empty(self._size, dtype=np.float32), np.empty(8)
+        reward, terminated, command = _step_one(u, *self._step_arguments, observation, out)
+        if self.render_mode == "human":
+            self._show()
+        return (
+            observation,
+            reward,
+            terminated,
+            False,
+            {"state": out[:4], "measured_state": out[4:], "command": command},
+        )
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The present frame (height, width, 3) in mode rgb_array; mode human draws by itself in reset and step."""
+        if self.render_mode is None:
+            gym.logger.warn(
+                'there is nothing to render without a render_mode; make the env with "rgb_array" or "human"'
+            )
+            return None
+        if not self._ready:
+            raise ResetNeeded("call reset() before render()")
+        if self.render_mode == "human":
+            self._show()
+            return None
+        return self._open_viewer().draw(Scene.of(self.setup, self._lanes[:, 0]))
+
+    def _show(self) -> None:
+        self._open_viewer().show(Scene.of(self.setup, self._lanes[:, 0]))
+
+    def _open_viewer(self) -> Viewer:
+        if self._viewer is None:
+            self._viewer = Viewer(trail=True)
+        return self._viewer
+
+    def close(self) -> None:
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+
+def start_state(options: dict[str, Any] | None) -> NDArray[np.float64]:
+    """options["state"] as (4,) or (N, 4), NaN where it is left to chance. Raises ValueError on another shape."""
+    given = (options or {}).get("state")
+    if given is None:
+        return np.full(4, math.nan)
+    state = np.asarray(given, dtype=float)
+    if state.shape[-1:] != (4,):
+        raise ValueError(f"options['state'] must hold q1, q2, q̇1, q̇2, got shape {state.shape}")
+    return state
+
+
+@compiled(forceinline=True)
+def _publish(lanes, sizes, observation, out):
+    first = k.first_frame_row(sizes)
+    for i in range(observation.shape[0]):
+        observation[i] = lanes[first + i, 0]
+    for i in range(4):
+        out[i] = lanes[k.N_FIXED + i, 0]
+        out[4 + i] = lanes[k.READING1 + i, 0]
+
+
+@compiled
+def _reset_one(lanes, streams, codes, sizes, numbers, table, root, switches, state, observation, out):
+    k.reset_lane(lanes, 0, streams, codes, sizes, numbers, table, root, switches, state)
+    _publish(lanes, sizes, observation, out)
+
+
+@compiled
+def _step_one(u, lanes, streams, codes, sizes, numbers, work, observation, out):
+    lanes[k.COMMAND, 0] = u
+    k.step_lanes(lanes, streams, codes, sizes, numbers, work)
+    _publish(lanes, sizes, observation, out)
+    return lanes[k.REWARD, 0], lanes[k.TERMINATED, 0] > 0.0, lanes[k.COMMAND, 0]

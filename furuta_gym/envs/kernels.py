@@ -1,0 +1,275 @@
+"""The compiled step of `FurutaID-v0`: command, motion, encoders, velocity filter, observation, reward, end of episode.
+
+A block holds L envs side by side as the columns ("lanes") of one array (rows, L): single envs are a block of one lane,
+the vector env has many blocks of many lanes, and both run the same code, so that they agree to the last bit.
+
+    rows of a block: N_FIXED rows named below | X (4 + memory) | P (11 + …) | past commands (H) | their times (H) |
+                     observation frames, oldest first (history · frame)
+"""
+
+import math
+
+import numpy as np
+
+from ..plant.compiled import compiled
+from ..plant.dynamics import N_BASE, _runge_kutta, acceleration
+from ..plant.effects.dispatch import command_delays, filter_command, map_command, store_filter
+from ..plant.elementary import sincos
+from ..sensors import read_encoders
+from .randomization import draw_parameters
+from .streams import normal_pair, uniform
+
+# Rows of a block before X.
+(TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, TRUNCATED, DONE, N_FIXED) = range(
+    13
+)
+
+# Entries of `sizes`.
+(STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, N_SIZES) = range(8)
+
+# Entries of `numbers`; of a pair or four the first is named.
+SAMPLE_TIME, JITTER, U_MAX, ACTION_SCALE, VELOCITY_GAIN = range(5)
+NOISE1, OFFSET1, COUNT1 = 5, 7, 9
+ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, START_Q2, START_SPREAD = range(11, 17)
+N_NUMBERS = START_SPREAD + 4
+
+BALANCE_LIMIT = 0.5  # rad; |q2| beyond it ends an episode of `balance`
+WINDING_LIMIT = 5e3  # rad; the compiled sine is exact up to 1e4
+START_BALANCE = (0.2, 0.1, 0.2, 0.2)  # half-widths of the uniform start: q1, q2 [rad], q̇1, q̇2 [rad/s]
+START_SWING_UP = (0.2, 0.05, 0.0, 0.0)
+
+# Reward: half-value widths of its factors (see `reward_of`).
+UPRIGHT_WIDTH = 0.2  # rad
+CENTRE_WIDTH = 1.0  # rad
+COMMAND_SHARE = 0.25
+
+
+@compiled(forceinline=True)
+def reward_of(q1, q2, v1, v2, command_share, speed_scale):
+    """Reward in [0, 1] of true state and command / u_max; `FurutaEnv` has the formula."""
+    _, c = sincos(q2)
+    upright = 0.25 * (1.0 + c) + 0.5 / (1.0 + 2.0 * (1.0 - c) / UPRIGHT_WIDTH**2)
+    centred = 0.5 + 0.5 / (1.0 + (q1 / CENTRE_WIDTH) ** 2)
+    calm = 0.5 + 0.5 / (1.0 + (v1 * v1 + v2 * v2) / (speed_scale * speed_scale))
+    return upright * centred * calm * (1.0 - COMMAND_SHARE * command_share * command_share)
+
+
+@compiled
+def work_rows(sizes):
+    """Rows of the work space that a block's step needs."""
+    return 3 * sizes[STATE_ROWS] + N_BASE + 5 + 8
+
+
+@compiled
+def first_frame_row(sizes):
+    """Row of a block at which the observation begins."""
+    return N_FIXED + sizes[STATE_ROWS] + sizes[PARAMETER_ROWS] + 2 * sizes[PAST_COMMANDS]
+
+
+@compiled
+def block_rows(sizes):
+    """Rows of a block."""
+    return first_frame_row(sizes) + sizes[HISTORY] * sizes[FRAME]
+
+
+@compiled
+def runge_kutta_alone(X, h, n, command, P):
+    """What `plant.dynamics` does to one lane without effects, but in registers: same bits, a third of the time."""
+    q1, q2, v1, v2 = X[0, 0], X[1, 0], X[2, 0], X[3, 0]
+    th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2 = (
+        P[0, 0], P[1, 0], P[2, 0], P[3, 0], P[4, 0], P[5, 0], P[6, 0], P[7, 0], P[8, 0], P[9, 0], P[10, 0]
+    )  # fmt: skip
+    sixth = h * (1.0 / 6.0)
+    for _ in range(n):
+        s1 = s2 = s3 = s4 = 0.0
+        k1 = k2 = k3 = k4 = 0.0
+        for stage in range(4):
+            c = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+            w = 2.0 if 0 < stage < 3 else 1.0
+            x2, x3, x4 = q2 + c * h * k2, v1 + c * h * k3, v2 + c * h * k4
+            k1, k2 = x3, x4
+            k3, k4 = acceleration(x2, x3, x4, command, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+            s1 += w * k1
+            s2 += w * k2
+            s3 += w * k3
+            s4 += w * k4
+        q1 += sixth * s1
+        q2 += sixth * s2
+        v1 += sixth * s3
+        v2 += sixth * s4
+    X[0, 0], X[1, 0], X[2, 0], X[3, 0] = q1, q2, v1, v2
+
+
+@compiled
+def _held(X, P, codes, start, h, command, W, substeps, work):
+    """Carry X over `substeps` steps of h (L,) from start (L,), under the command (L,) as the amplifier gets it."""
+    if X.shape[1] == 1 and codes.shape[0] == 0:
+        runge_kutta_alone(X, h[0], substeps, command[0], P)
+        return
+    map_command(P, codes, command)
+    _runge_kutta(X, start, h, substeps, command, W, P, codes, work)
+    since, torque = work[-1], work[-3]
+    for k in range(X.shape[1]):
+        since[k] = h[k] * substeps
+    filter_command(command, since, X, P, codes, torque)
+    store_filter(X, codes, torque)
+
+
+@compiled
+def _move(lanes, codes, sizes, work):
+    """Carry every lane's X over its SPAN, under its COMMAND or, with a delay, the commands before it."""
+    rows, past, substeps = sizes[STATE_ROWS], sizes[PAST_COMMANDS], sizes[SUBSTEPS]
+    first_p = N_FIXED + rows
+    first_u = first_p + sizes[PARAMETER_ROWS]
+    X, P = lanes[N_FIXED:first_p], lanes[first_p:first_u]
+    n = 3 * rows + N_BASE + 5
+    inner, start, h, command, W = work[:n], work[n], work[n + 1], work[n + 2], work[n + 3 : n + 5]
+    L = lanes.shape[1]
+    W[:] = 0.0
+    for k in range(L):
+        start[k] = lanes[TIME, k]
+        h[k] = lanes[SPAN, k] / substeps
+        command[k] = lanes[COMMAND, k]
+    if past == 0:
+        _held(X, P, codes, start, h, command, W, substeps, inner)
+        return
+    U, since = lanes[first_u : first_u + past], lanes[first_u + past : first_u + 2 * past]
+    delay, source, stop = work[n + 5], work[n + 6], work[n + 7]
+    for i in range(past - 1, 0, -1):
+        U[i] = U[i - 1]
+        since[i] = since[i - 1]
+    U[0] = command
+    since[0] = start
+    command_delays(P, codes, delay)
+    for k in range(L):
+        i = 0
+        while i < past - 1 and since[i, k] + delay[k] > start[k]:
+            i += 1
+        source[k] = i
+    for stretch in range(sizes[STRETCHES]):
+        for k in range(L):
+            end = lanes[TIME, k] + lanes[SPAN, k]
+            i = int(source[k])
+            stop[k] = end
+            if i > 0 and stretch < sizes[STRETCHES] - 1:
+                stop[k] = max(start[k], min(end, since[i - 1, k] + delay[k]))
+            command[k] = U[i, k]
+            h[k] = (stop[k] - start[k]) / substeps
+        _held(X, P, codes, start, h, command, W, substeps, inner)
+        for k in range(L):
+            start[k] = stop[k]
+            if source[k] > 0.0 and stop[k] < lanes[TIME, k] + lanes[SPAN, k]:
+                source[k] -= 1.0
+
+
+@compiled
+def _frame(lanes, k, first, sizes, numbers):
+    """Write the newest observation frame of lane k into rows first …, inside the observation space's bounds."""
+    speed = numbers[SPEED_LIMIT]
+    s, c = sincos(lanes[READING2, k])
+    lanes[first, k] = _clip(lanes[READING1, k], 2.0 * numbers[ARM_LIMIT])
+    lanes[first + 1, k] = _clip(s, 1.0)
+    lanes[first + 2, k] = _clip(c, 1.0)
+    lanes[first + 3, k] = _clip(lanes[SPEED1, k], speed)
+    lanes[first + 4, k] = _clip(lanes[SPEED2, k], speed)
+    if sizes[FRAME] > 5:
+        lanes[first + 5, k] = lanes[COMMAND, k] / numbers[U_MAX]
+
+
+@compiled(forceinline=True)
+def _clip(x, limit):
+    """x inside ±limit; NaN becomes −limit."""
+    x = x if x > -limit else -limit
+    return x if x < limit else limit
+
+
+@compiled
+def _observe(lanes, streams, codes, sizes, numbers, work):
+    """Readings, velocities, observation, reward and termination of all lanes that have just moved."""
+    rows, L = sizes[STATE_ROWS], lanes.shape[1]
+    first_p = N_FIXED + rows
+    X, P = lanes[N_FIXED:first_p], lanes[first_p : first_p + sizes[PARAMETER_ROWS]]
+    noise, Y = work[0:2], work[2:4]
+    noise[:] = 0.0
+    if numbers[NOISE1] > 0.0 or numbers[NOISE1 + 1] > 0.0:
+        for k in range(L):
+            if lanes[DONE, k] == 0.0:
+                e1, e2 = normal_pair(streams, k)
+                noise[0, k] = numbers[NOISE1] * e1
+                noise[1, k] = numbers[NOISE1 + 1] * e2
+    read_encoders(X, P, codes, numbers[OFFSET1 : OFFSET1 + 2], noise, numbers[COUNT1 : COUNT1 + 2], Y)
+    gain, period = numbers[VELOCITY_GAIN], numbers[SAMPLE_TIME]
+    arm, pendulum, u_max, scale = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX], numbers[SPEED_SCALE]
+    for k in range(L):
+        for axis in range(2):
+            speed = lanes[SPEED1 + axis, k]
+            difference = (Y[axis, k] - lanes[READING1 + axis, k]) / period
+            lanes[SPEED1 + axis, k] = speed + gain * (difference - speed)
+            lanes[READING1 + axis, k] = Y[axis, k]
+    for k in range(L):
+        q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
+        inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6
+        reward = reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
+        lanes[TERMINATED, k] = 0.0 if inside else 1.0
+        lanes[REWARD, k] = reward if reward >= 0.0 else 0.0  # not finite: no reward
+        lanes[TIME, k] += lanes[SPAN, k]
+        lanes[STEPS, k] += 1.0
+    frame, history = sizes[FRAME], sizes[HISTORY]
+    oldest = first_frame_row(sizes)
+    for row in range(oldest, oldest + (history - 1) * frame):
+        for k in range(L):
+            lanes[row, k] = lanes[row + frame, k]
+    newest = oldest + (history - 1) * frame
+    for k in range(L):
+        _frame(lanes, k, newest, sizes, numbers)
+
+
+@compiled
+def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, state):
+    """Start a new episode in lane k: plant, state, first reading. state (4,): start, NaN where it shall be drawn."""
+    rows, n_p, past = sizes[STATE_ROWS], sizes[PARAMETER_ROWS], sizes[PAST_COMMANDS]
+    first_p = N_FIXED + rows
+    first_u = first_p + n_p
+    P = lanes[first_p:first_u]
+    draw_parameters(P, k, streams, k, table, root, switches)
+    lanes[:first_p, k] = 0.0
+    for i in range(4):
+        drawn = (2.0 * uniform(streams, k) - 1.0) * numbers[START_SPREAD + i]
+        if i == 1:
+            drawn += numbers[START_Q2]
+        lanes[N_FIXED + i, k] = drawn if math.isnan(state[i]) else state[i]
+    for i in range(past):
+        lanes[first_u + i, k] = 0.0
+        lanes[first_u + past + i, k] = -math.inf  # before the episode the command was zero for ever
+    alone = np.empty((rows + n_p, 1))
+    for row in range(rows + n_p):
+        alone[row, 0] = lanes[N_FIXED + row, k]
+    noise, Y = np.zeros((2, 1)), np.empty((2, 1))
+    if numbers[NOISE1] > 0.0 or numbers[NOISE1 + 1] > 0.0:
+        e1, e2 = normal_pair(streams, k)
+        noise[0, 0] = numbers[NOISE1] * e1
+        noise[1, 0] = numbers[NOISE1 + 1] * e2
+    read_encoders(
+        alone[:rows], alone[rows:], codes, numbers[OFFSET1 : OFFSET1 + 2], noise, numbers[COUNT1 : COUNT1 + 2], Y
+    )
+    lanes[READING1, k] = Y[0, 0]
+    lanes[READING2, k] = Y[1, 0]
+    frame = sizes[FRAME]
+    oldest = first_frame_row(sizes)
+    for i in range(sizes[HISTORY]):
+        _frame(lanes, k, oldest + i * frame, sizes, numbers)
+
+
+@compiled
+def step_lanes(lanes, streams, codes, sizes, numbers, work):
+    """One step of every lane of a block, its action standing in row COMMAND."""
+    period, jitter, u_max, scale = numbers[SAMPLE_TIME], numbers[JITTER], numbers[U_MAX], numbers[ACTION_SCALE]
+    for k in range(lanes.shape[1]):
+        lanes[COMMAND, k] = min(max(lanes[COMMAND, k] * scale, -u_max), u_max)
+        lanes[SPAN, k] = period
+    if jitter > 0.0:
+        for k in range(lanes.shape[1]):
+            if lanes[DONE, k] == 0.0:
+                lanes[SPAN, k] = period * (1.0 + jitter * (2.0 * uniform(streams, k) - 1.0))
+    _move(lanes, codes, sizes, work)
+    _observe(lanes, streams, codes, sizes, numbers, work)

@@ -1,0 +1,186 @@
+"""The options of `FurutaID-v0`: checked once, and turned into the numbers that the compiled step takes."""
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from ..plant.effects import Effect
+from ..plant.plant import Plant
+from ..sensors import Sensors, difference_gain
+from . import kernels as k
+from .randomization import Randomization, randomization
+
+TASKS = ("balance", "swing_up")
+SAMPLE_TIME = 0.01  # s, where the plant has none of its own
+SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
+_FEWEST_SUBSTEPS = 2
+_FRICTION_STEP = 0.4  # longest Runge–Kutta step times the friction's rate
+
+
+@dataclass(frozen=True)
+class Options:
+    """What `FurutaEnv` documents, one field each. Raises ValueError (got, expected) on anything impossible."""
+
+    plant: Plant | str | os.PathLike[str] = "table3"
+    task: str = "balance"
+    randomize: bool = False
+    effect_probabilities: Mapping[str, float] = field(default_factory=dict)
+    sample_time: float | None = None
+    encoder_counts: float | tuple[float, float] | None = None
+    noise_std: float | tuple[float, float] | None = None
+    encoder_offset: tuple[float, float] | None = None
+    velocity_cutoff: float | None = None
+    delay: float | None = None
+    jitter: float = 0.0
+    history: int = 1
+    observe_command: bool = False
+    normalize_action: bool = False
+    arm_limit: float = 2 * math.pi
+    pendulum_limit: float | None = None
+    longest_step: float = 2.5e-3
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> "Options":
+        """From keyword arguments; an unknown one is refused with the list of those that exist."""
+        known = [f.name for f in fields(cls)]
+        if strange := sorted(set(given) - set(known)):
+            raise TypeError(f"FurutaID-v0 has no option {', '.join(strange)}; it has: {', '.join(known)}")
+        return cls(**given)
+
+    def __post_init__(self) -> None:
+        if self.task not in TASKS:
+            raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
+        for name in ("randomize", "observe_command", "normalize_action"):
+            if not isinstance(getattr(self, name), bool | np.bool_):
+                raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
+        if not (isinstance(self.history, int | np.integer) and 1 <= self.history <= 100):
+            raise ValueError(f"history must be a whole number of samples in [1, 100], got {self.history!r}")
+        _check("jitter", self.jitter, 0.0, 0.3, "share of the sample time")
+        _check("arm_limit", self.arm_limit, 0.01, 1e3, "rad")
+        _check("longest_step", self.longest_step, 1e-5, 0.05, "s")
+        if self.sample_time is not None:
+            _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
+        if self.pendulum_limit is not None:
+            _check("pendulum_limit", self.pendulum_limit, 0.01, 1e3, "rad")
+        if not isinstance(self.effect_probabilities, Mapping):
+            raise ValueError(
+                f"effect_probabilities must map effect names to probabilities, got {self.effect_probabilities!r}"
+            )
+
+
+def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
+    try:
+        ok = low <= float(value) <= high
+    except (TypeError, ValueError):
+        ok = False
+    if not ok:
+        raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}, got {value!r}")
+
+
+class Setup:
+    """Everything that one env and a batch of them share: the plant, the spaces, and the compiled step's constants.
+
+    numbers (f8) and sizes (i8) are indexed by the names in `kernels`.
+    """
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        plant = Plant.resolve(options.plant)
+        self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
+        if options.delay is not None:
+            _check("delay", options.delay, 0.0, 0.1, "s")
+            plant = plant.with_effects(Effect("input_delay", {"d": options.delay}))
+        self.plant = plant
+        self.sensors = _sensors(plant, options)
+        self.random: Randomization = randomization(plant, options.randomize, options.effect_probabilities)
+        self.codes = self.random.plant.packed().codes
+        self.substeps = self._substeps()
+        self.sizes = self._sizes()
+        self.numbers = self._numbers()
+        self.observation_space, self.action_space = self._spaces()
+
+    def _substeps(self) -> int:
+        """Runge–Kutta steps a sample, at least two: see `FurutaEnv` for the rule and its error."""
+        longest = min(self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random.plant))
+        n = math.ceil(self.sample_time * (1.0 + self.options.jitter) / longest - 1e-9)
+        return max(_FEWEST_SUBSTEPS, n)
+
+    def _sizes(self) -> NDArray[np.int64]:
+        o, packed = self.options, self.random.plant.packed()
+        delay = self.random.plant.effect("input_delay")
+        past = stretches = 0
+        if delay is not None:
+            shortest = self.sample_time * (1.0 - o.jitter)
+            longest = delay.type.parameters[0].upper if o.randomize else delay.parameters["d"]
+            past = math.ceil(longest / shortest) + 2
+            stretches = 1 + math.ceil((1.0 + o.jitter) / (1.0 - o.jitter) - 1e-9)
+        sizes = np.zeros(k.N_SIZES, dtype=np.int64)
+        sizes[k.STATE_ROWS] = packed.rows
+        sizes[k.PARAMETER_ROWS] = packed.p.size
+        sizes[k.SUBSTEPS] = self.substeps
+        sizes[k.PAST_COMMANDS] = past
+        sizes[k.STRETCHES] = stretches
+        sizes[k.HISTORY] = o.history
+        sizes[k.FRAME] = 6 if o.observe_command else 5
+        return sizes
+
+    def _numbers(self) -> NDArray[np.float64]:
+        o, plant, sensors = self.options, self.plant, self.sensors
+        balance = o.task == "balance"
+        numbers = np.zeros(k.N_NUMBERS)
+        numbers[k.SAMPLE_TIME] = self.sample_time
+        numbers[k.JITTER] = o.jitter
+        numbers[k.U_MAX] = plant.u_max
+        numbers[k.ACTION_SCALE] = plant.u_max if o.normalize_action else 1.0
+        numbers[k.VELOCITY_GAIN] = difference_gain(sensors.velocity_cutoff, self.sample_time)
+        numbers[k.NOISE1 : k.NOISE1 + 2] = sensors.noise_std
+        numbers[k.OFFSET1 : k.OFFSET1 + 2] = sensors.offset
+        numbers[k.COUNT1 : k.COUNT1 + 2] = sensors.resolution
+        numbers[k.ARM_LIMIT] = o.arm_limit
+        numbers[k.PENDULUM_LIMIT] = o.pendulum_limit or (k.BALANCE_LIMIT if balance else k.WINDING_LIMIT)
+        numbers[k.SPEED_LIMIT] = SPEED_LIMIT
+        numbers[k.SPEED_SCALE] = math.sqrt(max(plant.theta[4] / plant.theta[3], 1.0))
+        numbers[k.START_Q2] = 0.0 if balance else math.pi
+        numbers[k.START_SPREAD : k.START_SPREAD + 4] = k.START_BALANCE if balance else k.START_SWING_UP
+        return numbers
+
+    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
+        high = np.array([2 * self.options.arm_limit, 1.0, 1.0, SPEED_LIMIT, SPEED_LIMIT], dtype=np.float32)
+        if self.options.observe_command:
+            high = np.append(high, np.float32(1.0))
+        high = np.tile(high, self.options.history)
+        limit = np.float32(1.0 if self.options.normalize_action else self.plant.u_max)
+        return (
+            spaces.Box(-high, high, dtype=np.float32),
+            spaces.Box(-limit, limit, (1,), dtype=np.float32),
+        )
+
+
+def _friction_rate(plant: Plant) -> float:
+    """λ [1/s]: how fast friction stops a slow motion near upright, the largest eigenvalue of M⁻¹ (F_v + F_c r)."""
+    th = plant.theta
+    r = np.array(plant.sharpness)
+    other = plant.effect("friction_sharpness")
+    if other is not None:
+        r = np.maximum(r, list(other.parameters.values()))
+    slope = np.abs(th[5:7]) + np.abs(th[7:9]) * r
+    mass = np.array([[th[0], th[2]], [th[2], th[3]]])
+    return float(np.linalg.eigvals(np.linalg.solve(mass, np.diag(slope))).real.max()) + 1e-9
+
+
+def _sensors(plant: Plant, options: Options) -> Sensors:
+    """The options where given, else what the plant file says of its sensors, else the defaults of `Sensors`."""
+    given = {
+        "encoder_counts": options.encoder_counts,
+        "noise_std": options.noise_std,
+        "offset": options.encoder_offset,
+        "velocity_cutoff": options.velocity_cutoff,
+    }
+    from_file = {name: value for name, value in (plant.sensors or {}).items() if name in given and value is not None}
+    return Sensors.from_dict(from_file | {name: value for name, value in given.items() if value is not None})

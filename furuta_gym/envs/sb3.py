@@ -1,0 +1,68 @@
+"""The compiled batch as a stable-baselines3 `VecEnv`, so that PPO, SAC and others train on it in one process."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv
+
+from .vector import FurutaVectorEnv
+
+
+class FurutaVecEnv(VecEnv):
+    """`FurutaVectorEnv` for stable-baselines3; takes the same arguments.
+
+    Actions are normalized to [-1, 1] unless `normalize_action=False` is given, since the Gaussian policies of
+    stable-baselines3 start with a spread of one. Where an episode ends, info holds `terminal_observation` and
+    `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor` for episode returns.
+    `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.
+    """
+
+    def __init__(self, num_envs: int = 16, **options: Any) -> None:
+        options = {"normalize_action": True} | options
+        self.batch = FurutaVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
+        super().__init__(self.batch.num_envs, self.batch.single_observation_space, self.batch.single_action_space)
+        self.metadata |= {"render_fps": self.batch.metadata["render_fps"]}
+        self.last_info: dict[str, Any] = {}
+        self._actions: Any = None
+
+    def reset(self) -> np.ndarray:
+        seeds = None if all(seed is None for seed in self._seeds) else self._seeds
+        state = np.array([options.get("state", [np.nan] * 4) for options in self._options], dtype=float)
+        observations, self.last_info = self.batch.reset(seed=seeds, options={"state": state})
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        observations, rewards, terminated, truncated, info = self.batch.step(self._actions)
+        self.last_info = info
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        dones = terminated | truncated
+        for i in np.flatnonzero(dones):
+            infos[i]["terminal_observation"] = info["final_obs"][i]
+            infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+        return observations, rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        self.batch.close()
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        return self.batch.render() or [None] * self.num_envs
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The batch's attribute, once for each env asked for."""
+        return [getattr(self.batch, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        raise NotImplementedError("the envs of a compiled batch share their options; make a new FurutaVecEnv instead")
+
+    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+        raise NotImplementedError(f"a compiled batch has no separate envs to call {method_name!r} on; use `batch`")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        return [False for _ in self._get_indices(indices)]

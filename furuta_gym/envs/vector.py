@@ -1,0 +1,304 @@
+"""`FurutaID-v0` as one compiled batch, for `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")`."""
+
+import math
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.seeding import np_random
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ..plant.compiled import compiled
+from ..plant.plant import Plant
+from . import MAX_EPISODE_STEPS
+from . import kernels as k
+from .furuta import start_state
+from .options import Options, Setup
+from .rendering import Scene, Viewer
+from .streams import start_stream
+from .threads import cores, share
+
+_WIDTH = 128  # lanes of a block: its work space fits the first-level cache, its loops fill the SIMD registers
+_FEWEST_TO_SHARE = 256  # envs; below it, waking another thread costs more than it saves
+
+
+class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """N environments `FurutaID-v0` (see `FurutaEnv` for task, spaces, reward and options), stepped by compiled code.
+
+    Env i equals `FurutaEnv` with the same options and seed, step for step and bit for bit, resets included; with
+    `reset(seed=s)` env i has seed s + i, and a list gives each its own. Batches of 256 and more are spread over
+    the cores; `threads` limits how many.
+
+    max_episode_steps: episodes are truncated here, since a batch has no TimeLimit wrapper.
+    autoreset_mode: NEXT_STEP (default), SAME_STEP (`final_obs` and `final_info` in info) or DISABLED (use
+    `reset(options={"reset_mask": mask})`), with Gymnasium's semantics.
+    options of reset: `state` (4,) or (N, 4) starts from q1, q2, q̇1, q̇2; NaN is drawn. `reset_mask` (N,) bool.
+
+    info holds arrays over the batch, with the masks `_state`, … of Gymnasium: `state` (N, 4), `measured_state` (N, 4),
+    `command` (N,); and `plant` (theta (N, 9), …) where plants are drawn, whenever some env was reset.
+    """
+
+    metadata = {  # noqa: RUF012  (Gymnasium's own way)
+        "render_modes": ["rgb_array"],
+        "render_fps": 100,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        plant: Plant | str | os.PathLike[str] = "table3",
+        task: str = "balance",
+        *,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        threads: int | None = None,
+        **options: Any,
+    ) -> None:
+        if not (isinstance(num_envs, int | np.integer) and num_envs >= 1):
+            raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise ValueError(f"max_episode_steps must be at least 1 or None, got {max_episode_steps!r}")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
+        self.num_envs = int(num_envs)
+        self.render_mode = render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
+        self.metadata = type(self).metadata | {
+            "autoreset_mode": self.autoreset_mode,
+            "render_fps": round(1.0 / setup.sample_time),
+        }
+        self.single_observation_space, self.single_action_space = setup.observation_space, setup.action_space
+        self.observation_space = batch_space(setup.observation_space, self.num_envs)
+        self.action_space = batch_space(setup.action_space, self.num_envs)
+        self._max_steps = math.inf if max_episode_steps is None else float(max_episode_steps)
+        self._threads = cores() if threads is None else int(threads)
+        if self._threads < 1:
+            raise ValueError(f"threads must be at least 1, got {threads!r}")
+        if self.num_envs < _FEWEST_TO_SHARE:
+            self._threads = 1
+        blocks, width = _blocks(self.num_envs, self._threads)
+        self._lanes = np.zeros((blocks, k.block_rows(setup.sizes), width))
+        first_p = k.N_FIXED + setup.sizes[k.STATE_ROWS]
+        self._parameter_rows = slice(first_p, first_p + setup.sizes[k.PARAMETER_ROWS])
+        # every lane needs a possible plant, also those that only fill up the last block
+        self._lanes[:, self._parameter_rows] = setup.random.plant.packed().p[:, None]
+        self._streams = np.zeros((blocks, width), dtype=np.uint64)
+        self._shared = (self._lanes, self._streams, setup.codes, setup.sizes, setup.numbers)
+        self._tables = (setup.random.table, setup.random.root, setup.random.switches)
+        self._ended = np.zeros(self.num_envs, dtype=np.bool_)
+        self._seeded = self._ready = False
+        self._viewer: Viewer | None = None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        mask = _reset_mask(options, self.num_envs)
+        self._seed(seed, mask)
+        state = np.broadcast_to(start_state(options), (self.num_envs, 4))
+        if not self._ready and not mask.all():
+            raise ResetNeeded("the first reset() must reset every environment")
+        out = self._arrays()
+        _reset_batch(*self._shared, *self._tables, mask, np.ascontiguousarray(state), *out)
+        self._ready = True
+        self._ended[mask] = False
+        return out[0], self._info(out, mask, mask)
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        if not self._ready:
+            raise ResetNeeded("call reset() before step()")
+        actions = np.ascontiguousarray(actions, dtype=np.float32)
+        if actions.shape != (self.num_envs, 1):
+            raise ValueError(f"actions must have shape ({self.num_envs}, 1), got {actions.shape}")
+        if np.isnan(actions).any():
+            raise ValueError("an action is NaN; check the policy that made it")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
+            raise ResetNeeded(
+                f"{int(self._ended.sum())} episodes have ended; reset them with "
+                "reset(options={'reset_mask': terminated | truncated})"
+            )
+        out = self._arrays()
+        rewards = np.empty(self.num_envs)
+        terminated, truncated = np.empty(self.num_envs, dtype=np.bool_), np.empty(self.num_envs, dtype=np.bool_)
+        arguments = (actions, *self._shared, *self._tables, self._max_steps, *out, rewards, terminated, truncated)
+        share(lambda first, last: _step_blocks(first, last, *arguments), self._lanes.shape[0], self._threads)
+        fresh, self._ended = self._ended, terminated | truncated
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            fresh = self._ended
+            if fresh.any():
+                return self._reset_ended(out, rewards, terminated, truncated)
+        info = self._info(out, np.ones(self.num_envs, dtype=np.bool_), fresh)
+        return out[0], rewards, terminated, truncated, info
+
+    def _reset_ended(self, last: Any, rewards: Any, terminated: Any, truncated: Any) -> tuple[Any, ...]:
+        """SAME_STEP: new episodes where one ended; what ended goes to `final_obs` and `final_info`."""
+        ended = self._ended
+        out = tuple(array.copy() for array in last)
+        _reset_batch(*self._shared, *self._tables, ended, np.full((self.num_envs, 4), np.nan), *out)
+        self._ended = np.zeros_like(ended)
+        info = self._info(out, np.ones_like(ended), ended)
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ended):
+            final_obs[i] = last[0][i]
+        for array in last[1:]:
+            array[~ended] = 0.0
+        info |= {"final_obs": final_obs, "_final_obs": ended.copy()}
+        info |= {"final_info": self._info(last, ended, np.zeros_like(ended)), "_final_info": ended.copy()}
+        return out[0], rewards, terminated, truncated, info
+
+    def plants(self, indices: Sequence[int] | None = None) -> list[Plant]:
+        """The plants of the present episodes, of all envs or of those asked for."""
+        P = self._parameters()
+        return [self.setup.random.drawn_plant(P[:, i]) for i in (range(self.num_envs) if indices is None else indices)]
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A frame (height, width, 3) of each env; None without a render mode."""
+        if self.render_mode is None or not self._ready:
+            return None
+        self._viewer = self._viewer or Viewer()
+        rows = self._lanes.transpose(1, 0, 2).reshape(self._lanes.shape[1], -1)[:, : self.num_envs]
+        return tuple(self._viewer.draw(Scene.of(self.setup, rows[:, i])) for i in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
+        n = self.num_envs
+        if seed is None:
+            if self._seeded:
+                return  # the streams go on
+            streams = self.np_random.integers(2**64 - 1, size=n, dtype=np.uint64, endpoint=True)
+            seeds = np.ones(n, dtype=np.bool_)
+        else:
+            each = [seed + i for i in range(n)] if isinstance(seed, int | np.integer) else list(seed)
+            if len(each) != n:
+                raise ValueError(f"seed must be one number or a list of {n}, got a list of {len(each)}")
+            super().reset(seed=int(each[0]) if each[0] is not None else None)
+            seeds = mask & np.array([s is not None for s in each])
+            streams = np.array(
+                [start_stream(np_random(s)[0]) if wanted else 0 for s, wanted in zip(each, seeds, strict=True)],
+                dtype=np.uint64,
+            )
+        padded = self._streams.reshape(-1)
+        padded[:n][seeds] = streams[seeds]
+        self._seeded = True
+
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        n = self.num_envs
+        observation = np.empty((n, self.setup.observation_space.shape[0]), dtype=np.float32)
+        return observation, np.empty((n, 4)), np.empty((n, 4)), np.empty(n)
+
+    def _info(self, out: tuple[NDArray[Any], ...], mask: NDArray[np.bool_], fresh: NDArray[np.bool_]) -> dict[str, Any]:
+        _, state, measured, command = out
+        info = {"state": state, "_state": mask, "measured_state": measured, "_measured_state": mask}
+        info |= {"command": command, "_command": mask}
+        if self.setup.random.active and fresh.any():
+            info["plant"] = _masked(self.setup.random.describe(self._parameters()), fresh)
+            info["_plant"] = fresh.copy()
+        return info
+
+    def _parameters(self) -> NDArray[np.float64]:
+        """P (n, N) of the present episodes."""
+        P = self._lanes[:, self._parameter_rows]
+        return P.transpose(1, 0, 2).reshape(P.shape[1], -1)[:, : self.num_envs]
+
+
+def _blocks(n: int, threads: int) -> tuple[int, int]:
+    """(number of blocks, lanes in each) for n envs: equal work for each thread, and no block wider than `_WIDTH`."""
+    blocks = math.ceil(n / _WIDTH)
+    if threads > 1:
+        blocks = math.ceil(blocks / threads) * threads
+    return blocks, math.ceil(n / blocks)
+
+
+def _reset_mask(options: dict[str, Any] | None, n: int) -> NDArray[np.bool_]:
+    given = (options or {}).get("reset_mask")
+    if given is None:
+        return np.ones(n, dtype=np.bool_)
+    mask = np.asarray(given)
+    if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
+        raise ValueError(f"options['reset_mask'] must be a bool array of shape ({n},) with at least one True")
+    return mask
+
+
+def _masked(values: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Gymnasium's form of a vector info: zeros where the mask is False, and the mask beside each key."""
+    info: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            info[key] = _masked(value, mask)
+        else:
+            info[key] = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, 0.0)
+        info[f"_{key}"] = mask.copy()
+    return info
+
+
+@compiled
+def _publish(lanes, i, k0, sizes, observation, state, measured, command):
+    first = k.first_frame_row(sizes)
+    for j in range(observation.shape[1]):
+        observation[i, j] = lanes[first + j, k0]
+    for j in range(4):
+        state[i, j] = lanes[k.N_FIXED + j, k0]
+        measured[i, j] = lanes[k.READING1 + j, k0]
+    command[i] = lanes[k.COMMAND, k0]
+
+
+@compiled
+def _reset_batch(
+    lanes, streams, codes, sizes, numbers, table, root, switches, mask, start, observation, state, measured, command
+):
+    width = lanes.shape[2]
+    for i in range(mask.shape[0]):
+        block, lane = i // width, i % width
+        if mask[i]:
+            k.reset_lane(lanes[block], lane, streams[block], codes, sizes, numbers, table, root, switches, start[i])
+        _publish(lanes[block], i, lane, sizes, observation, state, measured, command)
+
+
+@compiled(nogil=True)
+def _step_blocks(
+    begin, end, actions, lanes, streams, codes, sizes, numbers, table, root, switches, max_steps,
+    observation, state, measured, command, rewards, terminated, truncated,
+):  # fmt: skip
+    work = np.empty((k.work_rows(sizes), lanes.shape[2]))
+    nothing = np.full(4, np.nan)
+    for b in range(begin, end):
+        _step_block(
+            b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, max_steps, work, nothing,
+            observation, state, measured, command, rewards, terminated, truncated,
+        )  # fmt: skip
+
+
+@compiled
+def _step_block(
+    b, actions, lanes, streams, codes, sizes, numbers, table, root, switches, max_steps, work, nothing,
+    observation, state, measured, command, rewards, terminated, truncated,
+):  # fmt: skip
+    width = lanes.shape[1]
+    first = b * width
+    count = min(width, actions.shape[0] - first)
+    for lane in range(count):
+        lanes[k.COMMAND, lane] = actions[first + lane, 0]
+    k.step_lanes(lanes, streams, codes, sizes, numbers, work)
+    for lane in range(count):
+        i = first + lane
+        if lanes[k.DONE, lane] != 0.0:
+            k.reset_lane(lanes, lane, streams, codes, sizes, numbers, table, root, switches, nothing)
+            rewards[i], terminated[i], truncated[i] = 0.0, False, False
+        else:
+            rewards[i] = lanes[k.REWARD, lane]
+            terminated[i] = lanes[k.TERMINATED, lane] != 0.0
+            truncated[i] = lanes[k.STEPS, lane] >= max_steps
+            lanes[k.DONE, lane] = 1.0 if terminated[i] or truncated[i] else 0.0
+        _publish(lanes, i, lane, sizes, observation, state, measured, command)

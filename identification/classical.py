@@ -1,0 +1,70 @@
+"""The paper's least squares and the on-line identifiers behind the same door: logs in, Estimate out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import THETA_NAMES, Plant
+
+from .estimate import Estimate
+from .identifiability import Motion, judge, spoken
+from .least_squares import filtered_least_squares
+from .logs import Log
+from .recursive import recursive_least_squares
+from .regression import FRICTION_SHARPNESS, filtered_models
+from .uncertainty import inverse_information
+
+
+def classical_estimate(logs: Sequence[Log], method: str, template: Plant, start: Plant | None) -> Estimate:
+    """θ by "filtered-ls", "recursive-ls" or "ekf". template: supplies unit and limits of the plant made.
+
+    Raises ValueError where the result is no plant (these methods are biased, and may end at a negative inertia).
+    """
+    warnings: tuple[str, ...] = ()
+    if method == "ekf":
+        from .online_ekf import track
+
+        history = track(logs, start)
+        theta, covariance, samples = history.theta[-1], history.covariance, len(history.t)
+    else:
+        batch = filtered_least_squares(logs)
+        theta, covariance, samples = batch.theta, batch.covariance, batch.samples
+        warnings = batch.warnings
+        if method == "recursive-ls":
+            theta = recursive_least_squares(filtered_models(logs)).last
+        scale = "its standard deviations are classical: they ignore the bias and are far too small"
+        warnings = (*warnings, f"{method}: {scale}; compare with --method prediction-error")
+    plant = _plant(theta, method, template)
+    verdict = judge(
+        THETA_NAMES, theta, inverse_information(covariance), Motion.of(logs), np.sqrt(np.diag(covariance))
+    )
+    return Estimate(
+        plant=plant,
+        method=method,
+        names=THETA_NAMES,
+        values=theta,
+        covariance=covariance,
+        identifiability=verdict,
+        classical=covariance,
+        samples=samples,
+        message="done",
+        fixed={"r": FRICTION_SHARPNESS},
+        warnings=warnings,
+    )
+
+
+def _plant(theta: NDArray[np.float64], method: str, template: Plant) -> Plant:
+    lost = [n for n, v in zip(THETA_NAMES, theta, strict=True) if not np.isfinite(v)]
+    if lost:
+        raise ValueError(f"{method}: {spoken(lost)} cannot be told from this motion (was an axis held?)")
+    try:
+        return template.replace(theta=theta, friction_sharpness=FRICTION_SHARPNESS)
+    except ValueError as error:
+        numbers = ", ".join(f"θ{i + 1} = {v:.3g}" for i, v in enumerate(theta))
+        raise ValueError(
+            f"{method} ends at values that no plant can have ({numbers}): {error}. This is the bias of least squares "
+            "with real encoders; use --method prediction-error"
+        ) from None

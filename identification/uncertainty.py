@@ -1,0 +1,98 @@
+"""Uncertainty of a prediction-error fit: classical and sandwich covariance, profile likelihood."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .prediction_error import Expansion, PredictionError, minimise
+
+_BLOCK = 0.5  # s; scores are summed over blocks at least this long, so that correlation inside them counts
+_MOST_BLOCKS = 80
+
+
+@dataclass(frozen=True)
+class FitCovariance:
+    """Covariances (n, n) of all coordinates z of a fit, noise included."""
+
+    classical: NDArray[np.float64]
+    sandwich: NDArray[np.float64]
+
+
+def fit_covariance(problem: PredictionError, expansion: Expansion) -> FitCovariance:
+    """Classical H⁻¹ and sandwich H⁻¹ J H⁻¹, J from block sums of the scores (`expansion` must hold them)."""
+    assert expansion.scores is not None
+    inverse = inverse_information(expansion.information)
+    n = inverse.shape[0]
+    meat = np.zeros((n, n))
+    total = sum(float(r.t[-1]) for r in problem.records)
+    block = max(_BLOCK, total / _MOST_BLOCKS)
+    for record, scores in zip(problem.records, expansion.scores, strict=True):
+        edges = np.searchsorted(record.t, np.arange(0.0, record.t[-1] + 1e-9, block))
+        sums = np.add.reduceat(scores, edges, axis=0)
+        sums = sums - sums.mean(axis=0)
+        meat += sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
+    return FitCovariance(inverse, inverse @ meat @ inverse)
+
+
+def inverse_information(H: NDArray[np.float64]) -> NDArray[np.float64]:
+    """H⁻¹ through a scaled eigendecomposition; directions without information get a huge, finite variance."""
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-30))
+    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
+    values = np.maximum(values, 1e-13)
+    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Profile likelihood of one coordinate: values (m,), twice the loss of log-likelihood (m,), 95 % interval."""
+
+    name: str
+    values: NDArray[np.float64]
+    deviance: NDArray[np.float64]
+    interval: tuple[float, float]
+
+
+def profile(
+    problem: PredictionError, z: NDArray[np.float64], name: str, std: float, points: int = 4, iterations: int = 15
+) -> Profile:
+    """Refit everything else with `name` held at `points` values on either side, one standard deviation `std`
+    (of the coordinate) apart, widened until the deviance passes 3.84 or a bound is met.
+    """
+    names = [c.name for c in problem.coordinates]
+    if name not in names:
+        raise ValueError(f"no free parameter {name!r} to profile; there are {', '.join(names)}")
+    i = names.index(name)
+    free = [k for k in range(len(z)) if k != i]
+    best = problem.value(z)
+    found: list[tuple[float, float]] = [(float(z[i]), 0.0)]
+    for side in (-1.0, 1.0):
+        at = z.copy()
+        for k in range(1, 3 * points + 1):
+            at[i] = np.clip(z[i] + side * k * std * 3.0 / points, problem.low[i], problem.high[i])
+            fit = minimise(problem, at, iterations, free=free)
+            at = fit.z.copy()
+            found.append((float(at[i]), 2.0 * (fit.value - best)))
+            if found[-1][1] > 6.0 or at[i] in (problem.low[i], problem.high[i]) or not math.isfinite(fit.value):
+                break
+    found.sort()
+    zs, deviance = np.array(found).T
+    to_value = problem.coordinates[i].to_value
+    interval = (to_value(_crossing(zs, deviance, -1)), to_value(_crossing(zs, deviance, 1)))
+    return Profile(name, np.array([to_value(x) for x in zs]), deviance, interval)
+
+
+def _crossing(z: NDArray[np.float64], deviance: NDArray[np.float64], side: int, level: float = 3.84) -> float:
+    """Where the signed root of the deviance passes the level on one side; the last point if it does not."""
+    low = int(np.argmin(deviance))
+    zs, roots = (z[low:], deviance[low:]) if side > 0 else (z[: low + 1][::-1], deviance[: low + 1][::-1])
+    roots = np.sqrt(np.maximum(roots - deviance[low], 0.0))
+    past = np.flatnonzero(roots >= math.sqrt(level))
+    if not past.size:
+        return float(zs[-1])
+    k = int(past[0])
+    w = (math.sqrt(level) - roots[k - 1]) / (roots[k] - roots[k - 1])
+    return float(zs[k - 1] + w * (zs[k] - zs[k - 1]))

@@ -1,0 +1,129 @@
+"""Every effect of the catalogue: nothing at zero strength, plain at one, one name for two forms."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from experiments.bench import SETS, HiddenEffect, PendulumLost, Rig, catalogue, effect_size, record
+from experiments.bench.effects import find
+
+CASES = [(name, form) for name, e in catalogue().items() for form in e.forms()]
+# a few seconds in which each kind of effect has had time to act
+WHERE = {"arm_position_friction": "wide", "arm_encoder_eccentricity": "wide", "pendulum_encoder_eccentricity": "wide"}
+
+
+def _run(*effects, experiment="paper", duration=4.0):
+    return record(Rig("servo", effects, engine="lagrange"), experiment, seed=2, duration=duration)
+
+
+_plain = functools.cache(_run)
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_zero_strength_is_no_effect(name):
+    none = _run(HiddenEffect(name, 0.0), duration=2.0)
+    assert np.array_equal(none.state, _plain(duration=2.0).state)
+    assert none.truth["effects"] == []
+
+
+# these have a shape, a mass or a mode of their own that does not fade with the strength
+_DO_NOT_FADE = (
+    "stick_slip", "arm_backlash", "friction_sharpness", "slipping_coupling", "lost_counts", "arm_presliding",
+)  # fmt: skip
+
+
+@functools.cache
+def _hanging(*effects):
+    run = record(Rig("servo", effects, engine="lagrange"), "hanging-chirp", 1, 1.5, noise_free=True)
+    return np.stack([run.q1, run.q2])
+
+
+@pytest.mark.parametrize(("name", "form"), [case for case in CASES if case[0] not in _DO_NOT_FADE])
+def test_a_hundredth_of_an_effect_does_little_of_what_it_does(name, form):
+    early = {"t0": 0.5} if name == "payload_step" else {}
+    values = HiddenEffect(name, parameters=early).values(SETS["servo"])
+    shapes = {key: value for key, value in values.items() if key in ("q1n", "vs", "n", "φ", "f", "t0", "t1", "t2", "t3")}
+    weak, plain = (
+        np.abs(_hanging(HiddenEffect(name, k, form, parameters=shapes)) - _hanging()).max() for k in (0.01, 1.0)
+    )
+    assert weak <= 0.1 * plain + 1e-6
+
+
+@pytest.mark.parametrize(("name", "form"), CASES)
+def test_strength_one_changes_the_log_by_more_than_a_count(name, form):
+    where = WHERE.get(name, "paper")
+    early = {key: 1.0 + i for i, key in enumerate(("t0", "t1", "t2", "t3")) if key in find(name).units}
+    try:
+        changed = _run(HiddenEffect(name, 1.0, form, parameters=early), experiment=where)
+    except PendulumLost as loss:
+        pytest.fail(f"{name} at strength 1 loses the pendulum: {loss}")
+    plain = _plain(experiment=where)
+    count = 2 * math.pi / SETS["servo"].encoder_counts[0]
+    difference = max(np.abs(changed.q1 - plain.q1).max(), np.abs(changed.q2 - plain.q2).max())
+    assert difference > 2 * count
+
+
+@pytest.mark.parametrize("name", [name for name, e in catalogue().items() if e.kind == "library"])
+def test_the_two_forms_of_an_effect_differ(name):
+    early = {"t0": 1.0} if name == "payload_step" else {}
+    rigs = [Rig("servo", [HiddenEffect(name, 1.0, form, parameters=early)]) for form in ("table", "bench")]
+    a, b = (record(rig, "wide", seed=2, duration=3.0, noise_free=True) for rig in rigs)
+    assert np.abs(a.q2 - b.q2).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_variations_differ_in_signs_places_or_times_and_repeat(name):
+    first = [HiddenEffect(name, variation=k).values(SETS["desk"]) for k in range(8)]
+    again = [HiddenEffect(name, variation=k).values(SETS["desk"]) for k in range(8)]
+    assert first == again
+    assert all(set(v) == set(find(name).units) for v in first)
+
+
+def test_names_are_those_of_the_contract():
+    library = {name for name, e in catalogue().items() if e.kind == "library"}
+    assert library == {
+        "input_delay", "actuator_lag", "input_dead_zone", "input_saturation", "input_offset",
+        "input_gain_asymmetry", "arm_stribeck", "arm_coulomb_asymmetry", "arm_quadratic_drag", "arm_spring",
+        "arm_ripple", "arm_position_friction", "arm_presliding", "arm_friction_drift", "arm_backlash",
+        "pendulum_quadratic_drag", "pendulum_stribeck", "friction_sharpness", "pendulum_coulomb_asymmetry",
+        "input_cubic_gain", "arm_viscous_drift", "periodic_torque", "payload_step", "base_tilt",
+        "pendulum_encoder_offset", "pendulum_encoder_eccentricity", "arm_encoder_eccentricity",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: HiddenEffect("arm_sprong"), "arm_spring"),
+        (lambda: HiddenEffect("arm_spring", -1.0), "strength"),
+        (lambda: HiddenEffect("arm_spring", form="other"), "table, bench"),
+        (lambda: HiddenEffect("flexible_arm", form="table"), "no form"),
+        (lambda: HiddenEffect("arm_spring", parameters={"kk": 1.0}), "k, q1n"),
+        (lambda: HiddenEffect("arm_spring", parameters={"k": math.nan}), "NaN"),
+        (lambda: Rig("tableau"), "table3"),
+        (lambda: Rig("servo", [HiddenEffect("arm_spring")] * 2), "twice"),
+        (lambda: Rig("servo", [HiddenEffect("flexible_arm"), HiddenEffect("arm_backlash")]), "only one"),
+        (lambda: Rig("servo", [HiddenEffect("arm_presliding")], friction="hard"), "bristle"),
+        (lambda: Rig("servo", controller="paper"), "lqr"),
+        (lambda: Rig("servo", sample_time=1.0), "sample_time"),
+    ],
+)
+def test_what_the_bench_does_not_have_is_refused_with_what_it_has(make, says):
+    with pytest.raises(ValueError, match=says):
+        make()
+
+
+def test_size_tells_what_parameters_absorb():
+    def of(*effects):
+        return effect_size(Rig("table3", effects), "paper", seed=1, duration=4.0)
+
+    assert of().ratio == pytest.approx(1.0, abs=1e-6)
+    spring, emf = of(HiddenEffect("arm_spring")), of(HiddenEffect("back_emf"))
+    assert spring.ratio > 2.0
+    assert emf.ratio_before > 1.05
+    assert emf.ratio < 1.001
+    assert emf.absorbed > 0.99
+    weak, strong = of(HiddenEffect("input_dead_zone", 0.2)), of(HiddenEffect("input_dead_zone", 1.0))
+    assert 1.0 < weak.ratio < strong.ratio

@@ -1,0 +1,65 @@
+"""The batch as a stable-baselines3 VecEnv."""
+
+import numpy as np
+import pytest
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+from furuta_gym.envs.furuta import FurutaEnv
+from furuta_gym.envs.sb3 import FurutaVecEnv
+
+
+def test_equal_to_sb3s_own_over_single_envs():
+    import gymnasium as gym
+
+    n, steps = 4, 30
+    ours = FurutaVecEnv(n, max_episode_steps=steps)
+    theirs = DummyVecEnv([lambda: gym.make("FurutaID-v0", normalize_action=True, max_episode_steps=steps)] * n)
+    for env in (ours, theirs):
+        env.seed(3)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    rng = np.random.default_rng(0)
+    kinds = set()
+    for _ in range(100):
+        actions = (rng.uniform(-1, 1, (n, 1)) * [[1], [0.01], [1], [0.01]]).astype(np.float32)
+        a, b = ours.step(actions), theirs.step(actions)
+        for x, y in zip(a[:3], b[:3], strict=True):
+            np.testing.assert_array_equal(x, y)
+            assert x.dtype == y.dtype
+        for i in np.flatnonzero(a[2]):
+            np.testing.assert_array_equal(a[3][i]["terminal_observation"], b[3][i]["terminal_observation"])
+            assert a[3][i]["TimeLimit.truncated"] == b[3][i]["TimeLimit.truncated"]
+            kinds.add(a[3][i]["TimeLimit.truncated"])
+    assert kinds == {True, False}
+
+
+def test_start_states_by_options():
+    env = FurutaVecEnv(3)
+    env.set_options([{"state": [0.1, 0.02, 0, 0]}, {}, {"state": [0.3, 0.0, 0, 0]}])
+    env.reset()
+    np.testing.assert_array_equal(env.last_info["state"][[0, 2], 0], [0.1, 0.3])
+    first = env.reset()  # options hold for one reset only
+    assert not np.isin([0.1, 0.3], env.last_info["state"][:, 0]).any()
+    assert first.shape == (3, 5)
+
+
+@pytest.mark.parametrize("algorithm", [PPO, SAC])
+def test_learners_run_on_it(algorithm):
+    env = VecMonitor(FurutaVecEnv(8, max_episode_steps=50))
+    extra = {"n_steps": 16, "batch_size": 64} if algorithm is PPO else {"learning_starts": 50, "buffer_size": 500}
+    model = algorithm("MlpPolicy", env, seed=0, device="cpu", policy_kwargs={"net_arch": [16]}, **extra)
+    model.learn(512)
+    assert model.num_timesteps >= 512
+    assert len(model.ep_info_buffer) > 0
+    action, _ = model.predict(FurutaEnv(normalize_action=True).reset(seed=0)[0])
+    assert np.abs(action) <= 1.0
+
+
+def test_what_a_batch_cannot_do_is_said():
+    env = FurutaVecEnv(2)
+    assert env.get_attr("num_envs") == [2, 2]
+    with pytest.raises(NotImplementedError, match="share their options"):
+        env.set_attr("task", "swing_up")
+    with pytest.raises(NotImplementedError, match="no separate envs"):
+        env.env_method("render")
+    assert env.env_is_wrapped(FurutaEnv) == [False, False]

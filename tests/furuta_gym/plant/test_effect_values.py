@@ -1,0 +1,124 @@
+"""An effect with values: its checks, its text form and its file form."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import EFFECTS, LARGE_RIG, Effect
+
+every_effect = pytest.mark.parametrize("name", EFFECTS)
+
+
+@every_effect
+def test_round_trips(name):
+    effect = LARGE_RIG.default_effect(name)
+    text = name + ":" + ",".join(f"{k}={v!r}" for k, v in effect.parameters.items())
+    for back in (Effect.parse(text), Effect.from_dict(effect.to_dict("V")), pickle.loads(pickle.dumps(effect))):
+        assert back == effect
+        assert dict(back.parameters) == dict(effect.parameters)
+
+
+@every_effect
+def test_without_values_it_is_neutral(name):
+    assert dict(Effect(name).parameters) == EFFECTS[name].neutral()
+    assert dict(Effect.parse(name).parameters) == EFFECTS[name].neutral()
+
+
+@every_effect
+@pytest.mark.parametrize("value", [math.nan, "much", None, [1.0]], ids=str)
+def test_what_is_no_number_is_an_error_that_names_effect_and_parameter(name, value):
+    for p in EFFECTS[name].parameters:
+        with pytest.raises(ValueError, match=rf"{name}.*{p.name}"):
+            Effect(name, {p.name: value})
+
+
+@every_effect
+def test_bounds_are_held_and_told(name):
+    for p in EFFECTS[name].parameters:
+        for bound, outside in ((p.lower, -1.0), (p.upper, 1.0)):
+            if math.isfinite(bound):
+                assert Effect(name, {p.name: math.trunc(bound) if p.integer else bound})
+                with pytest.raises(ValueError, match=rf"{name}.*{p.name}.*{bound:g}"):
+                    Effect(name, {p.name: bound + outside * (1.0 + abs(bound))})
+
+
+@every_effect
+def test_infinity_is_an_error_unless_it_is_the_neutral_value(name):
+    """No torque, time or stiffness of a rig is infinite; a file cannot hold it either."""
+    for p in EFFECTS[name].parameters:
+        for value in (math.inf, -math.inf):
+            if value == p.neutral and p.role == "size":
+                assert Effect(name, {p.name: value})
+            else:
+                with pytest.raises(ValueError, match=rf"{name}.*{p.name}"):
+                    Effect(name, {p.name: value})
+
+
+@every_effect
+def test_an_unknown_parameter_is_an_error_that_lists_the_known(name):
+    with pytest.raises(ValueError, match=EFFECTS[name].parameters[0].name):
+        Effect(name, {"nonsense": 1.0})
+    with pytest.raises(ValueError, match="nonsense"):
+        Effect(name, std={"nonsense": 1.0})
+
+
+def test_an_unknown_effect_is_an_error_that_lists_the_library_and_guesses():
+    with pytest.raises(ValueError, match=r"did you mean arm_spring.*payload_step"):
+        Effect("arm_sprig")
+
+
+@pytest.mark.parametrize("name", [None, 3, ["arm_spring"], {}], ids=str)
+def test_a_name_that_is_no_text_is_an_error(name):
+    with pytest.raises(ValueError, match="effect"):
+        Effect(name)
+
+
+@pytest.mark.parametrize("text", ["arm_spring:k", "arm_spring:k=", "arm_spring:=3", "arm_spring:k=a", ":k=1", ""])
+def test_bad_text_is_an_error(text):
+    with pytest.raises(ValueError, match="effect"):
+        Effect.parse(text)
+
+
+def test_a_parameter_given_twice_is_an_error():
+    with pytest.raises(ValueError, match="k"):
+        Effect.parse("arm_spring:k=0.1,k=0.2")
+    with pytest.raises(ValueError, match="ΔF"):
+        Effect("arm_stribeck", {"dF": 0.1, "ΔF": 0.2})
+
+
+def test_plain_letters_stand_for_the_greek_ones():
+    assert Effect.parse("arm_stribeck:dF=0.1,vs=0.2") == Effect("arm_stribeck", {"ΔF": 0.1, "vs": 0.2})
+    assert Effect.parse("base_tilt:alphax=0.1,alphay=0.2") == Effect("base_tilt", {"αx": 0.1, "αy": 0.2})
+    assert Effect.parse("arm_presliding:sigma0=9") == Effect("arm_presliding", {"σ0": 9.0})
+    assert Effect.parse("arm_ripple:phi=0.1") == Effect("arm_ripple", {"φ": 0.1})
+
+
+def test_ripple_order_is_whole():
+    with pytest.raises(ValueError, match="whole"):
+        Effect("arm_ripple", {"n": 2.5})
+
+
+@pytest.mark.parametrize("std", [-1.0, math.nan, math.inf, "wide"], ids=str)
+def test_an_impossible_standard_deviation_is_an_error(std):
+    with pytest.raises(ValueError, match="arm_spring"):
+        Effect("arm_spring", {"k": 0.1}, std={"k": std})
+
+
+def test_values_cannot_be_changed_from_outside():
+    given = {"k": 0.1}
+    effect = Effect("arm_spring", given)
+    given["k"] = 9.0
+    assert effect.parameters["k"] == 0.1
+    with pytest.raises(TypeError):
+        effect.parameters["k"] = 1.0
+
+
+def test_defaults_scale_with_the_plant():
+    small, large = (LARGE_RIG.replace(theta=LARGE_RIG.theta * s) for s in (0.1, 1.0))
+    for name, effect in EFFECTS.items():
+        for p in effect.parameters:
+            ratio = small.default_effect(name).parameters[p.name], large.default_effect(name).parameters[p.name]
+            expected = 0.1 if p.relative_to and p.relative_to.startswith("theta") else 1.0
+            np.testing.assert_allclose(ratio[0], expected * ratio[1], err_msg=f"{name}.{p.name}")

@@ -1,0 +1,156 @@
+"""The compiled Runge–Kutta steps: order, references, energy, and independence of how time is cut."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
+from furuta_gym.plant.dynamics import advance, substep
+from tests.furuta_gym.plant.helpers import mechanical_energy, reference_run, run, square_waves
+from tests.oracles import lagrangian
+from tests.oracles.mujoco_model import RigidSet
+
+LOSSLESS = LARGE_RIG.replace(theta=[*LARGE_RIG.theta[:5], 0, 0, 0, 0])
+COUNT = 2 * np.pi / 4096
+
+
+def test_observed_order_is_four_on_the_smooth_model():
+    """The error's slope over step size, with friction smooth enough (r = 3) for the order to show."""
+    plant = TABLE_3.replace(friction_sharpness=3.0)
+    t_u = np.arange(10) * 0.1
+    u, x0 = square_waves(t_u), [0.1, 2.5, 0.5, -1.0]
+    exact = reference_run(plant, x0, t_u, u, 1.0, rtol=1e-13, atol=1e-14)[-1, :4]
+    steps = np.array([0.02, 0.01, 0.005, 0.0025])
+    errors = [np.abs(run(plant, x0, t_u, u, 1.0, h)[-1] - exact).max() for h in steps]
+    orders = np.diff(np.log(errors)) / np.diff(np.log(steps))
+    assert orders.min() > 3.9, f"orders {orders}, errors {errors}"
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+@pytest.mark.parametrize("start", [0.05, 2.9], ids=["upright", "hanging"])
+def test_motion_is_the_dop853_reference(plant, start):
+    t_u = np.arange(100) * 0.005
+    u, x0 = 0.5 * square_waves(t_u), [0.2, start, 0.1, -0.2]
+    ours = run(plant, x0, t_u, u, 0.5, h_max=1e-4)
+    np.testing.assert_allclose(ours[:, :4], reference_run(plant, x0, t_u, u, 0.5), atol=2e-8)
+
+
+def test_disturbance_torques_act_on_their_rows():
+    t_u, w = np.arange(20) * 0.01, (0.3, -0.05)
+    u, x0 = square_waves(t_u), [0.2, 2.9, 0.1, -0.2]
+    ours = run(LARGE_RIG, x0, t_u, u, 0.2, h_max=1e-4, w=w)
+    np.testing.assert_allclose(ours, reference_run(LARGE_RIG, x0, t_u, u, 0.2, w=w), atol=1e-8)
+    assert np.abs(ours - run(LARGE_RIG, x0, t_u, u, 0.2, h_max=1e-4)).max() > 0.01
+
+
+@pytest.mark.parametrize("r", [30.0, 100.0, 300.0, 1000.0])
+def test_step_rule_keeps_friction_resolved(r):
+    """`substep` promises less than a tenth of a 4096-count encoder's noise over 0.4 s."""
+    plant, allowed = TABLE_3.replace(friction_sharpness=r), 0.1 * COUNT / np.sqrt(12)
+    h = substep(r, 0.002)
+    t_u, rng, worst = np.arange(200) * 0.002, np.random.default_rng(11), 0.0
+    for _ in range(5):
+        u = rng.uniform(0.3, 1.0) * square_waves(t_u + rng.uniform(0, 1))
+        x0 = rng.normal(size=4) * [0.1, 0.05, 0.3, 0.3]
+        error = run(plant, x0, t_u, u, 0.4, h) - reference_run(plant, x0, t_u, u, 0.4, rtol=1e-9, atol=1e-10)
+        worst = max(worst, np.abs(error[:, :2]).max())
+    assert worst < allowed, f"{worst:.2e} rad at a step of {1e3 * h:.2f} ms, allowed {allowed:.2e}"
+
+
+def test_substep_is_bounded_and_falls_with_sharpness():
+    steps = [substep(r, 0.004) for r in (0.0, 1.0, 10.0, 100.0, 1000.0, 1e6)]
+    assert steps[0] == steps[1] == 0.004
+    assert np.all(np.diff(steps) <= 0)
+    assert 0 < steps[-1] < steps[3] <= 1e-3
+
+
+def test_energy_is_kept_for_seconds_without_friction_and_input():
+    states = run(LOSSLESS, [0.3, 0.4, 2.0, -1.0], np.arange(500) * 0.01, np.zeros(500), 5.0)
+    levels = np.array([mechanical_energy(LOSSLESS, x) for x in states])
+    assert np.ptp(states[:, 1]) > 3.0  # it does swing through
+    np.testing.assert_allclose(levels, levels[0], atol=1e-8)
+
+
+def test_energy_is_not_kept_with_the_printed_c11():
+    """Erratum 1: the same motion under equation (8) as printed gains or loses a large part of its energy."""
+    numeric, theta = lagrangian.numeric(), LOSSLESS.theta
+
+    def rates(_, x):
+        torque = numeric["C_printed"](*x, theta) @ x[2:] + numeric["g"](*x, theta).ravel()
+        return [*x[2:], *np.linalg.solve(numeric["M"](*x, theta), -torque)]
+
+    path = solve_ivp(rates, (0, 5), [0.3, 0.4, 2.0, -1.0], "DOP853", np.arange(0, 5, 0.01), rtol=1e-9).y.T
+    levels = np.array([mechanical_energy(LOSSLESS, x) for x in path])
+    assert np.ptp(levels) > 0.1 * np.ptp([LOSSLESS.theta[4], -LOSSLESS.theta[4]])
+
+
+@pytest.mark.parametrize("damped", [False, True], ids=["free", "damped"])
+@pytest.mark.parametrize("plant", [LARGE_RIG, QUBE], ids=["large", "qube"])
+def test_free_motion_agrees_with_mujoco(plant, damped):
+    """Seconds of swinging over the top, against bodies and joints that know no equation of ours."""
+    losses = plant.theta[5:7] if damped else [0, 0]
+    plant = plant.replace(theta=[*plant.theta[:5], *losses, 0, 0])
+    times = np.arange(201) * 0.02
+    x0 = [0.3, 0.5, 3.0, -2.0]
+    ours = run(plant, x0, times[:-1], np.zeros(200), 4.0, h_max=2e-4)
+    theirs = RigidSet.from_theta(plant.theta).run(x0, times)
+    assert np.ptp(theirs[:, 1]) > 2.0
+    np.testing.assert_allclose(ours[:, :2], theirs[:, :2], atol=1e-6)
+
+
+def _lane(plant):
+    p, codes, rows = plant.packed()
+    return p[:, None], codes, rows
+
+
+def test_cutting_an_interval_in_two_changes_nothing():
+    """advance(a, c) = advance(a, b), advance(b, c): a command may be looked at between its samples."""
+    plant = TABLE_3.with_effects(Effect("input_delay", {"d": 0.0033}), Effect("actuator_lag", {"T": 0.004}))
+    P, codes, rows = _lane(plant)
+    t_u, U, W = np.arange(6) * 0.002, square_waves(np.arange(6) * 0.06)[:, None], np.zeros((2, 1))
+    whole, parts = np.zeros((rows, 1)), np.zeros((rows, 1))
+    for j in range(6):
+        a, c = t_u[j], t_u[j] + 0.002
+        advance(whole, a, c, t_u, U, j, W, P, codes, 1e-4)
+        for left, right in ((a, a + 0.0004), (a + 0.0004, a + 0.0013), (a + 0.0013, c)):
+            advance(parts, left, right, t_u, U, j, W, P, codes, 1e-4)
+    assert np.abs(whole[2]) > 0.01
+    np.testing.assert_allclose(parts, whole, atol=1e-10)
+
+
+def test_lanes_side_by_side_are_the_plants_alone_bit_for_bit():
+    effects = (Effect("arm_spring", {"k": 0.3, "q1n": -0.5}), Effect("arm_presliding", {"σ0": 5.0}))
+    plants = [plant.with_effects(*effects) for plant in (TABLE_3, LARGE_RIG, QUBE)]
+    P = np.column_stack([plant.packed().p for plant in plants])
+    codes, rows = plants[0].packed().codes, plants[0].packed().rows
+    X = np.zeros((rows, 3))
+    X[1] = 0.1 * np.arange(1, 4)
+    t_u = np.arange(50) * 0.004
+    U = np.column_stack([scale * square_waves(t_u) for scale in (1.0, 0.4, 1.5)])
+    for j, (a, b) in enumerate(zip(t_u, [*t_u[1:], 0.2], strict=True)):
+        advance(X, a, b, t_u, U, j, np.zeros((2, 3)), P, codes, 1e-3)
+    for lane, plant in enumerate(plants):
+        alone = run(plant, [0, 0.1 * (lane + 1), 0, 0], t_u, U[:, lane], 0.2)
+        np.testing.assert_array_equal(X[:, lane], alone[-1])
+
+
+def test_lanes_with_different_delays_keep_their_own_command():
+    """Each lane's delay picks its own sample; steps differ from the plant alone, results to their error only."""
+    delays, t_u = [0.0, 0.0013, 0.004, 0.0101], np.arange(60) * 0.002
+    plants = [TABLE_3.with_effects(Effect("input_delay", {"d": d})) for d in delays]
+    P, codes = np.column_stack([plant.packed().p for plant in plants]), plants[0].packed().codes
+    X, U = np.zeros((4, 4)), square_waves(t_u)[:, None]
+    X[1] = 0.05
+    for j in range(60):
+        advance(X, t_u[j], t_u[j] + 0.002, t_u, U, j, np.zeros((2, 4)), P, codes, 1e-4)
+    for lane, plant in enumerate(plants):
+        expected = reference_run(plant, [0, 0.05, 0, 0], t_u, U[:, 0], 0.12)[-1]
+        np.testing.assert_allclose(X[:, lane], expected, atol=1e-8)
+
+
+def test_a_common_command_serves_all_lanes():
+    P = np.column_stack([TABLE_3.packed().p] * 3)
+    X, t_u, U = np.zeros((4, 3)), np.array([0.0]), np.array([[1.0]])
+    advance(X, 0.0, 0.05, t_u, U, 0, np.zeros((2, 3)), P, np.empty((0, 3), dtype=np.int64), 1e-3)
+    assert X[0, 0] != 0
+    np.testing.assert_array_equal(X, X[:, :1] * np.ones(3))

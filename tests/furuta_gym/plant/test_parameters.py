@@ -1,0 +1,131 @@
+"""θ: what is accepted, what is a possible rigid body, and the named sets."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furuta_gym.plant import (
+    LARGE_RIG,
+    PLANTS,
+    QUBE,
+    TABLE_3,
+    THETA_MEANING,
+    THETA_NAMES,
+    RigidBody,
+    physical_consistency,
+)
+from furuta_gym.plant.dynamics import mass_matrix
+from furuta_gym.plant.parameters import theta_vector
+from tests.furuta_gym.plant.strategies import thetas
+from tests.oracles.mujoco_model import RigidSet
+
+sizes = st.floats(1e-3, 1.0)
+losses = st.floats(0.0, 0.1)
+bodies = st.builds(RigidBody, *(sizes,) * 5, *(losses,) * 4, gain=st.floats(0.1, 100.0), gravity=st.just(9.81))
+
+
+def test_table_3_is_the_papers():
+    printed = [0.19717, 0.03909, 0.01746, 0.01187, 0.40808, 0.0108, 0.00267, 0.11456, 0.00732]
+    np.testing.assert_array_equal(TABLE_3.theta, printed)
+    assert TABLE_3.unit == "V"
+    assert TABLE_3.theta[2] / TABLE_3.theta[4] * 9.81 == pytest.approx(0.42, abs=0.005)  # erratum 6: L1
+
+
+def test_table_3_is_no_rigid_body_and_the_check_says_why():
+    """Erratum 5: θ4 < θ2, J2 = −0.0272; M is positive definite all the same."""
+    check = physical_consistency(TABLE_3.theta)
+    assert not check.consistent
+    (failure,) = check.failures
+    assert "θ4" in failure
+    assert "θ2" in failure
+    assert "-0.0272" in failure
+    for q2 in np.linspace(0, np.pi, 50):
+        m11, m12, m22 = mass_matrix(q2, *TABLE_3.theta[:4])
+        assert m11 * m22 > m12**2
+
+
+@pytest.mark.parametrize("plant", [LARGE_RIG, QUBE], ids=["large", "qube"])
+def test_the_other_named_sets_are_rigid_bodies(plant):
+    assert physical_consistency(plant.theta).consistent
+    rigid = RigidSet.from_theta(plant.theta)
+    assert min(rigid.J1, rigid.J2, rigid.m2, rigid.L1, rigid.l2) > 0
+    assert rigid.J1 > rigid.J2 / 2  # a body of this θ exists (see the MuJoCo oracle)
+
+
+def test_qube_set_is_near_what_independent_fits_saw():
+    """Published fits of the real device, in volts: bands of the measured data's own notes."""
+    th = QUBE.theta
+    assert th[0] == pytest.approx(0.058, rel=0.1)
+    assert 0.0235 < th[3] < 0.028
+    assert 0.024 < th[2] < 0.029
+    assert 3.0 <= th[4] <= 3.25
+    assert 0.10 <= th[7] <= 0.135
+    assert np.sqrt(th[4] / th[3]) / (2 * np.pi) == pytest.approx(1.755, rel=0.05)
+
+
+@given(bodies)
+def test_rigid_body_gives_table_2_and_is_consistent(body):
+    expected = RigidSet(
+        body.J1, body.m2, body.L1, body.l2, body.J2, body.gravity, (body.Fv1, body.Fv2)
+    ).theta + np.array([0, 0, 0, 0, 0, 0, 0, body.Fc1, body.Fc2])
+    np.testing.assert_allclose(body.theta(), body.gain * expected, rtol=1e-12)
+    assert physical_consistency(body.theta()).consistent
+
+
+@given(thetas())
+def test_consistency_is_what_table_2_demands(theta):
+    """The verdict is the sign of J1 and J2 that Table 2 leaves, and each failure has its sentence."""
+    J1, J2 = theta[0] - theta[2] ** 2 / theta[1], theta[3] - theta[1]
+    check = physical_consistency(theta)
+    assert check.consistent == (J1 >= 0 and J2 >= 0)
+    assert len(check.failures) == (J1 < 0) + (J2 < 0)
+
+
+@pytest.mark.parametrize("index", range(5, 9))
+def test_negative_friction_is_named(index):
+    theta = LARGE_RIG.theta.copy()
+    theta[index] = -0.01
+    (failure,) = physical_consistency(theta).failures
+    assert f"θ{index + 1}" in failure
+
+
+@given(thetas())
+def test_theta_survives_both_forms_and_cannot_be_written(theta):
+    values = theta_vector(dict(zip(THETA_NAMES, theta, strict=True)))
+    np.testing.assert_array_equal(values, theta_vector(theta))
+    with pytest.raises(ValueError, match="read-only"):
+        values[0] = 1.0
+
+
+def test_theta_does_not_share_memory_with_its_source():
+    source = LARGE_RIG.theta.copy()
+    values = theta_vector(source)
+    source[0] = 99.0
+    assert values[0] == LARGE_RIG.theta[0]
+
+
+BAD = {
+    "eight numbers": np.ones(8),
+    "a matrix": np.eye(3),
+    "NaN": [0.2, 0.04, 0.02, 0.05, float("nan"), 0, 0, 0, 0],
+    "infinity": [float("inf"), 0.04, 0.02, 0.05, 0.4, 0, 0, 0, 0],
+    "text": ["a"] * 9,
+    "no inertia": [0.0, 0.04, 0.02, 0.05, 0.4, 0, 0, 0, 0],
+    "M indefinite upright": [0.01, 0.04, 0.05, 0.02, 0.4, 0, 0, 0, 0],
+    "M indefinite level": [0.01, -0.02, 0.001, 0.02, 0.4, 0, 0, 0, 0],
+    "missing name": {"theta1": 1.0},
+    "unknown name": dict.fromkeys(THETA_NAMES, 1.0) | {"theta10": 1.0},
+}
+
+
+@pytest.mark.parametrize("theta", BAD.values(), ids=BAD)
+def test_bad_theta_is_an_error_that_names_theta(theta):
+    with pytest.raises(ValueError, match=r"theta|θ"):
+        theta_vector(theta)
+
+
+def test_every_parameter_has_a_meaning_and_a_unit():
+    assert tuple(THETA_MEANING) == THETA_NAMES
+    assert all(meaning and "{u}" in unit for meaning, unit in THETA_MEANING.values())
+    assert set(PLANTS) >= {"table3", "qube"}

@@ -1,0 +1,1 @@
+"""Slow, obvious reference code. Nothing here may import the package under test."""

@@ -1,0 +1,283 @@
+"""Model (5) and every effect of the contract's table, in plain Python: slow, explicit, one line an equation.
+
+Written from the paper's equations (5) to (13), the errata (C11 carries q̇2) and the contract's table of
+effects. An effect is a name and a dict of parameters: `{"arm_spring": {"k": 0.3, "q1n": -0.5}}`.
+
+State of the motion: (q1, q2, v1, v2). Effects with memory add
+* `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 − σ0 |v1| z / θ8;
+* `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia 0.1 θ1;
+* `actuator_lag`: τ, which is integrated in closed form over each held command;
+* `input_delay`: nothing, because the record of commands is the memory: τ(t) = u(t − d).
+
+The command passes through delay → offset → asymmetry → cubic → dead zone → saturation → lag.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import copysign, cos, exp, pi, sin, tanh
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+Effects = dict[str, dict[str, float]]
+
+KNOWN = frozenset(
+    {
+        *("input_delay", "input_offset", "input_gain_asymmetry", "input_cubic_gain", "input_dead_zone"),
+        *("input_saturation", "actuator_lag", "arm_stribeck", "arm_coulomb_asymmetry", "arm_quadratic_drag"),
+        *("arm_spring", "arm_ripple", "arm_position_friction", "arm_presliding", "arm_friction_drift"),
+        *("arm_viscous_drift", "arm_backlash", "periodic_torque", "pendulum_quadratic_drag"),
+        *("pendulum_stribeck", "pendulum_coulomb_asymmetry", "base_tilt", "friction_sharpness", "payload_step"),
+        *("pendulum_encoder_offset", "pendulum_encoder_eccentricity", "arm_encoder_eccentricity"),
+    }
+)
+ROTOR_SHARE = 0.1
+CONTACT_FREQUENCY = 200.0
+CONTACT_DAMPING_RATIO = 0.7
+
+
+def held_command(t: float, t_u, u) -> float:
+    """Zero-order hold: the last command given at or before t; before the record, its first command."""
+    value = u[0]
+    for time, command in zip(t_u, u, strict=True):
+        if time <= t:
+            value = command
+    return float(value)
+
+
+def static_command(u: float, effects: Effects) -> float:
+    """The maps of the command without memory, one after another."""
+    tau = u
+    if "input_offset" in effects:
+        tau = tau + effects["input_offset"]["b"]
+    if "input_gain_asymmetry" in effects:
+        sign = 0.0 if tau == 0 else copysign(1.0, tau)
+        tau = tau * (1.0 + effects["input_gain_asymmetry"]["a"] * sign)
+    if "input_cubic_gain" in effects:
+        tau = tau + effects["input_cubic_gain"]["a"] * tau**3
+    if "input_dead_zone" in effects:
+        w = effects["input_dead_zone"]["w"]
+        tau = tau - min(max(tau, -w), w)
+    if "input_saturation" in effects:
+        m = effects["input_saturation"]["m"]
+        tau = min(max(tau, -m), m)
+    return tau
+
+
+def measured(q1: float, q2: float, effects: Effects) -> tuple[float, float]:
+    """What ideal encoders (no counts, no noise) show of the true angles."""
+    y1, y2 = q1, q2
+    if "pendulum_encoder_offset" in effects:
+        y2 += effects["pendulum_encoder_offset"]["b"]
+    if "pendulum_encoder_eccentricity" in effects:
+        a, b = effects["pendulum_encoder_eccentricity"]["a"], effects["pendulum_encoder_eccentricity"]["b"]
+        y2 += a * sin(q2) + b * (cos(q2) - 1.0)
+    if "arm_encoder_eccentricity" in effects:
+        a, b = effects["arm_encoder_eccentricity"]["a"], effects["arm_encoder_eccentricity"]["b"]
+        y1 += a * sin(q1) + b * (cos(q1) - 1.0)
+    return y1, y2
+
+
+def loaded_theta(theta, t: float, effects: Effects) -> list[float]:
+    """θ at time t: from t0 on the pendulum's mass is (1 + m) times as large, added at its centre of mass."""
+    th = [float(value) for value in theta]
+    if "payload_step" in effects:
+        m, t0 = effects["payload_step"]["m"], effects["payload_step"]["t0"]
+        if t >= t0:
+            th[0] += m * th[2] ** 2 / th[1]  # m2 L1² = θ3²/θ2
+            th[3] += m * th[1]
+            th[1] *= 1.0 + m
+            th[2] *= 1.0 + m
+            th[4] *= 1.0 + m
+    return th
+
+
+def sharpness(r: float, effects: Effects) -> tuple[float, float]:
+    """r of the two axes; zero means: keep the plant's."""
+    chosen = effects.get("friction_sharpness", {"r1": 0.0, "r2": 0.0})
+    return chosen["r1"] or r, chosen["r2"] or r
+
+
+def contact_torque(s: float, w: float, theta1: float, b: float) -> float:
+    """Torque from rotor to arm through a play of half-width b: spring and damper that push and never pull."""
+    inertia = ROTOR_SHARE * theta1
+    k = inertia * CONTACT_FREQUENCY**2
+    c = 2.0 * CONTACT_DAMPING_RATIO * inertia * CONTACT_FREQUENCY
+    if s > b:
+        return max(0.0, k * (s - b) + c * w)
+    if s < -b:
+        return min(0.0, k * (s + b) + c * w)
+    return 0.0
+
+
+def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta) -> tuple[float, float]:
+    """Right-hand sides that the effects add to the arm's and to the pendulum's row."""
+    r1, r2 = sharpness(r, effects)
+    arm = pendulum = 0.0
+    for name, p in effects.items():
+        if name == "arm_stribeck":
+            arm -= p["ΔF"] * exp(-((v1 / p["vs"]) ** 2)) * tanh(r1 * v1)
+        elif name == "arm_coulomb_asymmetry":
+            arm -= p["a"] * abs(tanh(r1 * v1))
+        elif name == "arm_quadratic_drag":
+            arm -= p["c"] * v1 * abs(v1)
+        elif name == "arm_spring":
+            arm -= p["k"] * (q1 - p["q1n"])
+        elif name == "arm_ripple":
+            arm -= p["A"] * sin(p["n"] * q1 + p["φ"])
+        elif name == "arm_position_friction":
+            arm -= (p["a"] * sin(q1) + p["b"] * cos(q1)) * tanh(r1 * v1)
+        elif name == "arm_friction_drift":
+            arm -= at_rest_theta[7] * p["a"] * t * tanh(r1 * v1)
+        elif name == "arm_viscous_drift":
+            arm -= at_rest_theta[5] * p["a"] * t * v1
+        elif name == "periodic_torque":
+            arm += p["A"] * sin(2.0 * pi * p["f"] * t + p["φ"])
+        elif name == "pendulum_quadratic_drag":
+            pendulum -= p["c"] * v2 * abs(v2)
+        elif name == "pendulum_stribeck":
+            pendulum -= p["ΔF"] * exp(-((v2 / p["vs"]) ** 2)) * tanh(r2 * v2)
+        elif name == "pendulum_coulomb_asymmetry":
+            pendulum -= p["a"] * abs(tanh(r2 * v2))
+        elif name == "base_tilt":
+            ax, ay, G1 = p["αx"], p["αy"], p["G1"]
+            e = -ax * sin(q1) + ay * cos(q1)
+            arm += G1 * e - theta[4] * sin(q2) * (ax * cos(q1) + ay * sin(q1))
+            pendulum += theta[4] * cos(q2) * e
+    return arm, pendulum
+
+
+def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
+    """ẋ for x = [q1, q2, v1, v2, z (if bristle), s, w (if play)] under the torque τ and constant torques w."""
+    q1, q2, v1, v2 = (float(value) for value in x[:4])
+    memory = list(x[4:])
+    th1, th2, th3, th4, th5, th6, th7, th8, th9 = th = loaded_theta(theta, t, effects)
+    r1, r2 = sharpness(r, effects)
+
+    z = memory.pop(0) if "arm_presliding" in effects else None
+    s, s_rate = (memory.pop(0), memory.pop(0)) if "arm_backlash" in effects else (None, None)
+
+    coulomb1 = th8 * tanh(r1 * v1)
+    memory_rates = []
+    if z is not None:
+        sigma0 = effects["arm_presliding"]["σ0"]
+        coulomb1 = sigma0 * z
+        memory_rates.append(v1 - sigma0 * abs(v1) * z / th8)
+
+    rotor, into_arm = 0.0, tau
+    if s is not None:
+        rotor = ROTOR_SHARE * float(theta[0])
+        into_arm = contact_torque(s, s_rate, float(theta[0]), effects["arm_backlash"]["b"])
+
+    M = np.array([[th1 - rotor + th2 * sin(q2) ** 2, th3 * cos(q2)], [th3 * cos(q2), th4]])
+    C = np.array(
+        [
+            [0.5 * th2 * v2 * sin(2 * q2), -th3 * v2 * sin(q2) + 0.5 * th2 * v1 * sin(2 * q2)],
+            [-0.5 * th2 * v1 * sin(2 * q2), 0.0],
+        ]
+    )
+    g = np.array([0.0, -th5 * sin(q2)])
+    friction = np.array([th6 * v1 + coulomb1, th7 * v2 + th9 * tanh(r2 * v2)])
+    extra = np.array(extra_torques(t, q1, q2, v1, v2, th, r, effects, theta))
+    right = np.array([into_arm + w[0], w[1]]) + extra - C @ np.array([v1, v2]) - friction - g
+    a1, a2 = np.linalg.solve(M, right)
+    if s is not None:
+        memory_rates += [s_rate, (tau - into_arm) / rotor - a1]
+    return [v1, v2, float(a1), float(a2), *memory_rates]
+
+
+def energy(t, x, theta, effects: Effects) -> float:
+    """Kinetic and potential energy, with what springs, bristle, tilted gravity and rotor hold.
+
+    Defined for autonomous effects; with it, dE/dt is the power of the input and of the dissipative terms.
+    """
+    q1, q2, v1, v2 = (float(value) for value in x[:4])
+    memory = list(x[4:])
+    th = loaded_theta(theta, t, effects)
+    total = 0.5 * (th[0] + th[1] * sin(q2) ** 2) * v1**2 + th[2] * cos(q2) * v1 * v2 + 0.5 * th[3] * v2**2
+    total += th[4] * cos(q2)
+    if "arm_presliding" in effects:
+        total += 0.5 * effects["arm_presliding"]["σ0"] * memory.pop(0) ** 2
+    if "arm_backlash" in effects:
+        s, s_rate = memory
+        inertia = ROTOR_SHARE * float(theta[0])
+        gap = max(abs(s) - effects["arm_backlash"]["b"], 0.0)
+        total += 0.5 * inertia * ((v1 + s_rate) ** 2 - v1**2)
+        total += 0.5 * inertia * CONTACT_FREQUENCY**2 * gap**2
+    if "arm_spring" in effects:
+        p = effects["arm_spring"]
+        total += 0.5 * p["k"] * (q1 - p["q1n"]) ** 2
+    if "arm_ripple" in effects:
+        p = effects["arm_ripple"]
+        total -= p["A"] / p["n"] * cos(p["n"] * q1 + p["φ"])
+    if "base_tilt" in effects:
+        p = effects["base_tilt"]
+        ax, ay = p["αx"], p["αy"]
+        total -= p["G1"] * (ax * cos(q1) + ay * sin(q1)) + th[4] * sin(q2) * (ay * cos(q1) - ax * sin(q1))
+    return total
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A plant of the table: θ, r and effects; `run` integrates it to the solver's floor."""
+
+    theta: tuple[float, ...]
+    r: float
+    effects: Effects = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        assert set(self.effects) <= KNOWN, f"no oracle for {sorted(set(self.effects) - KNOWN)}: write one"
+
+    @property
+    def n_memory(self) -> int:
+        """Integrated memory: the bristle's z, the play's s and w (lag and delay need none)."""
+        return ("arm_presliding" in self.effects) + 2 * ("arm_backlash" in self.effects)
+
+    def edges(self, t_u, start: float, stop: float) -> list[float]:
+        """Instants at which the right-hand side jumps: delayed commands and the payload's arrival."""
+        delay = self.effects.get("input_delay", {"d": 0.0})["d"]
+        jumps = [float(t) + delay for t in t_u]
+        if "payload_step" in self.effects:
+            jumps.append(self.effects["payload_step"]["t0"])
+        inside = {t for t in jumps if start + 1e-12 < t < stop - 1e-12}
+        return [start, *sorted(inside), stop]
+
+    def torque_at(self, t: float, t_u, u) -> float:
+        """The command after delay and static maps (before the lag)."""
+        delay = self.effects.get("input_delay", {"d": 0.0})["d"]
+        return static_command(held_command(t - delay, t_u, u), self.effects)
+
+    def run(self, x0, times, t_u, u, w=(0.0, 0.0), lag0: float | None = None, rtol=1e-11, atol=1e-12):
+        """States at `times` (n, 4 + memory). Commands u (n,) are held from t_u (n,). lag0: the lag's first τ.
+
+        Without lag0 the actuator has settled on the first command. Memory not given in x0 starts at zero.
+        """
+        times = np.asarray(times, dtype=float)
+        x = np.zeros(4 + self.n_memory)
+        x[: len(x0)] = x0
+        lag = self.effects.get("actuator_lag", {"T": 0.0})["T"]
+        tau0 = self.torque_at(times[0], t_u, u) if lag0 is None else lag0
+        states = np.full((times.size, x.size), np.nan)
+        states[0] = x
+        knots = self.edges(t_u, times[0], times[-1])
+        for a, b in pairwise(knots):
+            middle = 0.5 * (a + b)
+            target = self.torque_at(middle, t_u, u)
+
+            def torque(t, a=a, target=target, tau0=tau0):
+                return target + (tau0 - target) * exp(-(t - a) / lag) if lag else target
+
+            def field_(t, x, a=a, b=b, torque=torque):
+                inside = min(max(t, a), np.nextafter(b, a))  # t0 itself belongs to the next piece
+                return rates(inside, x, torque(t), self.theta, self.r, self.effects, w)
+
+            wanted = times[(times > a) & (times <= b)]
+            grid = np.unique(np.append(wanted, b))
+            solution = solve_ivp(field_, (a, b), x, "DOP853", grid, rtol=rtol, atol=atol)
+            assert solution.success, solution.message
+            for t, state in zip(grid, solution.y.T, strict=True):
+                states[times == t] = state
+            x, tau0 = solution.y[:, -1], torque(b)
+        return states
