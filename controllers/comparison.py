@@ -96,16 +96,22 @@ class Comparison:
         from rich.table import Table
 
         unit = self.plant.unit
-        table = Table(title=f"{self.settings['trials']} trials each, every {1e3 * self.settings['sample_time']:g} ms")
+        table = Table(
+            title=f"{self.settings['trials']} trials each, every {1e3 * self.settings['sample_time']:g} ms",
+            caption="± is half of the 95 % interval; success rates have Wilson's interval",
+            padding=(0, 0),
+        )
         columns = self._columns()
         table.add_column("controller")
         for title, _, figure in columns:
             table.add_column(title + (f"\n[{UNITS[figure].format(u=unit)}]" if UNITS[figure] else ""), justify="right")
         for controller, rows in self.scores.items():
-            cells = [rows[c][f] if c in rows else None for _, c, f in columns]
-            table.add_row(controller, *("–" if x is None else _cell(x, f) for x, (_, _, f) in zip(cells, columns)))  # noqa: B905
+            cells = [_cell(rows.get(condition, {}).get(figure), figure) for _, condition, figure in columns]
+            table.add_row(controller, *cells)
         for controller, reason in self.skipped.items():
-            table.add_row(controller, "left out: " + reason.split(":")[0], style="dim")
+            table.add_section()
+            table.add_row(f"{controller}\nleft out", style="dim")
+            table.caption = f"{table.caption}\n{reason}"
         return table
 
     def _columns(self) -> list[tuple[str, str, str]]:
@@ -128,13 +134,15 @@ class Comparison:
     def __str__(self) -> str:
         from rich.console import Console
 
-        console = Console(width=200)
+        console = Console(width=120)
         with console.capture() as capture:
             console.print(self.table())
         return capture.get()
 
 
-def _cell(x: Interval, figure: str) -> str:
+def _cell(x: Interval | None, figure: str) -> str:
+    if x is None or x.n == 0:
+        return "–"
     if figure == "success":
-        return f"{100 * x.value:.1f} % [{100 * x.low:.0f}, {100 * x.high:.0f}]"
-    return str(x)
+        return f"{100 * x.value:.4g} %\n{100 * x.low:.0f}–{100 * x.high:.0f}"
+    return f"{x.value:.3g}\n±{0.5 * (x.high - x.low):.1g}"

@@ -1,4 +1,4 @@
-"""What controllers are compared in: the plant as it is, other parameters, delays, encoders, effects, pushes, swing-up."""
+"""What controllers are compared in: the plant as it is, pushes, wrong parameters, delays, encoders, effects."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

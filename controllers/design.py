@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import mass_matrix
-from furuta_gym.plant.linearization import linearize, state_derivative
+from furuta_gym.plant.linearization import Linearization, linearize, state_derivative
 from furuta_gym.sensors import Sensors
 
 from .base import DesignError
@@ -78,7 +78,9 @@ class DesignModel:
 
     def widened(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
         """State weights (4, 4) with zeros for the command path."""
-        return block_diag(Q, np.zeros((self.size - 4, self.size - 4)))
+        wide = np.zeros((self.size, self.size))
+        wide[:4, :4] = Q
+        return wide
 
 
 def choose_sample_time(plant: Plant, sample_time: float | None) -> float:
@@ -130,6 +132,15 @@ def balance_point(plant: Plant) -> tuple[float, float]:
     raise DesignError("this plant has no balance point near upright at q1 = 0; check the size of its effects")
 
 
+def linear_plant(plant: Plant) -> Linearization:
+    """The plant linear about upright, without any friction that changes with the sign of a velocity.
+
+    The slope at rest of an effect's tanh is no more part of a design than that of Coulomb friction.
+    """
+    smooth = tuple(e for e in plant.effects if not {"r1", "r2"} & set(e.type.arguments.get("torque", ())))
+    return linearize(plant.replace(effects=smooth))
+
+
 def design_model(plant: Plant, sample_time: float) -> DesignModel:
     """The plant at its samples, linear about upright, with the delay and the lag that it carries.
 
@@ -138,7 +149,7 @@ def design_model(plant: Plant, sample_time: float) -> DesignModel:
     th1, th2, th3, th4 = plant.theta[:4]
     if th3 == 0:
         raise DesignError("θ3 = 0: the arm does not move the pendulum, so no controller can balance it")
-    linear = linearize(plant)
+    linear = linear_plant(plant)
     q2e, torque = balance_point(plant) if plant.effects else (0.0, 0.0)
     m11, m12, m22 = mass_matrix(0.0, th1, th2, th3, th4)
     inverse = np.linalg.inv(np.array([[m11, m12], [m12, m22]]))
@@ -169,20 +180,20 @@ def design_model(plant: Plant, sample_time: float) -> DesignModel:
             Bd[:n] = new
         else:
             Ad[:n, n + m - 2] = new[:, 0]
-        noise = block_diag(noise, np.zeros((m, m)))
+        noise = np.pad(noise, (0, m))
     return DesignModel(Ad, Bd, noise, q2e, torque, T)
 
 
 def _held(A: NDArray[np.float64], B: NDArray[np.float64], time: float) -> tuple[NDArray[np.float64], ...]:
     """(e^{A t}, ∫ e^{A s} ds B) for a command held over `time`."""
     n, m = B.shape
-    E = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)
+    E = np.asarray(expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time), dtype=float)
     return E[:n, :n], E[:n, n:]
 
 
 def _sampled_noise(A: NDArray[np.float64], Q: NDArray[np.float64], time: float) -> NDArray[np.float64]:
     """∫ e^{A s} Q e^{Aᵀ s} ds over one sample (Van Loan 1978)."""
     n = A.shape[0]
-    E = expm(np.block([[-A, Q], [np.zeros((n, n)), A.T]]) * time)
+    E = np.asarray(expm(np.block([[-A, Q], [np.zeros((n, n)), A.T]]) * time), dtype=float)
     N = E[n:, n:].T @ E[:n, n:]
     return 0.5 * (N + N.T)

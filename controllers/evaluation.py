@@ -48,7 +48,8 @@ def compare(
     controllers: names (see `CONTROLLERS`), policy files `*.zip`, `Controller`s, or any policy with a `name`.
     design_plant: what named controllers are designed from, default `plant`; the two differ to see what a wrong model
     costs. trials: of the groups balance and swing_up; small_trials (default: a quarter, at least 10) of each other
-    condition. sample_time [s], sensors: default is the plant's, else 2 ms and 4096 counts. jobs: processes.
+    condition. sample_time [s]: default is the plant's, else that of the first policy file, else 2 ms. sensors: default
+    is what the plant file says, else 4096 counts. jobs: processes.
     progress(done, of): called after each condition. A controller that does not apply to the plant is left out, with
     the reason. Raises ValueError on an unknown name, group or effect, and when nothing is left to compare.
     """
@@ -57,7 +58,7 @@ def compare(
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
     small = small_trials or max(10, trials // 4)
-    T, sensors = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
+    T, sensors = _sample_time(plant, sample_time, controllers), choose_sensors(plant, sensors)
     policies, skipped = _build(controllers, design, T, sensors)
     if not policies:
         raise ValueError("nothing to compare: " + ("; ".join(skipped.values()) or "no controllers were named"))
@@ -84,6 +85,18 @@ def compare(
         "designed_for_this_plant": design == plant,
     }
     return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped)
+
+
+def _sample_time(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:
+    if sample_time is None and plant.sample_time is None:
+        for given in controllers:
+            if isinstance(given, Controller):
+                return given.sample_time
+            if str(given).endswith(".zip"):
+                from .learned import trained_sample_time
+
+                return trained_sample_time(str(given), plant)
+    return choose_sample_time(plant, sample_time)
 
 
 def _build(

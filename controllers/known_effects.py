@@ -35,14 +35,19 @@ class KnownEffects:
         self.command_map: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self.torque_limits = (-plant.u_max, plant.u_max)
         if "command" in hooks:
-            u = np.linspace(-plant.u_max, plant.u_max, _TABLE)
-            # a little of u itself makes dead zones and saturated ends invertible
-            tau = self._torques(u) + 1e-6 * u
-            middle = _TABLE // 2
-            tau[middle:] = np.maximum.accumulate(tau[middle:])
-            tau[middle::-1] = np.minimum.accumulate(tau[middle::-1])
-            self.command_map = tau, u
-            self.torque_limits = float(tau[0]), float(tau[-1])
+            self.command_map = self._tabulate(plant.u_max)
+            self.torque_limits = float(self.command_map[0][0]), float(self.command_map[0][-1])
+
+    def _tabulate(self, u_max: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        u = np.linspace(-u_max, u_max, _TABLE)
+        middle = _TABLE // 2
+        tau = self._torques(u)
+        tau[middle:] = np.maximum.accumulate(tau[middle:])
+        tau[middle::-1] = np.minimum.accumulate(tau[middle::-1])
+        # no more command than it takes to reach the limits, and a little slope to make dead zones invertible
+        first, last = np.flatnonzero(tau <= tau[0])[-1], np.flatnonzero(tau >= tau[-1])[0]
+        u, tau = u[first : last + 1], tau[first : last + 1]
+        return tau + 1e-6 * u, u
 
     def _torques(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         tau = u.copy()
@@ -65,6 +70,11 @@ class KnownEffects:
     def command(self, torque: Any) -> Any:
         """The command whose static map gives the wanted motor torque."""
         return torque if self.command_map is None else np.interp(torque, *self.command_map)
+
+    @property
+    def cancels_effects(self) -> bool:
+        """Whether `arm_torque` holds more than Coulomb friction."""
+        return bool(self._on_arm.size)
 
     def arm_torque(self, x: NDArray[np.float64]) -> Any:
         """Torque, (L,) or float, that Coulomb friction and the arm's effects exert in states x (4,) or (4, L)."""

@@ -70,9 +70,7 @@ def observer_feedback(K: NDArray[np.float64], L: NDArray[np.float64], model: Des
     keep = np.eye(n) - L @ model.C
     wide = np.hstack([L, np.zeros((n, 1))])
     D = -K @ wide + np.array([0.0, 0.0, K[0]])
-    return LinearLaw(
-        model.A @ keep, model.A @ wide, model.B[:, 0], -K @ keep, D, np.eye(n, 2), keep[:4], wide[:4]
-    )
+    return LinearLaw(model.A @ keep, model.A @ wide, model.B[:, 0], -K @ keep, D, np.eye(n, 2), keep[:4], wide[:4])
 
 
 class LinearController(Controller):
@@ -139,7 +137,7 @@ class LinearController(Controller):
                 [B + np.outer(law.G, D), law.A + np.outer(law.G, law.C)],
             ]
         )
-        return np.linalg.eigvals(loop)
+        return np.linalg.eigvals(loop).astype(complex)
 
 
 def build_state_feedback(

@@ -30,7 +30,7 @@ def with_integral(law: LinearLaw, gain: float, sample_time: float, unwinding_tim
     n = law.size
     C, D = np.append(law.C, -gain), law.D
     unwind = -sample_time / unwinding_time / gain
-    A = block_diag(law.A, 1.0)
+    A = np.asarray(block_diag(law.A, 1.0))
     A[n] -= unwind * C
     B = np.vstack([law.B, np.array([sample_time, 0.0, -sample_time]) - unwind * D])
     zero = np.zeros((4, 1))

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.linearization import linearize
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model
+from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, linear_plant
 from .linear import LinearController, build_state_feedback
 
 
@@ -17,7 +16,7 @@ def lqr_gain(plant: Plant, weights: Weights | None = None) -> np.ndarray:
     import control
 
     weights = weights or Weights.of(plant)
-    linear = linearize(plant)
+    linear = linear_plant(plant)
     return control.lqr(linear.A, linear.B, weights.Q, weights.R)[0].ravel()
 
 

@@ -9,7 +9,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
 from .base import DesignError
-from .design import Weights
+from .design import Weights, linear_plant
 from .linear import LinearController
 from .trials import Starts, run_trials
 
@@ -44,10 +44,8 @@ def region_of_attraction(
     """
     import control
 
-    from furuta_gym.plant.linearization import linearize
-
     weights = weights or Weights.of(plant)
-    linear = linearize(plant)
+    linear = linear_plant(plant)
     P = np.asarray(control.lqr(linear.A, linear.B, weights.Q, weights.R)[1])
     inner = P[1:, 1:]
     highest = widest**2 / np.linalg.inv(inner)[0, 0]  # of V at which the ellipsoid reaches |q2| = widest

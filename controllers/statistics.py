@@ -23,7 +23,9 @@ class Interval:
 
     @classmethod
     def from_dict(cls, data: dict[str, float | int | None]) -> "Interval":
-        value, low, high = (float("nan") if data[k] is None else float(data[k] or 0.0) for k in ("value", "low", "high"))
+        value, low, high = (
+            float("nan") if data[k] is None else float(data[k] or 0.0) for k in ("value", "low", "high")
+        )
         return cls(value, low, high, int(data["n"] or 0))
 
     def __str__(self) -> str:

@@ -146,7 +146,7 @@ def integration(n: int = 128) -> list[dict[str, Any]]:
                 rng = np.random.default_rng(0)
                 alive, errors = np.ones(n, dtype=bool), []
                 for _ in range(round(1.0 / coarse.setup.sample_time)):
-                    u = rng.uniform(-1, 1, (n, 1)) * share * coarse.single_action_space.high
+                    u = rng.uniform(-1, 1, (n, 1)) * share * coarse.setup.plant.u_max
                     ours, reference = coarse.step(u), fine.step(u)
                     alive &= ~(ours[2] | reference[2])
                     error = np.abs(ours[4]["state"] - reference[4]["state"])[:, :2].max(axis=1)
@@ -238,7 +238,7 @@ def learning(a: Arguments) -> dict[str, dict[str, Any]]:
         def _on_step(self) -> bool:
             return time.perf_counter() < self.end
 
-    ways: dict[str, tuple[Callable[[], Any], dict[str, int]]] = {
+    ways: dict[str, tuple[Callable[[], Any], dict[str, Any]]] = {
         "compiled batch, 256 envs": (lambda: FurutaVecEnv(256), {"n_steps": 32, "batch_size": 1024}),
         "8 subprocesses": (
             lambda: SubprocVecEnv([lambda: gym.make(ENV_ID, normalize_action=True)] * 8),
@@ -335,7 +335,9 @@ def _show_rates(title: str, rates: dict[str, Rate], settings: dict[str, str], co
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m experiments.benchmark", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.benchmark", description=(__doc__ or "").splitlines()[0]
+    )
     parser.add_argument("--quick", action="store_true", help="a few seconds: shows that it runs, not how fast")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results there")
     options = parser.parse_args()

@@ -38,9 +38,7 @@ def classical_estimate(logs: Sequence[Log], method: str, template: Plant, start:
         scale = "its standard deviations are classical: they ignore the bias and are far too small"
         warnings = (*warnings, f"{method}: {scale}; compare with --method prediction-error")
     plant = _plant(theta, method, template)
-    verdict = judge(
-        THETA_NAMES, theta, inverse_information(covariance), Motion.of(logs), np.sqrt(np.diag(covariance))
-    )
+    verdict = judge(THETA_NAMES, theta, inverse_information(covariance), Motion.of(logs), np.sqrt(np.diag(covariance)))
     return Estimate(
         plant=plant,
         method=method,

@@ -88,6 +88,7 @@ class Estimate:
 
     def to_dict(self) -> dict[str, Any]:
         """For machines (`--json`): everything but the arrays of the fit."""
+        noise = self.noise
         return {
             "method": self.method,
             "parameters": {
@@ -95,9 +96,7 @@ class Estimate:
                 for n, v, s in zip(self.names, self.values, self.std, strict=True)
             },
             "fixed": dict(self.fixed),
-            "noise": None
-            if self.noise is None
-            else {"torque_intensity": list(self.noise.torque), "reading_std": [list(s) for s in self.noise.reading_std]},
+            "noise": noise and {"torque_intensity": noise.torque, "reading_std": noise.reading_std},
             "log_likelihood": _finite(self.log_likelihood),
             "samples": self.samples,
             "converged": self.converged,
@@ -146,7 +145,7 @@ class Estimate:
 
 
 def rounded(value: float, std: float) -> str:
-    """"value ± std" with the deviation to two digits and the value to the same place."""
+    """ "value ± std" with the deviation to two digits and the value to the same place."""
     if not (math.isfinite(std) and std > 0):
         return f"{value:.5g} ± ?"
     digits = 1 - math.floor(math.log10(std))

@@ -47,7 +47,6 @@ class Motion:
     arm_noise: float
     pendulum_noise: float
     command_constant: bool
-    command_zero: bool
 
     @classmethod
     def of(cls, logs: Sequence[Log]) -> Motion:
@@ -70,7 +69,6 @@ class Motion:
             arm_noise=float(noise[int(np.argmax(ranges[:, 0])), 0]),
             pendulum_noise=float(noise[best, 1]),
             command_constant=all(np.ptp(log.u) == 0 for log in logs),
-            command_zero=all(not np.any(log.u) for log in logs),
         )
 
 
@@ -125,7 +123,9 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
     degrees = f"q1 covers {m.arm_range:.2g} rad and q2 {m.pendulum_range:.2g} rad"
     if m.duration < _SHORTEST:
         lost += EVERYTHING
-        advice.append(f"the log is too short: {m.duration:.2g} s of motion; record at least {_SHORTEST:g} s, better 20 s")
+        advice.append(
+            f"the log is too short: {m.duration:.2g} s of motion; record at least {_SHORTEST:g} s, better 20 s"
+        )
     elif arm_still and pendulum_still:
         lost += EVERYTHING
         advice.append(
@@ -147,7 +147,9 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
     if m.command_constant and "theta1" not in lost:
         lost += EVERYTHING if m.command_zero else ()
         what = "zero" if m.command_zero else "constant"
-        advice.append(f"the command is {what} throughout: the parameters have no scale; drive the arm, or add a driven log")
+        advice.append(
+            f"the command is {what} throughout: the parameters have no scale; drive the arm, or add a driven log"
+        )
         lost += [] if m.command_zero else EVERYTHING
     lost = [n for n in dict.fromkeys(lost) if n not in set(known)]
     if not lost:

@@ -136,7 +136,10 @@ def _with_known(plant: Plant, known: Mapping[str, float]) -> Plant:
             r[0] = value
         if name in ("r", "r2"):
             r[1] = value
-    for name, i, least in (("theta1", 0, 1.3 * theta[2] ** 2 / theta[3]), ("theta4", 3, 1.3 * theta[2] ** 2 / theta[0])):
+    for name, i, least in (
+        ("theta1", 0, 1.3 * theta[2] ** 2 / theta[3]),
+        ("theta4", 3, 1.3 * theta[2] ** 2 / theta[0]),
+    ):
         if theta[0] * theta[3] <= theta[2] ** 2 and name not in known:
             theta[i] = least
     if theta[0] * theta[3] <= theta[2] ** 2 and "theta3" not in known:
@@ -300,7 +303,7 @@ def _warnings(
                 "that model (5) lacks (run `furuta diagnose`), or of a sign that should be flipped"
             )
         elif name in R_ROWS:
-            yield f"{name} ends at its bound {plant.sharpness[0]:.3g} s/rad: friction near rest is not told; fix it (100)"
+            yield f"{name} ends at its bound {plant.sharpness[0]:.3g} s/rad: friction near rest is not told; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
     for log in logs:

@@ -2,7 +2,7 @@
 
 Minimises V(z) = ½ Σ (eᵀ S⁻¹ e + ln det S) over θ, r, effect parameters and noise intensities together, for any number
 of logs (Kristensen, Madsen & Jørgensen 2004; Ljung 1999, ch. 7). Works on closed-loop data of the unstable plant and
-needs no velocities. Fisher scoring with Levenberg–Marquardt damping; derivatives come from a bank of filters.
+needs no velocities. Derivatives come from a bank of filters; `optimise` does the descent.
 """
 
 from __future__ import annotations
@@ -13,75 +13,22 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.effects.library import NUMBERS
 
 from .coordinates import Coordinate, fill
 from .filter_bank import innovations
-from .logs import Log
+from .likelihood import differentiate, innovation_cost, scores_of, whiten
+from .optimise import Optimum, minimise
+from .record import Record
 
-_POLISH = 1.0  # nats: gain below which frozen gains give way to exact derivatives
+__all__ = ["Expansion", "Optimum", "PredictionError", "Record", "minimise", "whiten"]
+
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
 _THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
-
-
-@dataclass(frozen=True)
-class Record:
-    """A log as the filter takes it: t from zero, y (N, 2), u (N, 1), reading variances (2,), first state."""
-
-    t: NDArray[np.float64]
-    y: NDArray[np.float64]
-    u: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    velocity_std: float
-
-    @classmethod
-    def from_log(cls, log: Log) -> Record:
-        counts = np.asarray(log.encoder_counts or (0.0, 0.0))
-        quantum = np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0)
-        measured = np.asarray(log.noise_std)
-        variance = np.maximum(np.maximum(quantum**2 / 12.0, 0.25 * measured**2), 1e-14)
-        return cls.from_arrays(log.t - log.t[0], log.angles, log.u, variance)
-
-    @classmethod
-    def from_arrays(cls, t: ArrayLike, y: ArrayLike, u: ArrayLike, variance: ArrayLike) -> Record:
-        """t (N,), y (N, 2), u (N,), reading variances (2,); the first velocity comes from the first readings."""
-        t, y, variance = np.array(t, dtype=float), np.array(y, dtype=float), np.array(variance, dtype=float)
-        t -= t[0]
-        m = min(len(t), max(6, int(np.searchsorted(t, 0.02))))
-        slope = np.polyfit(t[:m], y[:m], 1 if m < 12 else 2)[-2]
-        spread = 3.0 * math.sqrt(12.0 * variance.max() / m) / max(t[m - 1], 1e-6)
-        return cls(t, y, np.array(u, dtype=float).reshape(-1, 1), variance, dwell_weights(y), slope, 0.1 + spread)
-
-
-MODE=dict(m='none')
-def dwell_weights(y):
-    w = np.ones_like(y)
-    for a in range(2):
-        d = np.diff(y[:, a]); ch = np.flatnonzero(d) + 1
-        ed = np.concatenate([[0], ch, [len(y)]])
-        n = np.diff(ed)
-        dirs = np.sign(d[ch - 1])
-        before = np.concatenate([[0], dirs]); after = np.concatenate([dirs, [0]])
-        rev = before * after <= 0
-        if MODE['m'] == 'none': f = np.ones(len(n))
-        elif MODE['m'] == 'rev': f = np.where(rev, n, 1.0)
-        elif MODE['m'] == 'rev2': f = np.where(rev, 2.0*n, 1.0)
-        elif MODE['m'] == 'revhalf': f = np.where(rev, np.maximum(1,n/2), 1.0)
-        elif MODE['m'] == 'all': f = np.maximum(1.0, n.astype(float))
-        elif MODE['m'] == 'all4': f = np.maximum(1.0, n/4.)
-        elif MODE['m'] == 'all2': f = np.maximum(1.0, n/2.)
-        elif MODE['m'] == 'all8': f = np.maximum(1.0, n/8.)
-        elif MODE['m'] == 'sqrt': f = np.sqrt(n)
-        elif MODE['m'] == 'mix': f = np.where(rev, n, np.maximum(1.0, n/8.))
-        w[:, a] = np.repeat(f, n)
-    return w
 
 
 @dataclass
@@ -167,7 +114,7 @@ class PredictionError:
         for result in self._map(lambda r: self.run(r, z[None], 1), self.records):
             if result is None:
                 return math.inf
-            total += _value(result[0][:, :, 0], result[1][:, :, 0])
+            total += innovation_cost(result[0][:, :, 0], result[1][:, :, 0])
         return total
 
     def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion:
@@ -195,7 +142,7 @@ class PredictionError:
             result = self.run(self.records[i], bank[positions], leaders, exact=leaders if exact else 1)
             if result is None:
                 return math.inf
-            return _differentiate(result[0], result[1], steps[order[part]], order[part], rows[i], all_scores[i])
+            return differentiate(result[0], result[1], steps[order[part]], order[part], rows[i], all_scores[i])
 
         values = list(self._map(work, jobs))
         value, gradient, information = self._prior(z)
@@ -227,7 +174,6 @@ class PredictionError:
                 gradient += r * slopes
                 information += np.outer(slopes, slopes)
         return value, gradient, information
-
 
     def _rigid_body(self, z: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
         """Residuals and slopes that hold J1 = θ1 − θ3²/θ2 and J2 = θ4 − θ2 above a thousandth of θ1 and θ4."""
@@ -263,204 +209,4 @@ def _halves(leaders: int, n: int, records: int) -> list[NDArray[np.int64]]:
     return [np.arange(cut), np.arange(cut, n)]
 
 
-def _value(e: NDArray[np.float64], S: NDArray[np.float64]) -> float:
-    """½ Σ (eᵀ S⁻¹ e + ln det S) of e (N, 2), S (N, 3) = (S11, S12, S22)."""
-    det = S[:, 0] * S[:, 2] - S[:, 1] ** 2
-    q = (S[:, 2] * e[:, 0] ** 2 - 2.0 * S[:, 1] * e[:, 0] * e[:, 1] + S[:, 0] * e[:, 1] ** 2) / det
-    return 0.5 * float(np.sum(q + np.log(det)))
-
-
-def whiten(e: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L⁻¹ e with S = L Lᵀ: white with unit variance if the model is right. e (N, 2) or (N, 2, m)."""
-    l11 = np.sqrt(S[:, 0])
-    l21 = S[:, 1] / l11
-    l22 = np.sqrt(S[:, 2] - l21**2)
-    shape = (-1,) + (1,) * (e.ndim - 2)
-    w1 = e[:, 0] / l11.reshape(shape)
-    return np.stack([w1, (e[:, 1] - l21.reshape(shape) * w1) / l22.reshape(shape)], axis=1)
-
-
-@compiled(nogil=True)
-def _differentiate(e, S, steps, columns, rows, scores):
-    """V of filter 0 of a bank, and the derivatives that its other filters give: see `_score_rows`.
-
-    e (N, 2, B), S (N, 3, leaders); filter j + 1 is shifted by steps[j] in coordinate columns[j].
-    """
-    N, B = e.shape[0], e.shape[2]
-    V = 0.0
-    de, dS = np.empty(2), np.zeros(3)
-    for k in range(N):
-        det = S[k, 0, 0] * S[k, 2, 0] - S[k, 1, 0] ** 2
-        l11 = math.sqrt(S[k, 0, 0])
-        l21 = S[k, 1, 0] / l11
-        l22 = math.sqrt(S[k, 2, 0] - l21 * l21)
-        w1 = e[k, 0, 0] / l11
-        w2 = (e[k, 1, 0] - l21 * w1) / l22
-        V += 0.5 * (w1 * w1 + w2 * w2 + math.log(det))
-        for j in range(1, B):
-            for a in range(2):
-                de[a] = (e[k, a, j] - e[k, a, 0]) / steps[j - 1]
-            for a in range(3):
-                dS[a] = (S[k, a, j] - S[k, a, 0]) / steps[j - 1] if j < S.shape[2] else 0.0
-            _score_row(w1, w2, l11, l21, l22, de, dS, rows[k], scores[k], columns[j - 1])
-    return V
-
-
-@compiled(nogil=True)
-def _score_row(w1, w2, l11, l21, l22, de, dS, rows, scores, i):
-    """Column i of one sample's score (n,) and of the rows (5, n) whose Gram matrix is its Fisher information.
-
-    With S = L Lᵀ, w = L⁻¹ e, d = L⁻¹ de and A = L⁻¹ dS L⁻ᵀ: score = wᵀ d + ½ tr A − ½ wᵀ A w, and the information
-    d dᵀ + ½ tr A A comes from the rows d1, d2, A11/√2, A12, A22/√2.
-    """
-    d1 = de[0] / l11
-    d2 = (de[1] - l21 * d1) / l22
-    a11 = dS[0] / (l11 * l11)
-    b = (dS[1] - l21 * dS[0] / l11) / l22  # (L⁻¹ dS)21
-    a12 = b / l11
-    a22 = ((dS[2] - l21 * dS[1] / l11) / l22 - l21 * b / l11) / l22
-    rows[0, i], rows[1, i] = d1, d2
-    rows[2, i], rows[3, i], rows[4, i] = a11 * math.sqrt(0.5), a12, a22 * math.sqrt(0.5)
-    scores[i] = w1 * d1 + w2 * d2 + 0.5 * (a11 + a22 - w1 * w1 * a11 - 2.0 * w1 * w2 * a12 - w2 * w2 * a22)
-
-
-def _scores(e, S, de, dS, noisy):
-    """Per-sample gradient (N, n) of V and the summed Fisher information (n, n) of e (N, 2), S (N, 3) and their
-    derivatives de (N, 2, n) and dS (N, 3, n); those of S count for the coordinates `noisy` only."""
-    N, _, n = de.shape
-    rows, g = np.empty((N, 5, n)), np.empty((N, n))
-    counted = np.zeros_like(dS)
-    counted[:, :, noisy] = dS[:, :, noisy]
-    _all_rows(e, S, de, counted, rows, g)
-    flat = rows.reshape(-1, n)
-    return g, flat.T @ flat
-
-
-@compiled(nogil=True)
-def _all_rows(e, S, de, dS, rows, scores):
-    for k in range(e.shape[0]):
-        l11 = math.sqrt(S[k, 0])
-        l21 = S[k, 1] / l11
-        l22 = math.sqrt(S[k, 2] - l21 * l21)
-        w1 = e[k, 0] / l11
-        w2 = (e[k, 1] - l21 * w1) / l22
-        for i in range(de.shape[2]):
-            _score_row(w1, w2, l11, l21, l22, de[k, :, i], dS[k, :, i], rows[k], scores[k], i)
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """Where a minimisation ended: z, V there, its expansion, iterations, and whether and why it stopped."""
-
-    z: NDArray[np.float64]
-    value: float
-    expansion: Expansion
-    iterations: int
-    converged: bool
-    message: str
-
-
-def _limited_step(
-    A: NDArray[np.float64], g: NDArray[np.float64], damping: float, limit: float = 1.0
-) -> NDArray[np.float64]:
-    """Damped Newton step with no entry beyond ±limit (a factor e, or one scale).
-
-    An entry that wants more is put at the limit and the others are solved again: scaling the whole step down instead
-    would let one coordinate that hardly matters (a vanishing noise) hold up all the others.
-    """
-    scale = np.sqrt(np.maximum(np.diag(A), 1e-6))
-    B = A / np.outer(scale, scale) + damping * np.eye(len(g))
-    step, loose = np.zeros(len(g)), np.ones(len(g), dtype=bool)
-    for _ in range(len(g)):
-        at = ~loose
-        right = -(g[loose] / scale[loose] + B[np.ix_(loose, at)] @ (step[at] * scale[at]))
-        step[loose] = np.linalg.solve(B[np.ix_(loose, loose)], right) / scale[loose]
-        over = loose & (np.abs(step) > limit)
-        if not over.any():
-            break
-        step[over] = np.sign(step[over]) * limit
-        loose &= ~over
-        if not loose.any():
-            break
-    return step
-
-
-def minimise(
-    problem: PredictionError,
-    z: NDArray[np.float64],
-    iterations: int = 40,
-    tolerance: float = 0.01,
-    free=None,
-    exact: bool = True,
-) -> Optimum:
-    """Levenberg–Marquardt on V from z, within the bounds. `free`: indices that move (default all).
-
-    Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum. Stops
-    when the decrease of V that the quadratic model promises (a log-likelihood: absolute, in nats) is below
-    `tolerance`. With `exact` the expansion returned is exact and holds the scores.
-    """
-    free = np.arange(len(z)) if free is None else np.asarray(free)
-    z = np.clip(z, problem.low, problem.high)
-    damping, polishing = 1e-3, False
-    expansion = problem.expand(z)
-    if not math.isfinite(expansion.value):
-        return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
-    for iteration in range(1, iterations + 1):
-        trial, value, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance)
-        if trial is None:  # nothing lower on the way the derivatives show
-            done = predicted < tolerance
-            if polishing or not exact:
-                message = "converged" if done else "no further descent"
-                return Optimum(z, expansion.value, expansion, iteration, done, message)
-            polishing, damping = True, 1e-3
-        else:
-            z = trial
-            polishing = exact and (polishing or expansion.value - value < _POLISH)
-        expansion = problem.expand(z, exact=polishing, scores=polishing)
-    return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
-
-
-_RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
-
-
-def _descend(problem, z, expansion, free, damping, tolerance):
-    """One step that lowers V: (trial, V there, predicted decrease, damping); trial is None if there is none."""
-    g, H = expansion.gradient, expansion.information
-    held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
-    move = np.array([i for i in free if not held[i]], dtype=int)
-    hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
-    if hoped < tolerance:
-        return None, expansion.value, hoped, damping
-    for _ in range(12):
-        moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high)
-        predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
-        # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
-        # it aims at is the logarithm of that ratio
-        largest = np.abs(moved[~problem.noisy]).max(initial=1.0)
-        moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
-        trial = np.clip(z + moved, problem.low, problem.high)
-        value = problem.value(trial)
-        if value < expansion.value:
-            gained = expansion.value - value > 0.5 * predicted
-            return trial, value, hoped, damping / 10.0 if gained else damping * 2.0
-        damping = max(10.0 * damping, 1e-4)
-    return None, expansion.value, hoped, damping
-
-
-def _bounded_step(z, g, H, move, damping, low, high):
-    """The damped Gauss–Newton step of the coordinates `move`; those that would pass a bound go to it, and the others
-    make the best of that."""
-    step = np.zeros_like(z)
-    while len(move):
-        A = H[np.ix_(move, move)]
-        right = g[move] + H[move] @ step
-        scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
-        damped = A / np.outer(scale, scale) + damping * np.eye(len(move)) + _RIDGE * np.diag(scale**-2.0)
-        wanted = -np.linalg.solve(damped, right / scale) / scale
-        out = (z[move] + wanted < low[move]) | (z[move] + wanted > high[move])
-        if not out.any():
-            step[move] = wanted
-            break
-        step[move[out]] = np.clip(z[move] + wanted, low[move], high[move])[out] - z[move[out]]
-        move = move[~out]
-    return step
+_scores, _value = scores_of, innovation_cost

@@ -17,7 +17,7 @@ from .programme import EXPERIMENTS
 from .recording import BenchRecord, PendulumLost, record
 from .rigs import HiddenEffect, Rig
 from .sets import SETS, Bodies, ParameterSet
-from .size import EffectSize, effect_size
+from .size import EffectSize, effect_size, strength_for
 
 __all__ = [
     "EXPERIMENTS",
@@ -36,4 +36,5 @@ __all__ = [
     "list_rigs",
     "record",
     "rig",
+    "strength_for",
 ]

@@ -66,7 +66,7 @@ _COMMAND = (
     ),
     _library(
         "input_saturation", "τ = clip(u, −m, m)", "a round knee: u (1 + (u/m)⁴)^(−1/4)", {"m": "{u}"},
-        lambda s, k, v: {"m": 1.8 * s.drive * s.plain / k}, _saturation,
+        lambda s, k, v: {"m": 1.6 * s.drive * s.plain / k}, _saturation,
     ),
     _library(
         "input_offset", "τ = u + b", "the offset wanders by 10 % over a minute", {"b": "{u}"},
@@ -177,7 +177,7 @@ def _backlash(d, p, bench):
 _ARM_TORQUES = (
     _library(
         "arm_spring", "arm: −k (q1 − q1n)", "stiffens: k e (1 + 0.15 e²)", {"k": "{u}/rad", "q1n": "rad"},
-        lambda s, k, v: {"k": 1.0 * k * s.coulomb[0], "q1n": v.near(0.3, -0.5, 0.5)}, _spring,
+        lambda s, k, v: {"k": 2.0 * k * s.coulomb[0], "q1n": v.near(0.3, -0.5, 0.5)}, _spring,
     ),
     _library(
         "arm_ripple", "arm: −A sin(n q1 + φ)", "with a second harmonic of 15 %",
@@ -259,7 +259,7 @@ def _eccentricity_sizes(s, k, v):
 _REST = (
     _library(
         "pendulum_quadratic_drag", "pendulum: −c q̇2 |q̇2|", "power 1.8", {"c": "{u}·s²/rad²"},
-        lambda s, k, v: {"c": 0.1 * k * s.inertia[4]}, _drag2,
+        lambda s, k, v: {"c": 0.03 * k * s.inertia[4]}, _drag2,
     ),
     _library(
         "pendulum_stribeck", "pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)", "exponent 1",

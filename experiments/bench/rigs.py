@@ -28,7 +28,7 @@ class HiddenEffect:
     strength: float = 1.0
     form: str = ""
     variation: int = 0
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         spec = find(self.name)

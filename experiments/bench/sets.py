@@ -162,7 +162,7 @@ _SERVO = _rigid(
         encoder_counts=(2048, 2048),
         sample_time=0.002,
         drive=1.0,
-        plain=0.8,
+        plain=1.6,
     ),
     Bodies(
         arm_mass=0.095,
@@ -188,7 +188,7 @@ _WORKSHOP = _rigid(
         encoder_counts=(8192, 4096),
         sample_time=0.004,
         drive=0.8,
-        plain=0.4,
+        plain=0.35,
     ),
     Bodies(
         arm_mass=0.4,
@@ -213,7 +213,7 @@ _DESK = _rigid(
         encoder_counts=(4096, 4096),
         sample_time=0.001,
         drive=0.1,
-        plain=0.6,
+        plain=0.8,
     ),
     Bodies(
         arm_mass=0.15,

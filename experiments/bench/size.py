@@ -7,13 +7,13 @@ What is left is what a diagnosis has to work with, in units of the encoders' own
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .kernels.replay import replay
-from .recording import BenchRecord, record
-from .rigs import Rig
+from .recording import BenchRecord, PendulumLost, record
+from .rigs import HiddenEffect, Rig
 
 _MASSES = ("th1", "th2", "th3", "th4", "th5", "fv1", "fv2", "fc1", "fc2")
 _STEPS = (1e-6, 1e-6, 1e-5, 1e-5)  # for differences: rad, rad, rad/s, rad/s
@@ -61,6 +61,34 @@ def effect_size(
         absorbed=1.0 - left / all_of_it if all_of_it > 0 else 0.0,
         window=window,
     )
+
+
+def strength_for(
+    rig: Rig, name: str, ratio: float, experiment: str = "paper", form: str = "", variation: int = 0, seed: int = 0
+) -> float:
+    """Strength at which effect `name`, put on `rig`, has an `effect_size(...).ratio` near the one asked for.
+
+    The gap grows about in proportion to the strength; three rounds of that rule, from strength 1. Never above 4.
+    Raises ValueError for a ratio of 1 or less, and for effects that the parameters absorb.
+    """
+    if not ratio > 1.0:
+        raise ValueError(f"ratio {ratio} given, expected more than 1 (1 is no effect).")
+    spec = HiddenEffect(name, form=form, variation=variation)
+    if spec.spec.kind in ("absorbed", "control"):
+        raise ValueError(f"{name} leaves no gap to choose a strength by: expected a library or an outside effect.")
+    strength, best = 1.0, (math.inf, 1.0)
+    for _ in range(3):
+        effects = (*rig.effects, replace(spec, strength=strength))
+        try:
+            got = effect_size(replace(rig, effects=effects), experiment, seed).ratio
+        except PendulumLost:
+            strength *= 0.5
+            continue
+        best = min(best, (abs(math.log((got - 1.0) / (ratio - 1.0))), strength))
+        strength = min(4.0, strength * math.sqrt((ratio**2 - 1.0) / (got**2 - 1.0)))
+        if best[0] < 0.15:
+            break
+    return best[1]
 
 
 class _Windows:

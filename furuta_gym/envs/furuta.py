@@ -75,8 +75,11 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
     normalize_action (False): see Action.
     arm_limit (2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
-    longest_step (2.5 ms): the Runge–Kutta step is at most this and at most 2.5 times `plant.dynamics.substep`, and a
-        sample has at least two. INTEGRATION_ERROR
+    longest_step (2.5 ms): bound on the Runge–Kutta step h. Friction bounds it too, h λ ≤ 0.4 with λ the rate at which
+        it stops a slow motion (largest eigenvalue of M⁻¹ (F_v + F_c r) upright), and a sample has at least two steps.
+        Error of the angles after such steps, over 1 s of random commands held for a sample: rms below 0.35 of a
+        4096-count encoder's count with commands up to ±u_max, below 0.02 with a tenth of that (all three sets and
+        both tasks; `make bench` prints the table).
     render_mode: None, `rgb_array` or `human`.
 
     ## Info

@@ -25,18 +25,24 @@ class Covariance:
     matrix: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        matrix = np.array(self.matrix, dtype=float)
-        n = len(self.names)
+        try:
+            matrix = np.array(self.matrix, dtype=float)
+            names = tuple(str(name) for name in self.names)
+        except (TypeError, ValueError):
+            raise ValueError(f"covariance needs names and a square matrix of numbers, got {self.names!r}") from None
+        if any(not isinstance(name, str) for name in self.names) or len(set(names)) != len(names):
+            raise ValueError(f"the names of a covariance must be different words, got {list(self.names)}")
+        n = len(names)
         if matrix.shape != (n, n) or not np.isfinite(matrix).all():
             raise ValueError(f"covariance of {n} parameters must be a finite {n}×{n} matrix, got {matrix.shape}")
         scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        if np.any(np.diag(matrix) < 0) or not np.allclose(matrix, matrix.T, atol=1e-8 * scale.max() ** 2):
+        if np.any(np.diag(matrix) < 0) or np.any(np.abs(matrix - matrix.T) > 1e-6 * np.outer(scale, scale)):
             raise ValueError("covariance must be symmetric with a diagonal that is not negative")
         matrix = 0.5 * (matrix + matrix.T)
         if n and np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min() < -1e-6:
             raise ValueError("covariance must be positive semi-definite")
         matrix.setflags(write=False)
-        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "names", names)
         object.__setattr__(self, "matrix", matrix)
 
     def std_of(self, names: Iterable[str]) -> dict[str, float]:
@@ -53,8 +59,8 @@ class Covariance:
         if isinstance(data, Mapping):
             if "names" not in data or "matrix" not in data:
                 raise ValueError('a covariance needs "names" and "matrix"')
-            return cls(tuple(data["names"]), np.array(data["matrix"], dtype=float))
-        return cls(THETA_NAMES, np.array(data, dtype=float))
+            return cls(data["names"], data["matrix"])
+        return cls(THETA_NAMES, data)  # type: ignore[arg-type]
 
     def draw(self, plant: "Plant", rng: np.random.Generator, tries: int = 1000) -> "Plant":
         """A plant from the normal distribution around `plant`, kept where M > 0, friction ≥ 0 and bounds hold.

@@ -44,7 +44,7 @@ def linearize(plant: Plant, q2: float = UPRIGHT, q1: float = 0.0, coulomb: bool 
     Effects with memory and on the command do not enter (they are dynamics of their own). Raises ValueError if q2
     is not an equilibrium.
     """
-    if abs(np.sin(q2)) > 1e-9:
+    if not abs(np.sin(q2)) < 1e-9:
         raise ValueError(f"q2 = {q2:g} rad is no equilibrium; use 0 (upright) or π (hanging)")
     if not coulomb:
         plant = plant.replace(theta=np.concatenate([plant.theta[:7], [0.0, 0.0]]))

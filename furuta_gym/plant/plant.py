@@ -31,7 +31,16 @@ class Packed(NamedTuple):
     rows: int
 
 
-@dataclass(frozen=True)
+def _numbers(name: str, value: Any) -> NDArray[np.float64]:
+    try:
+        if isinstance(value, (str, bool)):
+            raise TypeError
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a number, got {value!r}") from None
+
+
+@dataclass(frozen=True, eq=False)
 class Plant:
     """Model (5) with numbers in it.
 
@@ -56,22 +65,31 @@ class Plant:
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("theta", theta_vector(self.theta))
-        r = np.atleast_1d(np.asarray(self.friction_sharpness, dtype=float))
+        r = np.atleast_1d(_numbers("friction_sharpness", self.friction_sharpness))
         if r.shape not in ((1,), (2,)) or not np.all((r > 0) & np.isfinite(r)):
             raise ValueError(f"friction_sharpness must be one or two positive numbers, got {self.friction_sharpness}")
         put("friction_sharpness", float(r[0]) if r.size == 1 else (float(r[0]), float(r[1])))
         if self.unit not in UNITS:
             raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
-        if not (np.isfinite(self.u_max) and self.u_max > 0):
+        u_max = _numbers("u_max", self.u_max)
+        if u_max.shape != () or not (np.isfinite(u_max) and u_max > 0):
             raise ValueError(f"u_max must be a positive number, got {self.u_max!r}")
-        if self.sample_time is not None and not (np.isfinite(self.sample_time) and 0 < self.sample_time <= 1):
+        T = _numbers("sample_time", 1.0 if self.sample_time is None else self.sample_time)
+        if T.shape != () or not (np.isfinite(T) and 0 < T <= 1):
             raise ValueError(f"sample_time must lie in (0, 1] s, got {self.sample_time!r}")
-        put("effects", tuple(self.effects))
+        if not all(isinstance(effect, Effect) for effect in self.effects):
+            raise ValueError(f"effects must be Effect values, got {self.effects!r}")
         names = [effect.name for effect in self.effects]
+        # in the library's order: what a plant does must not depend on the order in which its effects were named
+        put("effects", tuple(sorted(self.effects, key=lambda effect: NUMBERS[effect.name])))
         if twice := sorted({n for n in names if names.count(n) > 1}):
             raise ValueError(f"effect {', '.join(twice)} is given twice; an effect can act once")
-        for name in ("provenance", "checks"):
-            put(name, MappingProxyType(dict(getattr(self, name))))
+        for name in ("sensors", "provenance", "checks"):
+            value = getattr(self, name)
+            if not (isinstance(value, Mapping) or (name == "sensors" and value is None)):
+                raise ValueError(f"{name} must be a mapping, got {value!r}")
+            if value is not None:
+                put(name, MappingProxyType(dict(value)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
@@ -136,7 +154,7 @@ class Plant:
             "sample_time": self.sample_time,
             "u_max": self.u_max,
             "provenance": dict(self.provenance),
-            "checks": physical_consistency(self.theta).to_dict() | dict(self.checks),
+            "checks": dict(self.checks) | physical_consistency(self.theta).to_dict(),
         }
 
     def to_json(self) -> str:
@@ -155,13 +173,16 @@ class Plant:
             raise ValueError('a plant file needs "theta": {"theta1": …, …, "theta9": …}')
         r = data.get("friction_sharpness", 100.0)
         covariance = data.get("covariance")
+        effects = data.get("effects") or []
+        if not isinstance(effects, list):
+            raise ValueError(f'"effects" must be a list, got {effects!r}')
         return cls(
             theta=theta_vector(dict(data["theta"])),
             friction_sharpness=tuple(r) if isinstance(r, list) else r,
             unit=data.get("unit", "V"),
             u_max=data.get("u_max", 10.0),
             sample_time=data.get("sample_time"),
-            effects=tuple(Effect.from_dict(e) for e in data.get("effects") or ()),
+            effects=tuple(Effect.from_dict(e) for e in effects),
             covariance=Covariance.from_dict(covariance) if covariance else None,
             sensors=data.get("sensors"),
             provenance=data.get("provenance") or {},

@@ -42,6 +42,8 @@ def regressor(q: ArrayLike, v: ArrayLike, a: ArrayLike, r: float | tuple[float, 
     """Y (n, 2, 9) with Y θ = (τ, 0): d/dt Ω_a + Ω_b, the derivative taken by the chain rule. a: q̈ (n, 2)."""
     q2, v1, v2 = _columns(q, v)
     a = np.atleast_2d(np.asarray(a, dtype=float))
+    if a.shape != (q2.size, 2):
+        raise ValueError(f"a must have shape {(q2.size, 2)} like q and v, got {a.shape}")
     s, c = np.sin(q2), np.cos(q2)
     Y = omega_b(q, v, r)
     Y[:, 0, 0] += a[:, 0]

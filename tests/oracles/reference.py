@@ -4,7 +4,8 @@ Written from the paper's equations (5) to (13), the errata (C11 carries q̇2) an
 effects. An effect is a name and a dict of parameters: `{"arm_spring": {"k": 0.3, "q1n": -0.5}}`.
 
 State of the motion: (q1, q2, v1, v2). Effects with memory add
-* `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 − σ0 |v1| z / θ8;
+* `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 − σ0 |v1| z / θ8,
+  relaxing at 1000 1/s at most (by definition of the model: faster cannot be told from settled);
 * `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia 0.1 θ1;
 * `actuator_lag`: τ, which is integrated in closed form over each held command;
 * `input_delay`: nothing, because the record of commands is the memory: τ(t) = u(t − d).
@@ -34,6 +35,7 @@ KNOWN = frozenset(
     }
 )
 ROTOR_SHARE = 0.1
+FASTEST_BRISTLE = 1000.0  # 1/s
 CONTACT_FREQUENCY = 200.0
 CONTACT_DAMPING_RATIO = 0.7
 
@@ -164,7 +166,8 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
     if z is not None:
         sigma0 = effects["arm_presliding"]["σ0"]
         coulomb1 = sigma0 * z
-        memory_rates.append(v1 - sigma0 * abs(v1) * z / th8)
+        settled = copysign(th8 / sigma0, v1)
+        memory_rates.append(min(sigma0 * abs(v1) / th8, FASTEST_BRISTLE) * (settled - z))
 
     rotor, into_arm = 0.0, tau
     if s is not None:

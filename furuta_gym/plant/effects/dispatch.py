@@ -12,6 +12,7 @@ from .declaration import EffectType
 from .library import EFFECTS, NUMBERS
 
 _STATES = {"q1": 0, "q2": 1, "v1": 2, "v2": 3}
+_SUMS = {"torque": "F", "sensor": "Y"}  # hooks whose results are added up
 _BASE = (*(f"theta{i}" for i in range(1, 10)), "r1", "r2")  # the rows of TH
 
 
@@ -21,14 +22,12 @@ def _place_of(effect: EffectType, hook: str, name: str) -> str:
         return f"P[o + {effect.parameter_names.index(name)}, k]"
     if name in effect.memory:
         return f"X[z + {effect.memory.index(name)}, k]"
-    if hook == "sensor":  # sensor effects compose: each acts on the reading so far
-        return f"Y[{_STATES[name]}, k]"
     if name in _STATES:
         return f"X[{_STATES[name]}, k]"
     if name in _BASE:
         return f"TH[{_BASE.index(name)}, k]"
-    if name.startswith("base_"):  # the plant's own, where an effect's parameter has the same name
-        return f"TH[{_BASE.index(name[5:])}, k]"
+    if name.startswith("plant_"):
+        return f"P[{_BASE.index(name[6:])}, k]"
     return {"a1": "K[2, k]"}.get(name, f"{name}[k]")
 
 
@@ -38,7 +37,7 @@ def _targets(effect: EffectType, hook: str) -> str:
         return ", ".join(f"TH[{_BASE.index(name)}, k]" for name in effect.changes) + " ="
     if hook == "rate":
         return ", ".join(f"K[z + {i}, k]" for i in range(len(effect.memory))) + " ="
-    return {"delay": "out[k] =", "command": "u[k] =", "filter": "out[k] =", "sensor": "Y[0, k], Y[1, k] ="}[hook]
+    return {"delay": "out[k] =", "command": "u[k] =", "filter": "out[k] ="}[hook]
 
 
 def _source(function: str, hook: str, arguments: str) -> str:
@@ -50,12 +49,9 @@ def _source(function: str, hook: str, arguments: str) -> str:
         call = f"{effect.name}_{hook}({', '.join(_place_of(effect, hook, a) for a in effect.arguments[hook])})"
         lines += [f"        if c == {NUMBERS[effect.name]}:", "            found = True"]
         lines += ["            for k in range(P.shape[1]):"]
-        if hook == "torque":
-            lines += [
-                f"                f1, f2 = {call}",
-                "                F[0, k] += f1",
-                "                F[1, k] += f2",
-            ]
+        if hook in _SUMS:
+            lines += [f"                a, b = {call}"]
+            lines += [f"                {_SUMS[hook]}[{row}, k] += {part}" for row, part in enumerate("ab")]
         else:
             lines += [f"                {_targets(effect, hook)} {call}"]
     return "\n".join([*lines, "    return found"])

@@ -14,6 +14,13 @@ from .library import EFFECTS
 _PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "alphax": "αx", "alphay": "αy"}
 
 
+def _number(what: str, raw: Any) -> float:
+    try:
+        return float(raw)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must be a number, got {raw!r}") from None
+
+
 @dataclass(frozen=True)
 class Effect:
     """One effect switched on in a plant.
@@ -28,16 +35,18 @@ class Effect:
     std: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.name not in EFFECTS:
+        if not isinstance(self.name, str) or self.name not in EFFECTS:
             near = difflib.get_close_matches(str(self.name), EFFECTS, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
             raise ValueError(f"unknown effect {self.name!r}; {hint}the library has: {', '.join(EFFECTS)}")
         values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
         values.update(self._checked(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(values))
-        std = {_PLAIN.get(k, k): float(v) for k, v in self.std.items() if v is not None}
+        std = {_PLAIN.get(k, k): _number(f"effect {self.name}: std of {k}", v) for k, v in self.std.items()}
         if strange := set(std) - set(values):
             raise ValueError(f"effect {self.name} has no parameter {sorted(strange)}; it has {list(values)}")
+        if bad := [k for k, v in std.items() if not 0 <= v < math.inf]:
+            raise ValueError(f"effect {self.name}: std of {', '.join(bad)} must be finite and not negative")
         object.__setattr__(self, "std", MappingProxyType(std))
 
     def _checked(self, given: Mapping[str, float]) -> dict[str, float]:
@@ -47,12 +56,11 @@ class Effect:
             name = _PLAIN.get(key, key)
             if name not in known:
                 raise ValueError(f"effect {self.name} has no parameter {key!r}; it has {', '.join(known)}")
-            try:
-                value = float(raw)
-            except (TypeError, ValueError):
-                raise ValueError(f"effect {self.name}: {name} must be a number, got {raw!r}") from None
+            if name in checked:
+                raise ValueError(f"effect {self.name}: {name} is given twice")
+            value = _number(f"effect {self.name}: {name}", raw)
             p = known[name]
-            if math.isnan(value) or not (p.lower <= value <= p.upper or value == p.neutral):
+            if value != p.neutral and not (math.isfinite(value) and p.lower <= value <= p.upper):
                 raise ValueError(
                     f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}, got {value:g}"
                 )
@@ -76,6 +84,9 @@ class Effect:
         for key, equals, value in pairs:
             if not equals or not value.strip():
                 raise ValueError(f"effect {text!r}: expected NAME:parameter=value,…, got {key!r} without a value")
+        keys = [key.strip() for key, _, _ in pairs]
+        if twice := sorted({key for key in keys if keys.count(key) > 1}):
+            raise ValueError(f"effect {text!r}: {', '.join(twice)} is given twice")
         return cls(name.strip(), {key.strip(): value for key, _, value in pairs})  # type: ignore[misc]
 
     def to_dict(self, unit: str) -> dict[str, Any]:

@@ -25,8 +25,8 @@ def _tilt(q1, q2, theta5, αx, αy, G1):
     return arm, theta5 * math.cos(q2) * e
 
 
-def _sharpness(base_r1, base_r2, r1, r2):
-    return (r1 if r1 > 0.0 else base_r1), (r2 if r2 > 0.0 else base_r2)
+def _sharpness(plant_r1, plant_r2, r1, r2):
+    return (r1 if r1 > 0.0 else plant_r1), (r2 if r2 > 0.0 else plant_r2)
 
 
 def _payload(t, theta1, theta2, theta3, theta4, theta5, m, t0):

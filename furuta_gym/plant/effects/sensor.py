@@ -5,16 +5,16 @@ import math
 from .declaration import EffectType, Parameter
 
 
-def _offset(q1, q2, b):
-    return q1, q2 + b
+def _offset(b):
+    return 0.0, b
 
 
-def _pendulum_eccentricity(q1, q2, a, b):
-    return q1, q2 + a * math.sin(q2) + b * (math.cos(q2) - 1.0)
+def _pendulum_eccentricity(q2, a, b):
+    return 0.0, a * math.sin(q2) + b * (math.cos(q2) - 1.0)
 
 
-def _arm_eccentricity(q1, q2, a, b):
-    return q1 + a * math.sin(q1) + b * (math.cos(q1) - 1.0), q2
+def _arm_eccentricity(q1, a, b):
+    return a * math.sin(q1) + b * (math.cos(q1) - 1.0), 0.0
 
 
 def _eccentricity_parameters() -> tuple[Parameter, ...]:

@@ -34,10 +34,12 @@ _DO_NOT_FADE = (
 )  # fmt: skip
 
 
-@functools.cache
 def _hanging(*effects):
     run = record(Rig("servo", effects, engine="lagrange"), "hanging-chirp", 1, 1.5, noise_free=True)
     return np.stack([run.q1, run.q2])
+
+
+_quiet = functools.cache(_hanging)
 
 
 @pytest.mark.parametrize(("name", "form"), [case for case in CASES if case[0] not in _DO_NOT_FADE])
@@ -45,8 +47,9 @@ def test_a_hundredth_of_an_effect_does_little_of_what_it_does(name, form):
     early = {"t0": 0.5} if name == "payload_step" else {}
     values = HiddenEffect(name, parameters=early).values(SETS["servo"])
     shapes = {key: value for key, value in values.items() if key in ("q1n", "vs", "n", "φ", "f", "t0", "t1", "t2", "t3")}
+    still = _quiet()
     weak, plain = (
-        np.abs(_hanging(HiddenEffect(name, k, form, parameters=shapes)) - _hanging()).max() for k in (0.01, 1.0)
+        np.abs(_hanging(HiddenEffect(name, k, form, parameters=shapes)) - still).max() for k in (0.01, 1.0)
     )
     assert weak <= 0.1 * plain + 1e-6
 
@@ -117,7 +120,7 @@ def test_what_the_bench_does_not_have_is_refused_with_what_it_has(make, says):
 
 def test_size_tells_what_parameters_absorb():
     def of(*effects):
-        return effect_size(Rig("table3", effects), "paper", seed=1, duration=4.0)
+        return effect_size(Rig("table3", effects), "paper", seed=1, duration=3.0)
 
     assert of().ratio == pytest.approx(1.0, abs=1e-6)
     spring, emf = of(HiddenEffect("arm_spring")), of(HiddenEffect("back_emf"))
@@ -125,5 +128,3 @@ def test_size_tells_what_parameters_absorb():
     assert emf.ratio_before > 1.05
     assert emf.ratio < 1.001
     assert emf.absorbed > 0.99
-    weak, strong = of(HiddenEffect("input_dead_zone", 0.2)), of(HiddenEffect("input_dead_zone", 1.0))
-    assert 1.0 < weak.ratio < strong.ratio

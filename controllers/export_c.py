@@ -1,0 +1,187 @@
+"""A linear controller as one C99 header, to be compiled into a rig's firmware as it stands."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .base import Controller
+from .linear import LinearController
+
+_HEADER = """\
+/* Controller "{name}" of a Furuta pendulum. C99, no dependencies{math}.
+ *
+ * Call {prefix}_step once every {T:g} s with the encoders' angles and hold the command until the next call:
+ *
+ *     {prefix}_state s;
+ *     {prefix}_reset(&s);
+ *     for (;;) u = {prefix}_step(&s, q1, q2, 0.0);
+ *
+ * q1        arm angle [rad]
+ * q2        pendulum angle [rad], 0 upright, not wrapped
+ * reference arm angle to hold [rad]
+ * returns   command [{unit}], within +-{u_max:g}
+ *
+ * Designed for theta = {theta} ({unit}).
+ */
+"""
+
+_STEP = """\
+typedef struct {{
+    double z[{n}]; /* internal state */
+    int started;   /* 0 until the first step */
+}} {prefix}_state;
+
+static inline void {prefix}_reset({prefix}_state *s)
+{{
+    for (int i = 0; i < {n}; ++i) s->z[i] = 0.0;
+    s->started = 0;
+}}
+
+static inline double {prefix}_step({prefix}_state *s, double q1, double q2, double reference)
+{{
+    /* rows: next state ({n}), torque{velocity_row}; columns: state ({n}), q1, q2, reference */
+{matrix}
+    /* how the torque that is really applied enters the next state */
+{applied}
+    /* first state from the first reading */
+{first}
+{tables}    q2 -= {q2_zero}; /* angle from the balance point [rad] */
+    if (!s->started) {{
+        for (int i = 0; i < {n}; ++i) s->z[i] = first[i][0] * q1 + first[i][1] * q2;
+        s->started = 1;
+    }}
+    double out[{rows}];
+    for (int i = 0; i < {rows}; ++i) {{
+        out[i] = matrix[i][{n}] * q1 + matrix[i][{n} + 1] * q2 + matrix[i][{n} + 2] * reference;
+        for (int j = 0; j < {n}; ++j) out[i] += matrix[i][j] * s->z[j];
+    }}
+    double torque = out[{n}]; /* [{unit}] */
+    if (torque < {low}) torque = {low};
+    if (torque > {high}) torque = {high};
+    for (int i = 0; i < {n}; ++i) s->z[i] = out[i] + applied[i] * torque;
+    torque += {holding}; /* holds the arm at zero [{unit}] */
+{friction}{command}    if (u < -{u_max}) u = -{u_max};
+    if (u > {u_max}) u = {u_max};
+    return u;
+}}
+"""
+
+_INVERSE = """\
+    double u = commands[0]; /* undo the static map from command to torque, by its table */
+    for (int i = 0; i + 1 < {points}; ++i) {{
+        if (torque >= torques[i + 1]) u = commands[i + 1];
+        else if (torque > torques[i]) {{
+            u = commands[i] + (torque - torques[i]) / (torques[i + 1] - torques[i]) * (commands[i + 1] - commands[i]);
+            break;
+        }}
+    }}
+"""
+
+
+def c_header(controller: Controller, prefix: str | None = None) -> str:
+    """The header's text; `prefix` begins its names, by default `furuta_` and the controller's name.
+
+    Raises ValueError for a controller that is not linear (swing-up, learned policies), for a prefix that is no C
+    name, and for plants with effects that the header cannot undo (eccentric encoders, cancelled arm effects).
+    """
+    if not isinstance(controller, LinearController):
+        raise ValueError(f"{controller.name} is not linear and has no C export; lqr, dlqr, lqg, lqi and the like have")
+    prefix = prefix or "furuta_" + re.sub(r"\W", "_", controller.name)
+    if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
+        raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
+    known, plant, law = controller.known, controller.plant, controller.law
+    q2_zero = controller.q2e + _encoder_offset(controller)
+    share = controller.friction_share
+    if share and known.cancels_effects:
+        raise ValueError(
+            f"{controller.name} cancels effects on the arm that the C header does not know; export dlqr or lqg instead"
+        )
+    n = law.size
+    rows = n + 2 if share else n + 1
+    top = np.block([[law.A, law.B], [law.C[None], law.D[None]], [law.E[2:3], law.F[2:3]]])
+    friction = (
+        f"    torque += {_number(share * plant.theta[7])} * tanh(out[{n} + 1] * {_number(known.plant.sharpness[0])});"
+    )
+    tables, command = "", "    double u = torque;\n"
+    if known.command_map is not None:
+        torques, commands = known.command_map
+        tables = _array("torques", torques) + _array("commands", commands)
+        command = _INVERSE.format(points=torques.size)
+    low, high = controller.limits
+    guard = prefix.upper() + "_H"
+    text = _HEADER.format(
+        name=controller.name,
+        math=" but math.h" if share else "",
+        prefix=prefix,
+        T=controller.sample_time,
+        unit=plant.unit,
+        u_max=controller.u_max,
+        theta=", ".join(f"{v:.6g}" for v in plant.theta),
+    )
+    text += f"#ifndef {guard}\n#define {guard}\n\n" + ("#include <math.h>\n\n" if share else "")
+    text += _STEP.format(
+        prefix=prefix,
+        n=n,
+        rows=rows,
+        velocity_row=", arm velocity" if share else "",
+        matrix=_array("matrix", top[:rows]),
+        applied=_array("applied", law.G),
+        first=_array("first", law.Z),
+        tables=tables,
+        q2_zero=_number(q2_zero),
+        low=_number(low),
+        high=_number(high),
+        holding=_number(controller.holding_torque),
+        friction=friction + "\n" if share else "",
+        command=command,
+        u_max=_number(controller.u_max),
+        unit=plant.unit,
+    )
+    return text + "\n#endif\n"
+
+
+def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
+    """Write `c_header` to `path`; see there for what is refused."""
+    text = c_header(controller, prefix)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _encoder_offset(controller: LinearController) -> float:
+    known = controller.known
+    if not known.reads_wrong:
+        return 0.0
+    effects = [e for e in known.plant.effects if e.type.place == "sensor"]
+    if [e.name for e in effects] != ["pendulum_encoder_offset"]:
+        raise ValueError(
+            "the C header undoes a constant zero error of the pendulum's encoder, not "
+            f"{', '.join(e.name for e in effects)}; correct the readings before the call and export from a plant "
+            "without these effects"
+        )
+    return effects[0].parameters["b"]
+
+
+def _number(x: float) -> str:
+    """A C double that reads back to the same bits; parentheses keep a minus sign apart."""
+    text = repr(float(x))
+    text = text if any(c in text for c in ".en") else text + ".0"
+    return f"({text})" if x < 0 else text
+
+
+def _array(name: str, values: NDArray[np.float64]) -> str:
+    if values.ndim == 1:
+        return f"    static const double {name}[{values.size}] = {{\n{_lines(values, 8)}    }};\n"
+    rows = "".join(f"        {{\n{_lines(row, 12)}        }},\n" for row in values)
+    return f"    static const double {name}[{values.shape[0]}][{values.shape[1]}] = {{\n{rows}    }};\n"
+
+
+def _lines(values: NDArray[np.float64], indent: int) -> str:
+    """Numbers of one row, four to a line."""
+    numbers = [repr(float(x)) for x in values]
+    chunks = [numbers[i : i + 4] for i in range(0, len(numbers), 4)]
+    return "".join(" " * indent + ", ".join(chunk) + ",\n" for chunk in chunks)

@@ -1,0 +1,67 @@
+"""The application: every command by name, and the one place where an error becomes a sentence and exit code 2."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import click
+import typer
+from typer.core import TyperGroup
+
+from .compare import compare_command
+from .demo import demo_command
+from .errors import explained
+from .identify import identify_command
+from .simulate import simulate_command
+from .validate import validate_command
+
+
+class ExplainingGroup(TyperGroup):
+    """Runs a command with `explained` around it."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        with explained(traceback=bool(ctx.params.get("traceback"))):
+            return super().invoke(ctx)
+
+
+app = typer.Typer(
+    name="furuta",
+    cls=ExplainingGroup,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="From measured logs of a Furuta pendulum to a plant with error bars, and to controllers that balance it.",
+    epilog="Start with `furuta demo`. Every command has --help.",
+)
+
+
+@app.callback()
+def options(
+    traceback: Annotated[bool, typer.Option("--traceback", help="Show where in the code an error arose.")] = False,
+) -> None:
+    """Options of every command; `ExplainingGroup` reads them."""
+
+
+app.command("demo")(demo_command)
+app.command("identify")(identify_command)
+app.command("validate")(validate_command)
+app.command("simulate")(simulate_command)
+app.command("compare")(compare_command)
+
+
+@app.command(
+    "bench",
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+def bench_command(ctx: typer.Context) -> None:
+    """The virtual bench: rigs that may hide something; `bench list`, `bench record`."""
+    from experiments.bench.cli import app as bench  # compiles nothing, but is too slow to import for every --help
+
+    code = typer.main.get_command(bench).main(ctx.args, prog_name="furuta bench", standalone_mode=False)
+    raise typer.Exit(code if isinstance(code, int) else 0)
+
+
+def main() -> None:
+    """Entry point of the console script `furuta`."""
+    app()

@@ -1,0 +1,65 @@
+"""`furuta compare`: the same seeded trials for several controllers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from . import options as opt
+from .output import print_json, progress_bar, whole_folder
+
+
+def compare_command(
+    plant: Annotated[str, typer.Option(help="Plant of the trials: table3, qube, large, or a plant file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for comparison.json and the plots.")],
+    controllers: Annotated[
+        str, typer.Option(help="Names separated by commas, or policy files *.zip.")
+    ] = "paper-lqr,lqr,dlqr,lqg",
+    design_plant: Annotated[
+        str | None, typer.Option(help="Plant that the controllers are designed from; default: the trials' plant.")
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of the main group; other conditions have a quarter.", min=1)] = 100,
+    duration: Annotated[float, typer.Option(help="Length of a trial [s].")] = 10.0,
+    groups: Annotated[
+        str,
+        typer.Option(help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, or all."),
+    ] = "balance,push,parameters,delay",
+    jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
+    seed: opt.Seed = 0,
+    as_json: opt.AsJson = False,
+) -> None:
+    """Play every controller in the same trials and say which is better at what, with 95 % intervals."""
+    names = [name.strip() for name in controllers.split(",") if name.strip()]
+    if not names:
+        raise ValueError("--controllers is empty; expected names such as paper-lqr,lqr,lqg")
+    if not 0 < duration <= 600:
+        raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
+    from controllers.conditions import GROUPS
+    from controllers.evaluation import compare
+
+    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
+    with whole_folder(output) as folder:
+        with progress_bar() as bar:
+            task = bar.add_task("trials", total=None)
+            result = compare(
+                plant,
+                names,
+                design_plant=design_plant,
+                trials=trials,
+                duration=duration,
+                groups=chosen,
+                seed=seed,
+                jobs=jobs,
+                progress=lambda done, of: bar.update(task, completed=done, total=of),
+            )
+        written = [path.name for path in result.save(folder)]
+    for reason in result.skipped.values():
+        typer.echo(f"Warning: {reason}", err=True)
+    if as_json:
+        print_json(result.to_dict())
+        return
+    Console().print(result.table())
+    typer.echo(f"Written in {output}: {', '.join(written)}")

@@ -1,0 +1,28 @@
+"""`furuta demo`: the main job on bundled logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options as opt
+from .output import print_json
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the plant file, the plots and the figures.")] = Path(
+        "out/demo"
+    ),
+    seed: opt.Seed = 0,
+    as_json: opt.AsJson = False,
+) -> None:
+    """The whole story in about a minute: log → plant → held-out check → environment → controllers compared."""
+    from experiments.demo import run_demo
+
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out} is a file; expected the name of a folder")
+    figures = run_demo(out, seed=seed, say=(lambda line="": typer.echo(line, err=as_json)))
+    if as_json:
+        print_json(figures)

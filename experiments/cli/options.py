@@ -1,0 +1,127 @@
+"""Options that several commands share, and what their texts mean."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Effect, Plant
+
+_MAPPING = "How the file is written"
+
+Logs = Annotated[list[Path], typer.Argument(help="Logs of one rig: .csv, .parquet, .npz or .mat.", metavar="LOG…")]
+Columns = Annotated[
+    str | None, typer.Option(help="Names in the file: t=Time,q1=theta,q2=alpha,u=volts.", rich_help_panel=_MAPPING)
+]
+Unit = Annotated[str | None, typer.Option(help="Of the angles: rad (default) or deg.", rich_help_panel=_MAPPING)]
+PendulumZero = Annotated[
+    str | None,
+    typer.Option(help="Where the file's q2 is zero: upright (default) or hanging.", rich_help_panel=_MAPPING),
+]
+Flip = Annotated[
+    list[str] | None,
+    typer.Option(help="Turn the sign of q1, q2 or u; repeat it, or use commas.", rich_help_panel=_MAPPING),
+]
+EncoderCounts = Annotated[
+    str | None,
+    typer.Option(help="Counts per revolution, one number or two: 2048 or 2048,4096.", rich_help_panel=_MAPPING),
+]
+InputUnit = Annotated[str | None, typer.Option(help="Unit of the command: V or N·m.", rich_help_panel=_MAPPING)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
+Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
+
+
+def mapping(
+    columns: str | None,
+    unit: str | None,
+    pendulum_zero: str | None,
+    flip: list[str] | None,
+    encoder_counts: str | None,
+    input_unit: str | None,
+) -> dict[str, Any]:
+    """The mapping options as `read_log` takes them."""
+    return {
+        "columns": columns,
+        "unit": unit,
+        "pendulum_zero": pendulum_zero,
+        "flip": ",".join(flip or ()),
+        "encoder_counts": encoder_counts,
+        "input_unit": input_unit,
+    }
+
+
+def output_file(path: Path, endings: Iterable[str], inputs: Iterable[Path] = ()) -> Path:
+    """Check a file to be written before any work is done. Raises ValueError."""
+    endings = tuple(endings)
+    if path.suffix.lower() not in endings:
+        raise ValueError(f"output {path}: expected a name that ends in {' or '.join(endings)}")
+    if path.is_dir():
+        raise ValueError(f"output {path} is a folder; expected the name of a file")
+    if any(path.resolve() == i.resolve() for i in inputs):
+        raise ValueError(f"output {path} is also an input and would be lost; choose another name")
+    return path
+
+
+def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[float, ...]:
+    """Comma-separated finite numbers. Raises ValueError."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in count or not all(map(math.isfinite, values)):
+        raise ValueError(f"{option} {text!r}: expected {' or '.join(map(str, count))} numbers, separated by commas")
+    return values
+
+
+def fixed_values(texts: Iterable[str] | None) -> dict[str, float | None]:
+    """`theta4=0.012` (or `theta4` alone: the start plant's value) as {name: value or None}. Raises ValueError."""
+    found: dict[str, float | None] = {}
+    for text in (part for text in texts or () for part in text.split(",")):
+        name, equals, value = (s.strip() for s in text.partition("="))
+        if not name or (equals and not value):
+            raise ValueError(f"--fix {text!r}: expected NAME=VALUE such as theta4=0.012")
+        found[name] = numbers(f"--fix {name}", value, (1,))[0] if equals else None
+    return found
+
+
+def prior_values(texts: Iterable[str] | None) -> dict[str, tuple[float, float]]:
+    """`theta2=0.012±0.001` (± may be typed +-) as {name: (mean, std)}. Raises ValueError."""
+    found: dict[str, tuple[float, float]] = {}
+    for text in (part for text in texts or () for part in text.split(",")):
+        parts = re.split(r"±|\+/-|\+-", text.partition("=")[2])
+        name = text.partition("=")[0].strip()
+        if not name or len(parts) != 2:
+            raise ValueError(f"--prior {text!r}: expected NAME=MEAN±STD such as theta2=0.012±0.001 (or +-)")
+        mean, std = (numbers(f"--prior {name}", part, (1,))[0] for part in parts)
+        if std <= 0:
+            raise ValueError(f"--prior {text!r}: the standard deviation must be positive")
+        found[name] = (mean, std)
+    return found
+
+
+def with_effects(plant: Plant, texts: Iterable[str] | None) -> Plant:
+    """The plant with `NAME:p=v,…` added; parameters left out have a size worth noticing. Raises ValueError."""
+    for text in texts or ():
+        plant = plant.with_effects(_effect(plant, text))
+    return plant
+
+
+def _effect(plant: Plant, text: str) -> Effect:
+    from furuta_gym.plant import EFFECTS, Effect
+
+    name, _, rest = (s.strip() for s in text.partition(":"))
+    if name not in EFFECTS:
+        raise ValueError(f"--effect {name!r}: no such effect; there are {', '.join(EFFECTS)}")
+    values = dict(plant.default_effect(name).parameters)
+    for pair in filter(None, rest.split(",")):
+        key, equals, value = (s.strip() for s in pair.partition("="))
+        if key not in values or not equals:
+            raise ValueError(f"--effect {text!r}: {name} has the parameters {', '.join(values)}; expected p=value")
+        values[key] = numbers(f"--effect {name}:{key}", value, (1,))[0]
+    return Effect(name, values)

@@ -1,0 +1,59 @@
+"""How commands print and write: JSON, progress on stderr, folders that are written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+errors = Console(stderr=True)
+
+
+def print_json(data: Any) -> None:
+    """Machine-readable output on stdout; infinities and NaN are refused (ValueError)."""
+    typer.echo(json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False))
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write a JSON file, whole or not at all."""
+    text = json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.chmod(temporary, 0o644)
+    os.replace(temporary, path)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder whose files are moved to `path` at the end, and thrown away on an error."""
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"output {path} is a file; expected the name of a folder")
+    with tempfile.TemporaryDirectory() as temporary:
+        yield Path(temporary)
+        path.mkdir(parents=True, exist_ok=True)
+        for file in sorted(Path(temporary).iterdir()):
+            shutil.move(file, path / file.name)
+
+
+@contextmanager
+def busy(text: str) -> Iterator[None]:
+    """A spinner on stderr while something runs, where stderr is a terminal."""
+    with errors.status(text):
+        yield
+
+
+def progress_bar() -> Progress:
+    """A bar with counts and time on stderr."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=errors, transient=True)

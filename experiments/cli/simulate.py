@@ -1,0 +1,167 @@
+"""`furuta simulate`: a plant, a controller and an excitation in; a log out."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import options as opt
+from .output import print_json
+
+if TYPE_CHECKING:
+    from controllers import Controller
+
+FALLEN = 1.0  # rad from upright; a balancing run ends there
+
+
+class Start(StrEnum):
+    """Where the pendulum starts."""
+
+    hanging = "hanging"
+    upright = "upright"
+
+
+def simulate_command(
+    plant: Annotated[str, typer.Option(help="table3, qube, large, or a plant file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Log to write: .csv, .parquet, .npz or .mat.")],
+    controller: Annotated[
+        str, typer.Option(help="paper-lqr, lqr, dlqr, lqg, … or none (the excitation is the whole command).")
+    ] = "none",
+    printed_sign: Annotated[
+        bool, typer.Option("--printed-sign", help="Play paper-lqr as printed, u = +K x; it falls.")
+    ] = False,
+    excitation: Annotated[
+        str, typer.Option(help="Added to the command: paper, square, chirp, prbs, multisine or none.")
+    ] = "none",
+    amplitude: Annotated[float, typer.Option(help="Scale of the excitation, in the command's unit.")] = 1.0,
+    effect: Annotated[
+        list[str] | None, typer.Option(help="Add an effect, NAME:p=v,… or NAME at a noticeable size; repeat for more.")
+    ] = None,
+    duration: Annotated[float, typer.Option(help="[s]")] = 20.0,
+    sample_time: Annotated[float | None, typer.Option(help="[s]; default: the plant's, else 0.002.")] = None,
+    encoder_counts: Annotated[
+        str | None, typer.Option(help="Counts per revolution, one or two; 0 reads exactly. Default: the plant's, or 4096.")
+    ] = None,
+    noise: Annotated[str, typer.Option(help="Standard deviation of the readings before counting [rad], one or two.")] = "0",
+    torque_noise: Annotated[
+        str, typer.Option(help="Intensity of white torque [unit² s], for the arm, or arm,pendulum.")
+    ] = "0",
+    start: Annotated[
+        Start | None, typer.Option(help="Default: upright with a balancing controller, else hanging.")
+    ] = None,
+    seed: opt.Seed = 0,
+    as_json: opt.AsJson = False,
+) -> None:
+    """Simulate a rig and write what its computer would have recorded."""
+    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"])
+    if not 0 < duration <= 3600:
+        raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
+    import numpy as np
+
+    from furuta_gym.plant import Plant
+    from furuta_gym.simulate import open_loop, simulate
+
+    rig = opt.with_effects(Plant.resolve(plant), effect)
+    sensors = _sensors(rig, encoder_counts, opt.numbers("--noise", noise))
+    policy = _controller(controller, rig, sample_time, sensors, printed_sign)
+    torques = opt.numbers("--torque-noise", torque_noise)
+    if min(torques) < 0:
+        raise ValueError(f"--torque-noise {torque_noise}: expected intensities that are not negative")
+    balances = policy is not None and "swing_up" not in policy.tasks
+    at = start or (Start.upright if balances else Start.hanging)
+    off = np.random.default_rng([seed, 1]).uniform(-0.01, 0.01)
+    run = simulate(
+        rig,
+        policy or open_loop(0.0),
+        duration,
+        policy.sample_time if policy else sample_time,
+        sensors,
+        _signal(excitation, amplitude, duration, seed),
+        x0=(0.0, off if at is Start.upright else np.pi, 0.0, 0.0),
+        torque_noise=(torques[0], torques[1] if len(torques) == 2 else 0.0),
+        seed=seed,
+        q2_limit=FALLEN if balances and at is Start.upright else np.inf,
+    )
+    from identification.logs import Log, write_log
+
+    counts = sensors.encoder_counts
+    log = Log(
+        run.t,
+        run.measured[:, 0],
+        run.measured[:, 1],
+        run.command,
+        input_unit=rig.unit,
+        encoder_counts=counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
+        device=f"simulated {plant}",
+        controller_gain=_gain(policy),
+        metadata={"controller": controller, "excitation": f"{excitation} {amplitude:g}", "seed": str(seed)}
+        | ({"effects": "; ".join(map(str, rig.effects))} if rig.effects else {}),
+    )
+    output.parent.mkdir(parents=True, exist_ok=True)
+    write_log(output, log)
+    _report(output, log, run, at, as_json)
+
+
+def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:
+    largest = [float(abs(run.state[:, i]).max()) for i in (0, 1)]
+    fell = None if run.fell is None else float(run.fell)
+    if as_json:
+        print_json(
+            {"log": str(output), "samples": len(log), "duration_s": log.duration, "fell_at_s": fell}
+            | {"max_abs_q1": largest[0], "max_abs_q2": largest[1]}
+        )
+        return
+    typer.echo(f"{output}: {len(log)} samples over {log.duration:.4g} s at {1e3 * log.sample_time:.4g} ms")
+    typer.echo(f"  max |q1| = {largest[0]:.3f} rad, max |q2| = {largest[1]:.3f} rad, start {at}")
+    if fell is not None:
+        typer.echo(f"  The pendulum FELL: |q2| passed {FALLEN:g} rad at t = {fell:.3f} s; the log ends there.")
+
+
+def _sensors(plant: Any, counts: str | None, noise: tuple[float, ...]) -> Any:
+    from dataclasses import replace
+
+    from controllers.design import choose_sensors
+
+    sensors = choose_sensors(plant, None)
+    if counts is not None:
+        values = opt.numbers("--encoder-counts", counts)
+        sensors = replace(sensors, encoder_counts=(values[0], values[-1]))
+    return replace(sensors, noise_std=(noise[0], noise[-1])) if any(noise) else sensors
+
+
+def _controller(name: str, plant: Any, sample_time: float | None, sensors: Any, printed: bool) -> Controller | None:
+    if printed and name != "paper-lqr":
+        raise ValueError("--printed-sign is about the paper's controller: use it with --controller paper-lqr")
+    if name == "none":
+        return None
+    from controllers import make_controller
+
+    return make_controller(name, plant, sample_time, sensors, **({"printed_sign": True} if printed else {}))
+
+
+def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:
+    if name == "none":
+        return None
+    from identification.excitation import excitation
+
+    return excitation(name, amplitude, duration, seed)
+
+
+def _gain(policy: Any) -> tuple[float, ...] | None:
+    """K of u = −K (q1, q̇1, q2, q̇2) + d where the controller is just that, read from its law (`state_feedback`)."""
+    from controllers.linear import LinearController
+    from furuta_gym.sensors import difference_gain
+
+    plain = isinstance(policy, LinearController) and policy.name in ("paper-lqr", "lqr", "dlqr") and policy.law.size == 4
+    if not plain or policy.plant.effects:
+        return None
+    C, D, F = policy.law.C, policy.law.D, policy.law.F
+    per_step = F[2, 0]  # how a step of the reading enters the velocity, g/T
+    if not per_step > 0 or difference_gain(1.0, policy.sample_time) <= 0:
+        return None
+    speed = C[:2] / per_step
+    angle = -D[:2] - C[:2]
+    return tuple(float(x) for x in (angle[0], speed[0], angle[1], speed[1]))

@@ -1,0 +1,133 @@
+"""Levenberg–Marquardt (Fisher scoring) within bounds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .prediction_error import Expansion, PredictionError
+
+_POLISH = 1.0  # nats: gain below which frozen gains give way to exact derivatives
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where a minimisation ended: z, V there, its expansion, iterations, and whether and why it stopped."""
+
+    z: NDArray[np.float64]
+    value: float
+    expansion: Expansion
+    iterations: int
+    converged: bool
+    message: str
+
+
+def _limited_step(
+    A: NDArray[np.float64], g: NDArray[np.float64], damping: float, limit: float = 1.0
+) -> NDArray[np.float64]:
+    """Damped Newton step with no entry beyond ±limit (a factor e, or one scale).
+
+    An entry that wants more is put at the limit and the others are solved again: scaling the whole step down instead
+    would let one coordinate that hardly matters (a vanishing noise) hold up all the others.
+    """
+    scale = np.sqrt(np.maximum(np.diag(A), 1e-6))
+    B = A / np.outer(scale, scale) + damping * np.eye(len(g))
+    step, loose = np.zeros(len(g)), np.ones(len(g), dtype=bool)
+    for _ in range(len(g)):
+        at = ~loose
+        right = -(g[loose] / scale[loose] + B[np.ix_(loose, at)] @ (step[at] * scale[at]))
+        step[loose] = np.linalg.solve(B[np.ix_(loose, loose)], right) / scale[loose]
+        over = loose & (np.abs(step) > limit)
+        if not over.any():
+            break
+        step[over] = np.sign(step[over]) * limit
+        loose &= ~over
+        if not loose.any():
+            break
+    return step
+
+
+def minimise(
+    problem: PredictionError,
+    z: NDArray[np.float64],
+    iterations: int = 40,
+    tolerance: float = 0.01,
+    free=None,
+    exact: bool = True,
+) -> Optimum:
+    """Levenberg–Marquardt on V from z, within the bounds. `free`: indices that move (default all).
+
+    Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum. Stops
+    when the decrease of V that the quadratic model promises (a log-likelihood: absolute, in nats) is below
+    `tolerance`. With `exact` the expansion returned is exact and holds the scores.
+    """
+    free = np.arange(len(z)) if free is None else np.asarray(free)
+    z = np.clip(z, problem.low, problem.high)
+    damping, polishing = 1e-3, False
+    expansion = problem.expand(z)
+    if not math.isfinite(expansion.value):
+        return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
+    for iteration in range(1, iterations + 1):
+        trial, value, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance)
+        if trial is None:  # nothing lower on the way the derivatives show
+            done = predicted < tolerance
+            if polishing or not exact:
+                message = "converged" if done else "no further descent"
+                return Optimum(z, expansion.value, expansion, iteration, done, message)
+            polishing, damping = True, 1e-3
+        else:
+            z = trial
+            polishing = exact and (polishing or expansion.value - value < _POLISH)
+        expansion = problem.expand(z, exact=polishing, scores=polishing)
+    return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
+
+
+_RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
+
+
+def _descend(problem, z, expansion, free, damping, tolerance):
+    """One step that lowers V: (trial, V there, predicted decrease, damping); trial is None if there is none."""
+    g, H = expansion.gradient, expansion.information
+    held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
+    move = np.array([i for i in free if not held[i]], dtype=int)
+    hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
+    if hoped < tolerance:
+        return None, expansion.value, hoped, damping
+    for _ in range(12):
+        moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high)
+        predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
+        # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
+        # it aims at is the logarithm of that ratio
+        largest = np.abs(moved[~problem.noisy]).max(initial=1.0)
+        moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
+        trial = np.clip(z + moved, problem.low, problem.high)
+        value = problem.value(trial)
+        if value < expansion.value:
+            gained = expansion.value - value > 0.5 * predicted
+            return trial, value, hoped, damping / 10.0 if gained else damping * 2.0
+        damping = max(10.0 * damping, 1e-4)
+    return None, expansion.value, hoped, damping
+
+
+def _bounded_step(z, g, H, move, damping, low, high):
+    """The damped Gauss–Newton step of the coordinates `move`; those that would pass a bound go to it, and the others
+    make the best of that."""
+    step = np.zeros_like(z)
+    while len(move):
+        A = H[np.ix_(move, move)]
+        right = g[move] + H[move] @ step
+        scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
+        damped = A / np.outer(scale, scale) + damping * np.eye(len(move)) + _RIDGE * np.diag(scale**-2.0)
+        wanted = -np.linalg.solve(damped, right / scale) / scale
+        out = (z[move] + wanted < low[move]) | (z[move] + wanted > high[move])
+        if not out.any():
+            step[move] = wanted
+            break
+        step[move[out]] = np.clip(z[move] + wanted, low[move], high[move])[out] - z[move[out]]
+        move = move[~out]
+    return step
