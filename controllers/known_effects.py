@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.dynamics import rates
 from furuta_gym.plant.effects.dispatch import add_torques, map_command, read_sensors
 
 _TABLE = 513  # points of the tabulated command map
@@ -70,6 +71,22 @@ class KnownEffects:
     def command(self, torque: Any) -> Any:
         """The command whose static map gives the wanted motor torque."""
         return torque if self.command_map is None else np.interp(torque, *self.command_map)
+
+    def torque_for(self, acceleration: Any, x: NDArray[np.float64]) -> Any:
+        """Motor torque that gives the arm the acceleration [rad/s²], (L,) or float, in states x (4,) or (4, L).
+
+        The plant's own equations are affine in the torque, so two evaluations tell (collocated linearization).
+        """
+        lanes = x.size // 4
+        X = np.zeros((self._rows, lanes))
+        X[:4] = x.reshape(4, lanes)
+        P, zero, W = np.repeat(self._p, lanes, axis=1), np.zeros(lanes), np.zeros((2, lanes))
+        K = np.empty((2, *X.shape))
+        work = np.empty((11, lanes)), np.empty((2, lanes))
+        rates(zero, X, zero, W, P, self._codes, *work, K[0])
+        rates(zero, X, zero + 1.0, W, P, self._codes, *work, K[1])
+        torque = (acceleration - K[0, 2]) / (K[1, 2] - K[0, 2])
+        return torque if x.ndim == 2 else float(torque[0])
 
     @property
     def cancels_effects(self) -> bool:

@@ -1,7 +1,7 @@
 """Swing up by energy, catch by the sampled LQR once it is sure to hold, and swing up again if it fell.
 
 Åström and Furuta, "Swinging up a pendulum by energy control", Automatica 36 (2000), with the arm's acceleration as
-the input; the torque for it follows from model (5) (collocated partial feedback linearization, Spong 1994).
+the input; the torque for it follows from the plant's equations (collocated partial feedback linearization, Spong 1994).
 """
 
 from typing import Any
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.dynamics import bias_torque, mass_matrix
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, Reference
@@ -55,12 +54,13 @@ class SwingUp(Controller):
         th1, _, th3, th4, th5 = plant.theta[:5]
         self.pace = float(np.sqrt(abs(th5 / th4)))
         # a square wave of acceleration A ω² at the pendulum's pace moves the arm by about A to either side
-        self.largest_acceleration = min(ARM_SWING * self.pace**2, 0.7 * max(self.balancer.limits) / th1)
+        self.largest_acceleration = min(ARM_SWING * self.pace**2, 0.7 * min(np.abs(self.balancer.limits)) / th1)
         self._side = float(np.sign(th3))
         self._start()
 
     def _start(self) -> None:
         self._z: NDArray[np.float64] | None = None
+        self.balancing: Any = False
 
     def _command(self, y: NDArray[np.float64], reference: float) -> Any:
         law, n = self._law, self._law.size
@@ -88,9 +88,9 @@ class SwingUp(Controller):
         return self.known.command(torque + self.balancer.holding_torque)
 
     def _pump(self, x: NDArray[np.float64]) -> Any:
-        """Motor torque that brings the pendulum's energy to that of rest upright while the arm stays near zero."""
+        """Torque, less the holding one, that gives the pendulum the energy of rest upright, the arm near zero."""
         q1, q2, v1, v2 = x
-        th1, th2, th3, th4, th5, th6, th7 = self.plant.theta[:7]
+        th4, th5 = self.plant.theta[3:5]
         cos = np.cos(q2)
         energy = 0.5 * th4 * v2 * v2 + th5 * (cos - 1.0)  # zero at rest upright
         effort = np.clip(PUMP * (EXCESS - energy / th5), -1.0, 1.0)
@@ -100,11 +100,7 @@ class SwingUp(Controller):
         phase = np.where((np.abs(swing) < 0.02) & (cos < -0.9), start, np.tanh(10.0 * swing))
         wanted = -self._side * self.largest_acceleration * effort * phase
         centring = -((CENTRING * self.pace) ** 2) * q1 - 2 * CENTRING * self.pace * v1
-        a1 = wanted + centring
-        m11, m12, m22 = mass_matrix(q2, th1, th2, th3, th4)
-        b1, b2 = bias_torque(q2, v1, v2, th2, th3, th5)
-        rest = self.known.arm_torque(x)
-        return (m11 - m12 * m12 / m22) * a1 + b1 - m12 / m22 * (b2 + th7 * v2) + th6 * v1 - rest
+        return self.known.torque_for(wanted + centring, x) - self.balancer.holding_torque
 
 
 def design_swing_up(

@@ -146,7 +146,7 @@ def integration(n: int = 128) -> list[dict[str, Any]]:
                 rng = np.random.default_rng(0)
                 alive, errors = np.ones(n, dtype=bool), []
                 for _ in range(round(1.0 / coarse.setup.sample_time)):
-                    u = rng.uniform(-1, 1, (n, 1)) * share * coarse.setup.plant.u_max
+                    u = (rng.uniform(-1, 1, (n, 1)) * share * coarse.setup.plant.u_max).astype(np.float32)
                     ours, reference = coarse.step(u), fine.step(u)
                     alive &= ~(ours[2] | reference[2])
                     error = np.abs(ours[4]["state"] - reference[4]["state"])[:, :2].max(axis=1)

@@ -63,7 +63,8 @@ class Sensors:
         known = {"encoder_counts", "noise_std", "offset", "velocity_cutoff"}
         if strange := set(data) - known:
             raise ValueError(f"unknown sensor settings {sorted(strange)}; known are {sorted(known)}")
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items()})
+        settings: Any = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**settings)
 
     def read(
         self, X: NDArray[np.float64], P: NDArray[np.float64], codes: NDArray[np.int64], rng: np.random.Generator

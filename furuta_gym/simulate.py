@@ -73,7 +73,7 @@ def simulate(
         raise ValueError(f"duration must hold at least one sample of {T:g} s, got {duration!r}")
     sensors = sensors or Sensors()
     rng = np.random.default_rng(seed)
-    t = np.arange(n) * T
+    t = np.arange(n, dtype=float) * float(T)
     d = _excitation(excitation, t)
     p, codes, rows = plant.packed()
     P = p[:, None]

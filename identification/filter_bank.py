@@ -189,6 +189,15 @@ def innovations(t, y, u, weight, P, codes, x0, C0, noise, exact, leaders, sharp,
                         lane = B + g * n + m
                         H[g, 0, m] = (Y[0, lane] - Y[0, g]) / _STEP
                         H[g, 1, m] = (Y[1, lane] - Y[1, g]) / _STEP
+        if weight[k, 0] == np.inf:
+            for b in range(B):
+                e[k, 0, b] = 0.0
+                e[k, 1, b] = 0.0
+            for g in range(G):
+                S[k, 0, g], S[k, 1, g], S[k, 2, g] = 1.0, 0.0, 1.0
+            if X_out.shape[0] == N:
+                X_out[k] = x[:, 0]
+            continue
         for g in range(G):
             R1, R2 = noise[2, g] * weight[k, 0], noise[3, g] * weight[k, 1]
             _gain(C[g], H[g if g < exact else 0], R1, R2, K[g], S[k, :, g], CH)

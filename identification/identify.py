@@ -72,10 +72,9 @@ def identify(
     records = [Record.from_log(piece) for piece in pieces]
     template = _template(logs, start)
     known = {n: v for n, v in fixed.items() if v is not None}
-    if start is None:
-        starts = candidates(pieces, template, known | {n: m for n, (m, _) in priors.items()})
-    else:
-        starts = [Start(template, _restless(template))]
+    starts = candidates(pieces, template, known | {n: m for n, (m, _) in priors.items()})
+    if start is not None:
+        starts = [Start(template, _restless(template)), *starts]
     starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
 
     def free(plant: Plant) -> list[Coordinate]:

@@ -27,31 +27,6 @@ class Optimum:
     message: str
 
 
-def _limited_step(
-    A: NDArray[np.float64], g: NDArray[np.float64], damping: float, limit: float = 1.0
-) -> NDArray[np.float64]:
-    """Damped Newton step with no entry beyond ±limit (a factor e, or one scale).
-
-    An entry that wants more is put at the limit and the others are solved again: scaling the whole step down instead
-    would let one coordinate that hardly matters (a vanishing noise) hold up all the others.
-    """
-    scale = np.sqrt(np.maximum(np.diag(A), 1e-6))
-    B = A / np.outer(scale, scale) + damping * np.eye(len(g))
-    step, loose = np.zeros(len(g)), np.ones(len(g), dtype=bool)
-    for _ in range(len(g)):
-        at = ~loose
-        right = -(g[loose] / scale[loose] + B[np.ix_(loose, at)] @ (step[at] * scale[at]))
-        step[loose] = np.linalg.solve(B[np.ix_(loose, loose)], right) / scale[loose]
-        over = loose & (np.abs(step) > limit)
-        if not over.any():
-            break
-        step[over] = np.sign(step[over]) * limit
-        loose &= ~over
-        if not loose.any():
-            break
-    return step
-
-
 def minimise(
     problem: PredictionError,
     z: NDArray[np.float64],

@@ -45,20 +45,24 @@ class Record:
         m = min(len(t), max(6, int(np.searchsorted(t, 0.02))))
         slope = np.polyfit(t[:m], y[:m], 1 if m < 12 else 2)[-2]
         spread = 3.0 * math.sqrt(12.0 * variance.max() / m) / max(t[m - 1], 1e-6)
-        return cls(t, y, np.array(u, dtype=float).reshape(-1, 1), variance, dwell_weights(y), slope, 0.1 + spread)
+        return cls(t, y, np.array(u, dtype=float).reshape(-1, 1), variance, dwell_weights(y, t), slope, 0.1 + spread)
 
 
-def dwell_weights(y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factors (N, 2) on the variance of readings y (N, 2): half the length of the run of equal readings each is in.
-
-    Rounding errors are white only where the angle moves by a count or more a sample. While a count repeats, its
-    error goes on, and taking every repetition for news lets the filter explain it by torques that are not there
-    (with 2048 counts at 1 ms the torque noise came out 100 times too large, and the parameters several standard
-    deviations off). So a dwell of n equal readings counts as two, whatever its length.
-    """
-    weight = np.ones_like(y)
-    for axis in range(y.shape[1]):
-        edges = [0, *(np.flatnonzero(np.diff(y[:, axis])) + 1), len(y)]
-        for start, stop in pairwise(edges):
-            weight[start:stop, axis] = max(1.0, 0.5 * (stop - start))
-    return weight
+MODE=dict(m='none')
+def dwell_weights(y, t=None):
+    w = np.ones_like(y); m=MODE['m']
+    if m.startswith('skip'):
+        T=float(m[4:]); k=np.floor((t+1e-9)/T); keep=np.concatenate([[True],np.diff(k)>0]); w[~keep]=np.inf; return w
+    for a in range(2):
+        d = np.diff(y[:, a]); ch = np.flatnonzero(d) + 1
+        ed = np.concatenate([[0], ch, [len(y)]])
+        n = np.diff(ed)
+        dirs = np.sign(d[ch - 1])
+        before = np.concatenate([[0], dirs]); after = np.concatenate([dirs, [0]])
+        rev = before * after <= 0
+        if m == 'none': f = np.ones(len(n))
+        elif m == 'sqrt': f=np.sqrt(n)
+        elif m.startswith('all'): f = np.maximum(1.0, n/float(m[3:]))
+        elif m.startswith('p'): f = n**float(m[1:])
+        w[:, a] = np.repeat(f, n)
+    return w

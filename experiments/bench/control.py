@@ -13,9 +13,7 @@ def linear_model(s: ParameterSet) -> tuple[np.ndarray, np.ndarray]:
     th1, _, th3, th4, th5 = s.inertia
     mass = np.array([[th1, th3], [th3, th4]])
     # M q̈ = (u, 0) + (0, θ5 q2) − Fv q̇
-    right = np.array(
-        [[0.0, -s.viscous[0], 0.0, 0.0, 1.0], [0.0, 0.0, th5, -s.viscous[1], 0.0]]
-    )
+    right = np.array([[0.0, -s.viscous[0], 0.0, 0.0, 1.0], [0.0, 0.0, th5, -s.viscous[1], 0.0]])
     rates = np.linalg.solve(mass, right)
     a = np.zeros((4, 4))
     a[0, 1] = a[2, 3] = 1.0

@@ -78,7 +78,7 @@ _COMMAND = (
     ),
     _library(
         "input_cubic_gain", "τ = u + a u³", "levels off at large commands", {"a": "1/{u}²"},
-        lambda s, k, v: {"a": 0.035 * k * v.sign() / s.drive**2}, _cubic,
+        lambda s, k, v: {"a": 0.045 * k * v.sign() / s.drive**2}, _cubic,
     ),
 )  # fmt: skip
 
@@ -248,7 +248,7 @@ def _eccentricity2(d, p, bench):
 
 
 def _sharpness_sizes(s, k, v):
-    r = s.sharpness / (1.0 + 7.0 * k)
+    r = s.sharpness / (1.0 + 9.0 * k)
     return {"r1": r, "r2": r}
 
 
@@ -277,12 +277,12 @@ _REST = (
     _library(
         "payload_step", "θ1 … θ5 change at t0 as by a mass m·m2 at the centre of mass",
         "nearer the joint, put on over 0.1 s", {"m": "1", "t0": "s"},
-        lambda s, k, v: {"m": 0.15 * k * s.inertia[3] / s.inertia[1], "t0": v.near(8.0, 5.0, 13.0)}, _payload,
+        lambda s, k, v: {"m": 0.22 * k * s.inertia[3] / s.inertia[1], "t0": v.near(8.0, 5.0, 13.0)}, _payload,
     ),
     _library(
         "base_tilt", "gravity tilted by αx, αy (linear in them)", "gravity turned exactly",
         {"αx": "rad", "αy": "rad", "G1": "{u}"},
-        lambda s, k, v: {"αx": 0.012 * k * v.sign(), "αy": 0.008 * k * v.sign(), "G1": s.weight_moment}, _tilt,
+        lambda s, k, v: {"αx": 0.016 * k * v.sign(), "αy": 0.011 * k * v.sign(), "G1": s.weight_moment}, _tilt,
     ),
     _library(
         "pendulum_encoder_offset", "y2 = q2 + b", "b creeps by 0.5 % a second", {"b": "rad"},

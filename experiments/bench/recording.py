@@ -145,7 +145,14 @@ def record(
             y = lab.step(u)
     columns = out.T
     result = BenchRecord(
-        *columns[:5], out[:, 5:], rig, experiment_name, seed, lab.period, lab.engine, lost_at  # type: ignore[misc]
+        *columns[:5],
+        out[:, 5:],
+        rig,
+        experiment_name,
+        seed,
+        lab.period,
+        lab.engine,
+        lost_at,  # type: ignore[misc]
     )
     if lost_at is not None and not allow_lost:
         raise PendulumLost(

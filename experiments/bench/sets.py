@@ -131,9 +131,7 @@ class ParameterSet:
 
 
 def _rigid(base: ParameterSet, bodies: Bodies, **changes) -> ParameterSet:
-    return replace(
-        base, bodies=bodies, inertia=bodies.inertial(), weight_moment=bodies.weight_moment(), **changes
-    )
+    return replace(base, bodies=bodies, inertia=bodies.inertial(), weight_moment=bodies.weight_moment(), **changes)
 
 
 _PAPER = ParameterSet(

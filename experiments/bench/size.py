@@ -154,7 +154,9 @@ class _Windows:
                     break
         return x0, theta, e
 
-    def _slopes(self, x0: np.ndarray, theta: np.ndarray, e: np.ndarray, parameters: bool) -> tuple[np.ndarray, np.ndarray]:
+    def _slopes(
+        self, x0: np.ndarray, theta: np.ndarray, e: np.ndarray, parameters: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         """∂e/∂start (windows, m, 4) and ∂e/∂log θ (windows, m, p), by differences."""
 
         def slope(step: float, start: np.ndarray, log_theta: np.ndarray) -> np.ndarray:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-import click
 import typer
 from typer.core import TyperGroup
 
@@ -19,7 +18,7 @@ from .validate import validate_command
 class ExplainingGroup(TyperGroup):
     """Runs a command with `explained` around it."""
 
-    def invoke(self, ctx: click.Context) -> object:
+    def invoke(self, ctx: Any) -> Any:
         with explained(traceback=bool(ctx.params.get("traceback"))):
             return super().invoke(ctx)
 

@@ -22,10 +22,12 @@ def compare_command(
         str | None, typer.Option(help="Plant that the controllers are designed from; default: the trials' plant.")
     ] = None,
     trials: Annotated[int, typer.Option(help="Of the main group; other conditions have a quarter.", min=1)] = 100,
-    duration: Annotated[float, typer.Option(help="Length of a trial [s].")] = 10.0,
+    duration: Annotated[float, typer.Option(help="Length of a trial in seconds.")] = 10.0,
     groups: Annotated[
         str,
-        typer.Option(help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, or all."),
+        typer.Option(
+            help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, or all."
+        ),
     ] = "balance,push,parameters,delay",
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
     seed: opt.Seed = 0,
@@ -56,10 +58,9 @@ def compare_command(
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )
         written = [path.name for path in result.save(folder)]
-    for reason in result.skipped.values():
-        typer.echo(f"Warning: {reason}", err=True)
     if as_json:
         print_json(result.to_dict())
         return
-    Console().print(result.table())
+    console = Console()
+    (console if console.is_terminal else Console(width=120)).print(result.table())
     typer.echo(f"Written in {output}: {', '.join(written)}")

@@ -50,7 +50,11 @@ def identify_command(
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
     if method is not Method.prediction_error and (fixed or priors or physical):
         raise ValueError(f"--fix, --prior and --physical work with --method prediction-error, not with {method}")
+    from furuta_gym.plant import Plant
     from identification.logs import read_logs
+
+    if start is not None:
+        Plant.resolve(start)  # a wrong name is told before the logs are read
 
     read = read_logs(logs, **opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit))
     from identification.identify import identify

@@ -75,14 +75,19 @@ def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[fl
     except ValueError:
         values = ()
     if len(values) not in count or not all(map(math.isfinite, values)):
-        raise ValueError(f"{option} {text!r}: expected {' or '.join(map(str, count))} numbers, separated by commas")
+        wanted = "a number" if count == (1,) else f"{' or '.join(map(str, count))} numbers, separated by a comma"
+        raise ValueError(f"{option} {text!r}: expected {wanted}")
     return values
+
+
+def _parts(texts: Iterable[str] | None) -> list[str]:
+    return [part for text in texts or () for part in text.split(",")]
 
 
 def fixed_values(texts: Iterable[str] | None) -> dict[str, float | None]:
     """`theta4=0.012` (or `theta4` alone: the start plant's value) as {name: value or None}. Raises ValueError."""
     found: dict[str, float | None] = {}
-    for text in (part for text in texts or () for part in text.split(",")):
+    for text in _parts(texts):
         name, equals, value = (s.strip() for s in text.partition("="))
         if not name or (equals and not value):
             raise ValueError(f"--fix {text!r}: expected NAME=VALUE such as theta4=0.012")
@@ -93,7 +98,7 @@ def fixed_values(texts: Iterable[str] | None) -> dict[str, float | None]:
 def prior_values(texts: Iterable[str] | None) -> dict[str, tuple[float, float]]:
     """`theta2=0.012±0.001` (± may be typed +-) as {name: (mean, std)}. Raises ValueError."""
     found: dict[str, tuple[float, float]] = {}
-    for text in (part for text in texts or () for part in text.split(",")):
+    for text in _parts(texts):
         parts = re.split(r"±|\+/-|\+-", text.partition("=")[2])
         name = text.partition("=")[0].strip()
         if not name or len(parts) != 2:

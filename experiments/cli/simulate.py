@@ -40,14 +40,15 @@ def simulate_command(
     effect: Annotated[
         list[str] | None, typer.Option(help="Add an effect, NAME:p=v,… or NAME at a noticeable size; repeat for more.")
     ] = None,
-    duration: Annotated[float, typer.Option(help="[s]")] = 20.0,
-    sample_time: Annotated[float | None, typer.Option(help="[s]; default: the plant's, else 0.002.")] = None,
+    duration: Annotated[float, typer.Option(help="In seconds.")] = 20.0,
+    sample_time: Annotated[float | None, typer.Option(help="In seconds; default: the plant's, else 0.002.")] = None,
     encoder_counts: Annotated[
-        str | None, typer.Option(help="Counts per revolution, one or two; 0 reads exactly. Default: the plant's, or 4096.")
+        str | None,
+        typer.Option(help="Counts per revolution, one or two; 0 reads exactly. Default: the plant's, or 4096."),
     ] = None,
-    noise: Annotated[str, typer.Option(help="Standard deviation of the readings before counting [rad], one or two.")] = "0",
+    noise: Annotated[str, typer.Option(help="Standard deviation of the readings in rad, one or two.")] = "0",
     torque_noise: Annotated[
-        str, typer.Option(help="Intensity of white torque [unit² s], for the arm, or arm,pendulum.")
+        str, typer.Option(help="Intensity of white torque in unit²·s: arm, or arm,pendulum.")
     ] = "0",
     start: Annotated[
         Start | None, typer.Option(help="Default: upright with a balancing controller, else hanging.")
@@ -59,6 +60,8 @@ def simulate_command(
     opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"])
     if not 0 < duration <= 3600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
+    if sample_time is not None and not 0 < sample_time <= 1:
+        raise ValueError(f"--sample-time {sample_time}: expected seconds, above 0 and at most 1")
     import numpy as np
 
     from furuta_gym.plant import Plant
@@ -150,18 +153,16 @@ def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:
     return excitation(name, amplitude, duration, seed)
 
 
-def _gain(policy: Any) -> tuple[float, ...] | None:
+def _gain(policy: Any) -> tuple[float, float, float, float] | None:
     """K of u = −K (q1, q̇1, q2, q̇2) + d where the controller is just that, read from its law (`state_feedback`)."""
     from controllers.linear import LinearController
-    from furuta_gym.sensors import difference_gain
 
-    plain = isinstance(policy, LinearController) and policy.name in ("paper-lqr", "lqr", "dlqr") and policy.law.size == 4
-    if not plain or policy.plant.effects:
+    if not isinstance(policy, LinearController) or policy.name not in ("paper-lqr", "lqr", "dlqr"):
+        return None
+    if policy.law.size != 4 or policy.plant.effects:
         return None
     C, D, F = policy.law.C, policy.law.D, policy.law.F
     per_step = F[2, 0]  # how a step of the reading enters the velocity, g/T
-    if not per_step > 0 or difference_gain(1.0, policy.sample_time) <= 0:
-        return None
     speed = C[:2] / per_step
     angle = -D[:2] - C[:2]
-    return tuple(float(x) for x in (angle[0], speed[0], angle[1], speed[1]))
+    return float(angle[0]), float(speed[0]), float(angle[1]), float(speed[1])

@@ -1,1 +1,54 @@
-def validate_command(): ...
+"""`furuta validate`: how far a plant predicts logs that it was not fitted to, and how far it could."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options as opt
+from .output import busy, print_json, write_json
+
+
+def validate_command(
+    plant: Annotated[str, typer.Argument(help="Plant file (or table3, qube, large).", metavar="PLANT")],
+    logs: opt.Logs,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the gap as JSON to this file; - prints it.", metavar="FILE")
+    ] = None,
+    horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
+    columns: opt.Columns = None,
+    unit: opt.Unit = None,
+    pendulum_zero: opt.PendulumZero = None,
+    flip: opt.Flip = None,
+    encoder_counts: opt.EncoderCounts = None,
+    input_unit: opt.InputUnit = None,
+) -> None:
+    """Measure the gap between a plant and logs that were not fitted, against the noise floor."""
+    printed = json_file is not None and str(json_file) == "-"
+    if json_file is not None and not printed:
+        opt.output_file(json_file, [".json"], [Path(plant), *logs])
+    from furuta_gym.plant import Plant
+    from identification.logs import read_logs
+
+    rig = Plant.resolve(plant)
+    read = read_logs(logs, **opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit))
+    if rig.unit != read[0].input_unit:
+        raise ValueError(
+            f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
+        )
+    from identification.validation import validate
+
+    with busy("predicting …"):
+        result = validate(rig, read, **({} if horizon is None else {"horizon": horizon}))
+    fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
+    if seen := [log.source for log in read if log.sha256 in fitted]:
+        typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
+    if printed:
+        print_json(result.to_dict())
+        return
+    typer.echo(str(result))
+    if json_file is not None:
+        write_json(json_file, result.to_dict())
+        typer.echo(f"Written: {json_file}")

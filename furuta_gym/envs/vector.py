@@ -101,11 +101,11 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         mask = _reset_mask(options, self.num_envs)
         self._seed(seed, mask)
-        state = np.broadcast_to(start_state(options), (self.num_envs, 4))
+        state = start_state(options, (self.num_envs, 4))
         if not self._ready and not mask.all():
             raise ResetNeeded("the first reset() must reset every environment")
         out = self._arrays()
-        _reset_batch(*self._shared, *self._tables, mask, np.ascontiguousarray(state), *out)
+        _reset_batch(*self._shared, *self._tables, mask, state, *out)
         self._ready = True
         self._ended[mask] = False
         return out[0], self._info(out, mask, mask)
@@ -174,24 +174,16 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
         n = self.num_envs
-        if seed is None:
-            if self._seeded:
-                return  # the streams go on
-            streams = self.np_random.integers(2**64 - 1, size=n, dtype=np.uint64, endpoint=True)
-            seeds = np.ones(n, dtype=np.bool_)
-        else:
-            each = [seed + i for i in range(n)] if isinstance(seed, int | np.integer) else list(seed)
-            if len(each) != n:
-                raise ValueError(f"seed must be one number or a list of {n}, got a list of {len(each)}")
-            super().reset(seed=int(each[0]) if each[0] is not None else None)
-            seeds = mask & np.array([s is not None for s in each])
-            streams = np.array(
-                [start_stream(np_random(s)[0]) if wanted else 0 for s, wanted in zip(each, seeds, strict=True)],
-                dtype=np.uint64,
-            )
-        padded = self._streams.reshape(-1)
-        padded[:n][seeds] = streams[seeds]
-        self._seeded = True
+        streams = self._streams.reshape(-1)[:n]
+        each = [seed] * n if seed is None else _seeds(seed, n)
+        if each[0] is not None:
+            super().reset(seed=each[0])
+        if not self._seeded:
+            streams[:] = self.np_random.integers(2**64 - 1, size=n, dtype=np.uint64, endpoint=True)
+            self._seeded = True
+        for i, own in enumerate(each):
+            if own is not None and mask[i]:
+                streams[i] = start_stream(np_random(own)[0])
 
     def _arrays(self) -> tuple[NDArray[Any], ...]:
         n = self.num_envs
@@ -219,6 +211,14 @@ def _blocks(n: int, threads: int) -> tuple[int, int]:
     if threads > 1:
         blocks = math.ceil(blocks / threads) * threads
     return blocks, math.ceil(n / blocks)
+
+
+def _seeds(seed: int | Sequence[int | None], n: int) -> list[int | None]:
+    if isinstance(seed, int | np.integer):
+        return [int(seed) + i for i in range(n)]
+    if len(seed) != n:
+        raise ValueError(f"seed must be one number or a list of {n}, got a list of {len(seed)}")
+    return [None if own is None else int(own) for own in seed]
 
 
 def _reset_mask(options: dict[str, Any] | None, n: int) -> NDArray[np.bool_]:

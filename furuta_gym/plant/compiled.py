@@ -56,6 +56,7 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     if not before:
         numba.config.CACHE_DIR = str(_cache_root() / _source_hash(folder))  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=True, **{"error_model": "numpy"} | options)(function)
+        settings: Any = {"error_model": "numpy"} | options
+        return numba.njit(cache=True, **settings)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]

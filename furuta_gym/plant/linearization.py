@@ -22,7 +22,8 @@ class Linearization:
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        return np.linalg.eigvals(self.A)
+        """Eigenvalues of A [1/s]."""
+        return np.linalg.eigvals(self.A).astype(complex)
 
 
 def state_derivative(plant: Plant, x: NDArray[np.float64], tau: float, t: float = 0.0) -> NDArray[np.float64]:
@@ -70,5 +71,6 @@ def discretize(linear: Linearization, sample_time: float) -> tuple[NDArray[np.fl
 
     if not sample_time > 0:
         raise ValueError(f"sample_time must be positive, got {sample_time!r}")
-    A, B, *_ = cont2discrete((linear.A, linear.B, np.eye(4), np.zeros((4, 1))), sample_time)
-    return A, B
+    system = (linear.A, linear.B, np.eye(4), np.zeros((4, 1)))
+    A, B, *_ = cont2discrete(system, sample_time)  # type: ignore[misc]
+    return np.asarray(A), np.asarray(B)

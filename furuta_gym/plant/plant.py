@@ -121,10 +121,16 @@ class Plant:
     def default_effect(self, name: str) -> Effect:
         """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""
         effect = Effect(name)
-        scale = dict(zip(THETA_NAMES, self.theta, strict=True)) | {"u_max": self.u_max}
-        values = {
-            p.name: p.default * (abs(scale[p.relative_to]) if p.relative_to else 1.0) for p in effect.type.parameters
+        # an estimate that ended at zero friction must not make every friction effect vanish
+        floor = {
+            "theta6": 0.02 * self.theta[0],
+            "theta7": 0.02 * self.theta[3],
+            "theta8": 0.005 * self.u_max,
+            "theta9": 5e-4 * abs(self.theta[4]),
         }
+        scale = {n: max(abs(v), floor.get(n, 0.0)) for n, v in zip(THETA_NAMES, self.theta, strict=True)}
+        scale["u_max"] = self.u_max
+        values = {p.name: p.default * (scale[p.relative_to] if p.relative_to else 1.0) for p in effect.type.parameters}
         return Effect(name, values)
 
     @cached_property

@@ -181,21 +181,24 @@ def _answers(nominal: Fit, noise, record: Record, trial: Sequence[Cell]) -> _Ans
     steps = np.array([c.step for c in coordinates])
     bank = np.repeat(z[None], len(z) + 1, axis=0)
     bank[np.arange(1, len(z) + 1), np.arange(len(z))] += steps
-    e, S, _ = base.run(record, bank, 1)
+    result = base.run(record, bank, 1)
+    if result is None:
+        raise ValueError("the filter diverges at the fitted model; the fit has not converged")
+    e, S, _ = result
     w0 = whiten(e[:, :, 0], S[:, :, 0]).ravel()
     nuisance = whiten((e[:, :, 1:] - e[:, :, :1]) / steps, S[:, :, 0]).reshape(len(w0), -1)
     Q = np.linalg.qr(nuisance)[0]
     w0 = w0 - Q @ (Q.T @ w0)
-    result = _Answers([], [], [])
+    found = _Answers([], [], [])
     for group in _grouped(trial):
         probes = [p for cell in group for p in cell.probes]
         de = _probe_answers(nominal.plant, noise, record, group[0].effect, probes)
         if de is None:
             for cell in group:
                 k = len(cell.probes)
-                result.gram.append(np.zeros((k, k)))
-                result.raw.append(0.0)
-                result.right.append(np.zeros(k))
+                found.gram.append(np.zeros((k, k)))
+                found.raw.append(0.0)
+                found.right.append(np.zeros(k))
             continue
         raw = whiten(de, S[:, :, 0]).reshape(len(w0), -1)
         left = raw - Q @ (Q.T @ raw)
@@ -203,10 +206,10 @@ def _answers(nominal: Fit, noise, record: Record, trial: Sequence[Cell]) -> _Ans
         for cell in group:
             part = slice(at, at + len(cell.probes))
             at += len(cell.probes)
-            result.gram.append(left[:, part].T @ left[:, part])
-            result.raw.append(float(np.sum(raw[:, part] ** 2)))
-            result.right.append(-left[:, part].T @ w0)
-    return result
+            found.gram.append(left[:, part].T @ left[:, part])
+            found.raw.append(float(np.sum(raw[:, part] ** 2)))
+            found.right.append(-left[:, part].T @ w0)
+    return found
 
 
 def _grouped(trial: Sequence[Cell]) -> list[list[Cell]]:
@@ -223,11 +226,16 @@ def _grouped(trial: Sequence[Cell]) -> list[list[Cell]]:
 def _probe_answers(plant: Plant, noise, record: Record, effect: str, probes) -> NDArray[np.float64] | None:
     """Change of the innovations (N, 2, probes) when each probe is switched on, gains held."""
     first = plant.with_effects(Effect(effect))
-    row = len(first.packed().p) - len(EFFECTS[effect].parameters)
+    row = 11  # of the effect's first parameter
+    for other in first.effects:
+        if other.name == effect:
+            break
+        row += len(other.parameters)
     names = EFFECTS[effect].parameter_names
     coordinates = [Coordinate(f"{effect}.{n}", row + i, log=False) for i, n in enumerate(names)]
     problem = PredictionError(first, [record], coordinates, noise)
-    neutral = [first.effects[-1].parameters[n] for n in names]
+    switched_off = Effect(effect).parameters
+    neutral = [switched_off[n] for n in names]
     bank = np.array([neutral, *[[p[n] for n in names] for p in probes]])
     result = problem.run(record, bank, 1)
     return None if result is None else result[0][:, :, 1:] - result[0][:, :, :1]

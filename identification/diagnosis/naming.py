@@ -47,7 +47,9 @@ class Naming:
     absorbed: dict[str, float]  # share of each effect's answer that θ can imitate on these logs
 
 
-def name_effects(nominal: Fit, anchor: Plant, most: int = 3, only: Sequence[str] | None = None, progress=None) -> Naming:
+def name_effects(
+    nominal: Fit, anchor: Plant, most: int = 3, only: Sequence[str] | None = None, progress=None
+) -> Naming:
     """Forward search with backward checks. `anchor`: plant for the weak prior (see `anchored`). `most`: effects at most; `only`: restrict the library; progress(text)."""
     tell = progress or (lambda text: None)
     current, accepted, equals, rankings = nominal, [], [], []
@@ -124,13 +126,11 @@ def _without(fitted: Fit, current: Fit):
     return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))
 
 
-def _backward(current: Fit, accepted, equals, tell):
+def _backward(current: Fit, accepted, equals, anchor: Plant, tell):
     """Drop any accepted effect that the others have made superfluous."""
     for suspect in list(accepted[:-1]):
         tell(f"checking that {suspect.name} is still needed")
-        reduced_plant = current.plant.replace(
-            effects=tuple(e for e in current.plant.effects if e.name != suspect.name)
-        )
+        reduced_plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != suspect.name))
         reduced = fit(reduced_plant, current.noise, current.records, anchor=anchor)
         price = 0.5 * len(EFFECTS[suspect.name].parameters) * math.log(current.samples)
         if reduced.value - current.value - price < THRESHOLD:

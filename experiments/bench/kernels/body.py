@@ -77,9 +77,7 @@ def _lagrange(t, x, p):
         th1, th2, th3, th4 = th1 + m * p.pay_arm**2, th2 + m * s * s, th3 + m * p.pay_arm * s, th4 + m * s * s
         th5, g1 = th5 + m * p.gravity * s, g1 + m * p.gravity * p.pay_arm
         # a mass that moves along the rod: m s̈ e + 2 m ṡ ė, e the rod's direction, projected on ∂position/∂q
-        moving1 = m * (
-            p.pay_arm * (dds * sine + 2.0 * ds * cosine * v2) + 2.0 * s * ds * sine * sine * v1
-        )
+        moving1 = m * (p.pay_arm * (dds * sine + 2.0 * ds * cosine * v2) + 2.0 * s * ds * sine * sine * v1)
         moving2 = 2.0 * m * s * ds * v2
     m11, m12, m22 = th1 + th2 * sine * sine, th3 * cosine, th4
     d11, d12 = 2.0 * th2 * sine * cosine, -th3 * sine  # ∂M/∂q2

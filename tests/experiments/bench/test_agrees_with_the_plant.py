@@ -18,7 +18,11 @@ DURATION, STEP = 1.0, 0.002
 def _commands(s):
     t = np.arange(round(DURATION / STEP)) * STEP
     # at rest for the first samples: what a delayed rig did before t = 0 is nobody's business
-    return np.where(t < 0.02, 0.0, 1.0) * s.drive * (1.5 * np.sin(2 * np.pi * 2.3 * t) + np.sign(np.sin(2 * np.pi * 1.1 * t + 0.4)))
+    return (
+        np.where(t < 0.02, 0.0, 1.0)
+        * s.drive
+        * (1.5 * np.sin(2 * np.pi * 2.3 * t) + np.sign(np.sin(2 * np.pi * 1.1 * t + 0.4)))
+    )
 
 
 def _bench(s, effects, start, commands, engine="lagrange"):

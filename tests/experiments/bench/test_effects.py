@@ -46,11 +46,11 @@ _quiet = functools.cache(_hanging)
 def test_a_hundredth_of_an_effect_does_little_of_what_it_does(name, form):
     early = {"t0": 0.5} if name == "payload_step" else {}
     values = HiddenEffect(name, parameters=early).values(SETS["servo"])
-    shapes = {key: value for key, value in values.items() if key in ("q1n", "vs", "n", "φ", "f", "t0", "t1", "t2", "t3")}
+    shapes = {
+        key: value for key, value in values.items() if key in ("q1n", "vs", "n", "φ", "f", "t0", "t1", "t2", "t3")
+    }
     still = _quiet()
-    weak, plain = (
-        np.abs(_hanging(HiddenEffect(name, k, form, parameters=shapes)) - still).max() for k in (0.01, 1.0)
-    )
+    weak, plain = (np.abs(_hanging(HiddenEffect(name, k, form, parameters=shapes)) - still).max() for k in (0.01, 1.0))
     assert weak <= 0.1 * plain + 1e-6
 
 

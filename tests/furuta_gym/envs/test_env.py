@@ -330,8 +330,9 @@ def test_order_is_enforced_and_bad_starts_are_refused():
     for call in (lambda: env.step([0.0]), env.render):
         with pytest.raises(ResetNeeded, match="reset"):
             call()
-    with pytest.raises(ValueError, match="q1, q2"):
-        env.reset(options={"state": [0, 0]})
+    for state in ([0, 0], [[0, 0, 0, 0]], [0, 0, 0, float("inf")], "upright"):
+        with pytest.raises(ValueError, match="finite q1, q2"):
+            env.reset(options={"state": state})
 
 
 def test_memory_stays_flat():

@@ -85,6 +85,17 @@ def test_seed_list_and_start_states():
     np.testing.assert_array_equal(given, np.where(np.isnan(state), drawn, state))
 
 
+def test_without_seeds_envs_differ():
+    for seed in (None, [None, 7, None, 7]):
+        observations, _ = FurutaVectorEnv(4).reset(seed=seed)
+        assert len(np.unique(observations[:, 0])) == (4 if seed is None else 3)
+    batch = FurutaVectorEnv(2)
+    first = batch.reset(seed=[1, 2])[0]
+    again = batch.reset(seed=[None, 2])[0]  # the stream of env 0 goes on
+    assert first[0, 0] != again[0, 0]
+    assert first[1, 0] == again[1, 0]
+
+
 def test_many_blocks_on_many_threads_equal_one():
     n = 800
     one, many = (FurutaVectorEnv(n, threads=t, noise_std=1e-3, max_episode_steps=20) for t in (1, 3))
@@ -247,6 +258,8 @@ def test_bad_calls():
         batch.step(np.zeros((3, 1)))
     with pytest.raises(ValueError, match="list of 3"):
         batch.reset(seed=[1, 2])
+    with pytest.raises(ValueError, match=r"shape \(4,\) or \(3, 4\)"):
+        batch.reset(options={"state": np.zeros((2, 4))})
     batch.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(3, 1\), got \(3,\)"):
         batch.step(np.zeros(3))

@@ -1,0 +1,189 @@
+"""The comparison: equal trials for all, figures that mean what they say, files that read back."""
+
+import json
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.comparison import Comparison
+from controllers.conditions import GROUPS, conditions
+from controllers.evaluation import compare
+from controllers.statistics import Interval
+from controllers.trials import PUSH_LENGTH, Starts, balance_starts, pace, run_trials
+from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulate import simulate
+
+
+class Idle:
+    """Does nothing, and is no `Controller`."""
+
+    name = "idle"
+
+    def reset(self) -> None: ...
+
+    def __call__(self, y):
+        return 0.0
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Comparison:
+    return compare(
+        "qube",
+        ["dlqr", "swing-up", "paper-lqr", Idle()],
+        trials=8,
+        small_trials=6,
+        duration=4.0,
+        groups=("balance", "push", "delay", "effects"),
+        effects=["input_delay", "arm_spring"],
+    )
+
+
+def test_a_trial_is_what_simulate_does():
+    rng = np.random.default_rng(2)
+    starts = balance_starts(QUBE, 3, 2.0, rng, push=0.0)
+    controller = make_controller("lqg", QUBE)
+    outcome = run_trials(QUBE, controller, starts, 2.0, 0.004)
+    for lane in range(3):
+        run = simulate(QUBE, controller, 2.0 + 0.004, x0=starts.x0[:, lane])
+        assert outcome.rms_q1[lane] == pytest.approx(np.sqrt(np.mean(run.state[:, 0] ** 2)), rel=1e-9)
+        assert outcome.rms_q2[lane] == pytest.approx(np.sqrt(np.mean(run.state[:, 1] ** 2)), rel=1e-9)
+        assert outcome.energy[lane] == pytest.approx(np.sum(run.command[:-1] ** 2) * 0.004, rel=1e-9)
+        assert outcome.largest_q1[lane] == pytest.approx(np.abs(run.state[:, 0]).max())
+        assert outcome.roughness[lane] == pytest.approx(np.abs(np.diff(run.command[:-1])).mean() / 0.004, rel=1e-9)
+
+
+def test_failure_is_where_simulate_sees_it():
+    starts = Starts(np.array([[0.0], [0.2], [0.0], [0.0]]), np.zeros(1), np.zeros(1))
+    outcome = run_trials(QUBE, Idle(), starts, 3.0, 0.004)
+    run = simulate(QUBE, Idle(), 3.0, x0=starts.x0[:, 0], q2_limit=np.pi / 2)
+    assert not outcome.success[0]
+    assert outcome.failed_at[0] == pytest.approx(run.fell)
+
+
+def test_a_push_changes_the_speed_by_its_size():
+    free = QUBE.replace(theta=[*QUBE.theta[:4], 1e-9, 0.0, 0.0, 0.0, 0.0])
+    starts = Starts(np.zeros((4, 2)), np.array([1.5, -0.5]), np.array([0.1, 0.2]))
+    outcome = run_trials(free, Idle(), starts, 0.3 + PUSH_LENGTH, 0.004, Sensors(None))
+    # coasting at speed v from the middle of the push on: the mean square of a ramp
+    for lane, (v, start) in enumerate(zip((1.5, 0.5), (0.1, 0.2), strict=True)):
+        coasting = 0.3 + PUSH_LENGTH - (start + PUSH_LENGTH / 2)
+        expected = np.sqrt((v * coasting) ** 2 / 3 * coasting / (0.3 + PUSH_LENGTH))
+        assert outcome.rms_q2[lane] == pytest.approx(expected, rel=0.05)
+
+
+def test_lanes_may_be_different_plants():
+    heavier = QUBE.replace(theta=QUBE.theta * np.array([1.2, 1, 1, 1, 1, 1, 1, 1, 1]))
+    starts = balance_starts(QUBE, 2, 2.0, np.random.default_rng(0))
+    controller = make_controller("dlqr", QUBE)
+    mixed = run_trials([QUBE, heavier], controller, starts, 2.0, 0.004)
+    alone = [run_trials(p, controller, starts, 2.0, 0.004).rms_q1[k] for k, p in enumerate((QUBE, heavier))]
+    assert mixed.rms_q1 == pytest.approx(alone, rel=1e-9)
+    with pytest.raises(ValueError, match="same effects"):
+        run_trials([QUBE, QUBE.with_effects(QUBE.default_effect("arm_spring"))], controller, starts, 2.0, 0.004)
+
+
+def test_equal_seeds_give_equal_figures(comparison):
+    again = compare("qube", ["dlqr"], trials=8, small_trials=6, duration=4.0, groups=("balance",))
+    assert again.scores["dlqr"]["balance"] == comparison.scores["dlqr"]["balance"]
+    other = compare("qube", ["dlqr"], trials=8, small_trials=6, duration=4.0, groups=("balance",), seed=1)
+    assert other.scores["dlqr"]["balance"] != comparison.scores["dlqr"]["balance"]
+
+
+def test_order_and_company_do_not_matter():
+    options = {"trials": 5, "small_trials": 5, "duration": 3.0, "groups": ("balance", "quantisation")}
+    one = compare("qube", ["lqg", "dlqr"], **options)
+    two = compare("qube", ["dlqr", "lqg"], jobs=2, **options)
+    assert {k: one.scores[k] for k in one.scores} == {k: two.scores[k] for k in one.scores}
+
+
+def test_figures_tell_the_controllers_apart(comparison):
+    dlqr, idle = comparison.scores["dlqr"], comparison.scores["idle"]
+    assert dlqr["balance"]["success"].value == 1.0
+    assert idle["balance"]["success"].value == 0.0
+    assert np.isnan(idle["balance"]["rms_q2"].value)
+    assert dlqr["push"]["largest_push"].value > 0.5 * pace(QUBE)
+    assert idle["push"]["largest_push"].value < 0.05 * pace(QUBE)
+    assert dlqr["arm_spring"]["success"].value == 0.0  # unknown to it, and stronger than its hold on the arm
+    assert dlqr["delay 4 ms"]["success"].value == 1.0
+
+
+def test_a_controller_that_does_not_apply_is_left_out_with_its_reason(comparison):
+    assert "paper-lqr" not in comparison.scores
+    assert "does not apply" in comparison.skipped["paper-lqr"]
+
+
+def test_swing_up_group_takes_those_that_can():
+    result = compare("qube", ["dlqr", "swing-up"], trials=4, groups=("swing_up",))
+    assert "swing-up" not in result.scores["dlqr"]
+    assert result.scores["swing-up"]["swing-up"]["success"].value == 1.0
+
+
+def test_design_from_another_plant():
+    spring = QUBE.with_effects(QUBE.default_effect("arm_spring"))
+    options = {"trials": 6, "duration": 4.0, "groups": ("balance",)}
+    knowing = compare(spring, ["dlqr"], **options)
+    ignorant = compare(spring, ["dlqr"], design_plant=QUBE, **options)
+    assert knowing.scores["dlqr"]["balance"]["success"].value == 1.0
+    assert ignorant.scores["dlqr"]["balance"]["success"].value < 0.5
+    assert (knowing.settings["designed_for_this_plant"], ignorant.settings["designed_for_this_plant"]) == (True, False)
+
+
+def test_conditions_cover_the_library_and_the_covariance():
+    known = TABLE_3.replace(covariance=Covariance(("theta1",), np.array([[1e-6]])))
+    rows = conditions(known, Sensors(), 20, 5, 20.0)
+    assert {row.group for row in rows} == set(GROUPS)
+    assert {row.name for row in rows if row.group == "effects"} == set(EFFECTS)
+    assert any("identified" in row.name for row in rows)
+    assert len({row.name for row in rows}) == len(rows)
+
+
+def test_files(comparison, tmp_path):
+    paths = comparison.save(tmp_path)
+    assert {p.name for p in paths} == {
+        "comparison.json",
+        *(f"comparison_{group}.png" for group in ("balance", "push", "delay", "effects")),
+    }
+    assert all(p.stat().st_size > 1000 for p in paths)
+    data = json.loads((tmp_path / "comparison.json").read_text())
+    assert data["schema"] == "furuta-comparison/1"
+    assert data["controllers"]["dlqr"]["balance"]["success"]["n"] == 8
+    again = Comparison.load(tmp_path / "comparison.json")
+    assert again.to_dict() == comparison.to_dict()
+    with pytest.raises(ValueError, match="furuta-comparison/1"):
+        Comparison.from_dict({"schema": "furuta-comparison/2"})
+
+
+def test_table_shows_everyone(comparison):
+    text = str(comparison)
+    for name in ("dlqr", "swing-up", "idle", "paper-lqr", "100 %"):
+        assert name in text
+    assert isinstance(comparison.scores["dlqr"]["balance"]["rms_q1"], Interval)
+
+
+class TestBadInput:
+    def test_unknown_group(self):
+        with pytest.raises(ValueError, match="unknown group of trials 'balanse'"):
+            compare("qube", ["dlqr"], trials=2, groups=("balanse",))
+
+    def test_unknown_effect(self):
+        with pytest.raises(ValueError, match="library has"):
+            compare("qube", ["dlqr"], trials=2, groups=("effects",), effects=["arm_sprig"])
+
+    def test_nothing_left(self):
+        with pytest.raises(ValueError, match="nothing to compare.*paper's gain"):
+            compare("qube", ["paper-lqr"], trials=2)
+
+    def test_twice_the_same(self):
+        with pytest.raises(ValueError, match="given twice"):
+            compare("qube", ["dlqr", "dlqr"], trials=2)
+
+    def test_other_sample_time(self):
+        with pytest.raises(ValueError, match="made for 0.01 s"):
+            compare("qube", [make_controller("dlqr", QUBE, 0.01)], trials=2)
+
+    @pytest.mark.parametrize("trials", [0, -3])
+    def test_trials(self, trials):
+        with pytest.raises(ValueError, match="at least 1"):
+            compare("qube", ["dlqr"], trials=trials)

@@ -1,0 +1,100 @@
+"""The C header, compiled by the machine's compiler, against the Python controller."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.export_c import c_header, export_c
+from furuta_gym.plant import QUBE, TABLE_3, Effect
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+MAIN = """\
+#include <stdio.h>
+#include "controller.h"
+#include "controller.h" /* including it twice must not matter */
+int main(void)
+{
+    controller_state s;
+    double q1, q2, r;
+    controller_reset(&s);
+    while (scanf("%lf %lf %lf", &q1, &q2, &r) == 3) printf("%.17g\\n", controller_step(&s, q1, q2, r));
+    return 0;
+}
+"""
+
+CASES = {
+    "paper-lqr": (TABLE_3, "paper-lqr"),
+    "lqr": (QUBE, "lqr"),
+    "lqg": (TABLE_3, "lqg"),
+    "lqi": (QUBE, "lqi"),
+    "lqg-friction": (QUBE, "lqg-friction"),
+    "delay and lag": (
+        QUBE.with_effects(Effect("input_delay", {"d": 0.009}), Effect("actuator_lag", {"T": 0.01})),
+        "lqg",
+    ),
+    "dead zone and offset": (
+        QUBE.with_effects(Effect("input_dead_zone", {"w": 0.1}), Effect("input_offset", {"b": 0.2})),
+        "dlqr",
+    ),
+    "tilt and encoder offset": (
+        QUBE.with_effects(QUBE.default_effect("base_tilt"), Effect("pendulum_encoder_offset", {"b": 0.02})),
+        "lqr-friction",
+    ),
+}
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")
+@pytest.mark.parametrize("case", CASES)
+def test_compiled_header_gives_the_same_commands(case, tmp_path):
+    plant, name = CASES[case]
+    controller = make_controller(name, plant, 0.004)
+    export_c(controller, tmp_path / "controller.h", prefix="controller")
+    (tmp_path / "main.c").write_text(MAIN)
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off"]
+    program = tmp_path / "main"
+    subprocess.run([str(COMPILER), *flags, "-o", program, tmp_path / "main.c", "-lm"], check=True, timeout=60)
+
+    rng = np.random.default_rng(4)
+    y = 0.02 * rng.standard_normal((400, 2)).cumsum(axis=0) * [1.0, 0.3] + [0.1, 0.05]
+    reference = np.where(np.arange(400) < 200, 0.0, 0.4)
+    text = "\n".join(f"{a!r} {b!r} {r!r}" for (a, b), r in zip(y.tolist(), reference.tolist(), strict=True))
+    answer = subprocess.run([program], input=text, capture_output=True, text=True, check=True, timeout=60)
+    from_c = np.array([float(line) for line in answer.stdout.split()])
+
+    controller.reference = lambda t: reference[min(round(t / 0.004), 399)]
+    controller.reset()
+    from_python = np.array([controller(step) for step in y])
+    assert 0.02 < np.mean(np.abs(from_python) >= plant.u_max - 1e-6) < 0.98  # limited at times, not always
+    assert from_c == pytest.approx(from_python, abs=1e-9 * plant.u_max)
+
+
+def test_header_says_what_a_reader_needs():
+    text = c_header(make_controller("lqg", TABLE_3, 0.002))
+    for part in ("[rad]", "0 upright", "once every 0.002 s", "command [V]", "furuta_lqg_step", "0.19717"):
+        assert part in text
+    assert "math.h" not in text
+
+
+class TestRefusals:
+    def test_not_linear(self):
+        with pytest.raises(ValueError, match="not linear"):
+            c_header(make_controller("swing-up", QUBE))
+
+    def test_prefix(self):
+        with pytest.raises(ValueError, match="C name"):
+            c_header(make_controller("lqr", QUBE), prefix="2fast")
+
+    def test_eccentric_encoder(self):
+        plant = QUBE.with_effects(QUBE.default_effect("arm_encoder_eccentricity"))
+        with pytest.raises(ValueError, match="arm_encoder_eccentricity"):
+            c_header(make_controller("lqr", plant))
+
+    def test_cancelled_ripple(self):
+        plant = QUBE.with_effects(QUBE.default_effect("arm_ripple"))
+        with pytest.raises(ValueError, match="export dlqr or lqg"):
+            c_header(make_controller("lqr-friction", plant))
+        c_header(make_controller("lqg", plant))

@@ -1,0 +1,129 @@
+"""Learned policies: they see what the env showed them, and bad files are refused with advice."""
+
+import json
+import zipfile
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.evaluation import compare
+from controllers.learned import LearnedController
+from controllers.trials import balance_starts, run_trials
+from furuta_gym.plant import QUBE, TABLE_3
+
+
+def recording(seen, actions):
+    def predict(observation):
+        seen.append(observation.copy())
+        return np.array([[actions[len(seen) - 1]]])
+
+    return predict
+
+
+@pytest.mark.parametrize("history", [1, 3])
+@pytest.mark.parametrize("observe_command", [False, True])
+@pytest.mark.parametrize("normalized", [False, True])
+def test_observations_are_the_envs(history, observe_command, normalized):
+    """Fed with the env's own readings, the controller shows its policy the env's observations and sends its commands."""
+    options = {"history": history, "observe_command": observe_command, "normalize_action": normalized}
+    env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, task="swing_up", **options).unwrapped
+    actions = np.random.default_rng(1).uniform(-1.3, 1.3, 40) * (1.0 if normalized else QUBE.u_max)
+    seen: list[np.ndarray] = []
+    controller = LearnedController(
+        "recorded",
+        recording(seen, actions),
+        QUBE,
+        0.004,
+        history=history,
+        observe_command=observe_command,
+        normalized=normalized,
+    )
+    observation, info = env.reset(seed=3)
+    for action in actions:
+        command = controller(info["measured_state"][:2])
+        assert seen[-1][0] == pytest.approx(observation, abs=1e-4)
+        observation, _, _, _, info = env.step(np.array([action], dtype=np.float32))
+        assert command == pytest.approx(info["command"], rel=1e-6)
+
+
+def test_many_lanes_are_many_rigs():
+    """A linear policy on the observation balances, alone and side by side, and agrees with itself."""
+    K = make_controller("lqr", QUBE).law.D[0], None
+    gain = -np.array([-3.0, -40.0, 0.0, -1.5, -3.0])
+    assert K[0] != 0
+    policy = LearnedController("linear", lambda o: o @ gain[:, None].astype(np.float32), QUBE, 0.004)
+    starts = balance_starts(QUBE, 10, 4.0, np.random.default_rng(0))
+    assert run_trials(QUBE, policy, starts, 4.0, 0.004).success.all()
+    y = np.random.default_rng(1).normal(0, 0.01, (20, 2, 4)).cumsum(axis=0)
+    together = np.array([policy(step) for step in y])
+    policy.reset()
+    assert [policy(step[:, 2]) for step in y] == pytest.approx(together[:, 2], rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def policy_file(tmp_path_factory):
+    """A small untrained policy with its record, as training writes them."""
+    sb3 = pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
+    path = tmp_path_factory.mktemp("policy") / "small.zip"
+    options = {"plant": "qube", "task": "balance", "sample_time": 0.01, "history": 2, "normalize_action": True}
+    env = gym.make("furuta_gym:FurutaID-v0", **options)
+    sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, policy_kwargs={"net_arch": [4]}, device="cpu").save(path)
+    path.with_suffix(".json").write_text(json.dumps({"algorithm": "PPO", "env": options}))
+    return path
+
+
+def test_policy_file_plays_what_the_model_says(policy_file):
+    from stable_baselines3 import PPO
+
+    controller = make_controller(policy_file, QUBE, 0.01)
+    assert (controller.history, controller.scale, controller.sample_time) == (2, QUBE.u_max, 0.01)
+    model = PPO.load(policy_file, device="cpu")
+    frame = [0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0]
+    expected = QUBE.u_max * np.clip(model.predict(np.float32(frame * 2), deterministic=True)[0][0], -1, 1)
+    assert controller([0.2, 0.1]) == pytest.approx(expected, rel=1e-4, abs=1e-6)
+
+
+def test_policy_file_in_a_comparison(policy_file):
+    result = compare(
+        QUBE.replace(sample_time=None), [policy_file, "dlqr"], trials=3, duration=1.0, groups=("balance",), jobs=1
+    )
+    assert result.settings["sample_time"] == 0.01
+    assert set(result.scores) == {str(policy_file), "dlqr"}
+
+
+class TestBadFiles:
+    def test_missing(self, tmp_path):
+        with pytest.raises(FileNotFoundError, match="furuta train"):
+            make_controller(tmp_path / "no.zip", QUBE)
+
+    def test_other_sample_time(self, policy_file):
+        with pytest.raises(ValueError, match="trained with a sample time of 0.01 s.*play at 0.002 s"):
+            make_controller(policy_file, QUBE, 0.002)
+
+    def test_other_observation(self, policy_file, tmp_path):
+        pytest.importorskip("stable_baselines3")
+        path = tmp_path / "other.zip"
+        path.write_bytes(policy_file.read_bytes())
+        path.with_suffix(".json").write_text(json.dumps({"algorithm": "PPO", "env": {"history": 3}}))
+        with pytest.raises(ValueError, match=r"shape \(10,\).*history=3 gives \(15,\)"):
+            make_controller(path, QUBE)
+
+    def test_no_policy(self, tmp_path):
+        pytest.importorskip("stable_baselines3")
+        path = tmp_path / "text.zip"
+        path.write_text("not a zip")
+        with pytest.raises(ValueError, match="no policy that stable-baselines3 saved"):
+            make_controller(path, TABLE_3)
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("data", "{}")
+        with pytest.raises(ValueError, match="no policy that stable-baselines3 saved"):
+            make_controller(path, TABLE_3)
+
+    def test_broken_record(self, policy_file, tmp_path):
+        path = tmp_path / "policy.zip"
+        path.write_bytes(policy_file.read_bytes())
+        path.with_suffix(".json").write_text("{")
+        with pytest.raises(ValueError, match="training record is not JSON"):
+            make_controller(path, QUBE)

@@ -1,0 +1,42 @@
+"""Intervals against tables, and their coverage on known distributions."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controllers.statistics import Interval, interquartile_mean, success_rate, typical
+
+
+def test_wilson_interval_against_published_values():
+    """Newcombe (1998), table I: 81 of 263, and 0 of 20."""
+    one, none = success_rate([True] * 81 + [False] * 182), success_rate([False] * 20)
+    assert (one.low, one.high) == pytest.approx((0.2553, 0.3662), abs=5e-5)
+    assert (none.low, none.high) == pytest.approx((0.0, 0.1611), abs=5e-5)
+
+
+def test_interquartile_mean_by_hand():
+    assert interquartile_mean(np.array([9.0, 1.0, 2.0, 100.0])) == pytest.approx((2 + 9) / 2)
+    # of five values the middle 2.5 count: half of a quarter is left of the second and of the fourth
+    assert interquartile_mean(np.array([0.0, 1.0, 2.0, 3.0, 1e6])) == pytest.approx((0.75 * 1 + 2 + 0.75 * 3) / 2.5)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30))
+def test_typical_value_lies_in_its_interval_and_in_the_sample(values):
+    x = typical(values, resamples=200)
+    slack = 1e-9 * (1 + max(abs(v) for v in values))
+    assert min(values) - slack <= x.low <= x.high <= max(values) + slack
+    assert x.n == len(values)
+
+
+def test_bootstrap_interval_covers():
+    rng = np.random.default_rng(5)
+    inside = sum((x := typical(rng.standard_normal(60), resamples=400)).low <= 0 <= x.high for _ in range(200))
+    assert 0.88 <= inside / 200 <= 0.99
+
+
+def test_no_trials_give_no_number():
+    for x in (typical([]), success_rate([])):
+        assert np.isnan(x.value)
+        assert x.to_dict()["value"] is None
+        assert np.isnan(Interval.from_dict(x.to_dict()).low)

@@ -1,0 +1,314 @@
+"""The command line: every kind of bad input gives exit 2 and a sentence; the commands fit together."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from experiments.cli import app
+from experiments.cli.options import fixed_values, prior_values, with_effects
+from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
+from identification.logs import read_log
+
+
+def furuta(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def refused(result: Result, *words: str) -> None:
+    """Exit 2, all words on stderr, nothing on stdout, no traceback."""
+    assert result.exit_code == 2, result.output
+    for word in words:
+        assert word in result.stderr
+    assert "Traceback" not in result.output
+    assert result.stdout == ""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The paper's experiment on Table 3, simulated by the command: 20 s at 2 ms."""
+    path = tmp_path_factory.mktemp("cli") / "log.csv"
+    result = furuta(
+        *("simulate", "--plant", "table3", "--controller", "paper-lqr", "--excitation", "paper", "-o", path, "--json")
+    )
+    assert result.exit_code == 0, result.output
+    figures = json.loads(result.stdout)
+    path.with_suffix(".json").write_text(json.dumps(figures))
+    return path
+
+
+@pytest.fixture(scope="module")
+def rig(recorded: Path) -> Path:
+    """A plant file identified from the first 4 seconds of that log."""
+    short = recorded.with_name("short.csv")
+    short.write_text("".join(recorded.read_text().splitlines(keepends=True)[:2010]))
+    path = recorded.with_name("rig.json")
+    result = furuta("identify", short, "-o", path, "--start", "table3", "--fix", "r=100")
+    assert result.exit_code == 0, result.output
+    assert "Verdict" in result.stdout
+    return path
+
+
+def some_log(path: Path, n: int = 400, **columns: object) -> Path:
+    """A small log that reads without complaint, with columns replaced."""
+    t = 0.002 * np.arange(n)
+    table = {"t": t, "q1": 0.1 * np.sin(3 * t), "q2": 0.1 * np.sin(5 * t), "u": np.sign(np.sin(9 * t))} | columns
+    rows = [",".join(str(v) for v in row) for row in zip(*table.values(), strict=True)]
+    path.write_text("\n".join([",".join(table), *rows]) + "\n")
+    return path
+
+
+def spoilt(values: np.ndarray, at: int, value: object) -> list[object]:
+    return [*values[:at].tolist(), value, *values[at + 1 :].tolist()]
+
+
+T = 0.002 * np.arange(400)
+BAD_LOGS = {
+    "text": ({"q2": spoilt(0.1 * np.sin(5 * T), 7, "oops")}, ("oops", "q2", "line 9")),
+    "nan": ({"q1": spoilt(0.1 * np.sin(3 * T), 5, "nan")}, ("NaN", "q1", "line 7")),
+    "backwards": ({"t": spoilt(T, 30, 0.001)}, ("time runs backwards", "line 32")),
+    "constant command": ({"u": np.ones(400)}, ("command u is 1 in every sample",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_LOGS)
+def test_bad_logs_are_refused_and_nothing_is_written(tmp_path: Path, name: str) -> None:
+    columns, words = BAD_LOGS[name]
+    log = some_log(tmp_path / "log.csv", **columns)
+    refused(furuta("identify", log, "-o", tmp_path / "rig.json"), "Error:", "log.csv", *words)
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    refused(furuta("identify", tmp_path / "none.csv", "-o", tmp_path / "rig.json"), "none.csv", "does not exist")
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_column(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("t,q1,q2\n" + "".join(f"{0.002 * k},0,0\n" for k in range(100)))
+    refused(furuta("identify", log, "-o", tmp_path / "rig.json"), "log.csv", "column", "--columns")
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_two_samples(tmp_path: Path) -> None:
+    log = some_log(tmp_path / "log.csv", n=2)
+    refused(furuta("identify", log, "-o", tmp_path / "rig.json"), "2 samples")
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_unknown_option(tmp_path: Path) -> None:
+    result = furuta("identify", "log.csv", "-o", tmp_path / "rig.json", "--colums", "t=Time")
+    assert result.exit_code == 2
+    assert "--colums" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("identify", "LOG", "-o", "rig.txt"), ".json"),
+        (("identify", "LOG", "-o", "rig.json", "--prior", "theta2=0.01"), "±"),
+        (("identify", "LOG", "-o", "rig.json", "--fix", "theta4=x"), "theta4"),
+        (("identify", "LOG", "-o", "rig.json", "--flip", "q3"), "q3"),
+        (("identify", "LOG", "-o", "rig.json", "--start", "tabel3"), "table3"),
+        (("identify", "LOG", "-o", "rig.json", "--method", "ekf", "--fix", "r=100"), "prediction-error"),
+        (("validate", "none.json", "LOG"), "none.json"),
+        (("simulate", "--plant", "none.json", "-o", "x.csv"), "none.json"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--duration", "0"), "--duration"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--controller", "lqrr"), "did you mean lqr"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--excitation", "sine"), "multisine"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--effect", "spring"), "arm_spring"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--effect", "arm_spring:c=1"), "q1n"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--printed-sign"), "paper-lqr"),
+        (("compare", "--plant", "table3", "-o", "DIR", "--controllers", "nothing"), "nothing"),
+        (("compare", "--plant", "table3", "-o", "DIR", "--controllers", "lqr", "--groups", "wind"), "wind"),
+        (("bench", "record", "--rig", "rig-00", "-o", "x.csv"), "rig-00"),
+    ],
+)
+def test_bad_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], word: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    some_log(tmp_path / "LOG.csv")
+    refused(furuta(*(a.replace("LOG", "LOG.csv") for a in arguments)), "Error:", word)
+    assert [p.name for p in tmp_path.iterdir()] == ["LOG.csv"]
+
+
+def test_an_output_that_is_an_input_is_refused(tmp_path: Path) -> None:
+    plant = TABLE_3.save(tmp_path / "rig.json")
+    before = plant.read_bytes()
+    log = some_log(tmp_path / "log.csv")
+    refused(furuta("validate", plant, log, "--json", plant), "input")
+    assert plant.read_bytes() == before
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
+    from experiments.cli.output import write_json
+
+    path = tmp_path / "x.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(path, {"a": float("nan")})
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert [p.name for p in tmp_path.iterdir()] == ["x.json"]
+
+
+def test_paper_controller_keeps_the_pendulum_up_under_the_papers_excitation(recorded: Path) -> None:
+    figures = json.loads(recorded.with_suffix(".json").read_text())
+    assert figures["fell_at_s"] is None
+    assert figures["duration_s"] == pytest.approx(20, abs=0.01)
+    assert figures["max_abs_q2"] < 0.2
+    log = read_log(recorded)
+    assert np.abs(log.q2).max() < 0.2
+    assert log.encoder_counts == (4096, 4096)
+    assert log.input_unit == "V"
+    assert log.controller_gain == pytest.approx(tuple(PAPER_GAIN))
+
+
+def test_the_printed_sign_falls(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    arguments = ("--plant", "table3", "--controller", "paper-lqr", "--excitation", "paper", "-o", path)
+    result = furuta("simulate", *arguments, "--printed-sign")
+    assert result.exit_code == 0
+    assert "FELL" in result.stdout
+    log = read_log(path)
+    assert log.duration < 2
+    assert np.abs(log.q2).max() > 0.9
+    assert log.controller_gain == pytest.approx(tuple(-PAPER_GAIN))
+
+
+def test_the_gain_written_is_the_gain_played(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    arguments = ("--plant", "table3", "--controller", "lqr", "--encoder-counts", 0, "--duration", 2, "-o", path)
+    assert furuta("simulate", *arguments).exit_code == 0
+    log = read_log(path)
+    assert log.encoder_counts is None
+    K = np.array(log.controller_gain)
+    # the causal filtered difference with its corner at 100 rad/s, as the controller has it
+    v, g = np.zeros((len(log), 2)), 1 - np.exp(-100 * log.sample_time)
+    for k in range(1, len(log)):
+        v[k] = v[k - 1] + g * ((log.angles[k] - log.angles[k - 1]) / 0.002 - v[k - 1])
+    expected = -(K[0] * log.q1 + K[1] * v[:, 0] + K[2] * log.q2 + K[3] * v[:, 1])
+    assert log.u == pytest.approx(expected, abs=1e-8)
+
+
+def test_simulations_repeat_with_the_seed(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{i}.csv" for i in range(3)]
+    for path, seed in zip(paths, (4, 4, 5), strict=True):
+        arguments = ("--controller", "lqr", "--excitation", "prbs", "--noise", "1e-3", "--duration", 1, "--seed", seed)
+        assert furuta("simulate", "--plant", "qube", *arguments, "-o", path).exit_code == 0
+    assert paths[0].read_text() == paths[1].read_text()
+    assert paths[0].read_text() != paths[2].read_text()
+
+
+def test_an_effect_reaches_the_simulation(tmp_path: Path) -> None:
+    logs = []
+    for extra in ((), ("--effect", "arm_spring:k=2.0,q1n=0.5", "--effect", "input_offset")):
+        path = tmp_path / "log.csv"
+        arguments = ("--plant", "large", "--excitation", "chirp", "--amplitude", 0.3, "--duration", 2, "-o", path)
+        assert furuta("simulate", *arguments, *extra).exit_code == 0
+        logs.append(read_log(path))
+    assert np.abs(logs[0].q1 - logs[1].q1).max() > 0.1
+    assert "arm_spring" in logs[1].metadata["effects"]
+
+
+def test_identify_recovers_the_simulated_plant(rig: Path) -> None:
+    plant = Plant.load(rig)
+    assert plant.unit == "V"
+    assert plant.covariance is not None
+    std = np.sqrt(np.diag(plant.covariance.matrix))[:9]
+    assert np.all(np.abs(plant.theta - TABLE_3.theta) < 5 * std + 1e-4 * TABLE_3.theta)
+    assert plant.friction_sharpness == 100
+
+
+def test_validate_round_trip(rig: Path, recorded: Path, tmp_path: Path) -> None:
+    written = tmp_path / "gap.json"
+    result = furuta("validate", rig, recorded, "--json", written)
+    assert result.exit_code == 0, result.output
+    gap = json.loads(written.read_text())["gap"]
+    names = "rms_q1 rms_q2 fit_percent_q1 fit_percent_q2 horizon_s noise_floor_q1 noise_floor_q2 ratio_to_floor"
+    assert set(names.split()) <= set(gap)
+    assert gap["ratio_to_floor"] < 1.5
+    assert gap["rms_q2"] < 0.01
+    wrong = Plant.load(rig).replace(theta=TABLE_3.theta * np.array([1, 1, 1, 1, 1.3, 1, 1, 1.3, 1]), covariance=None)
+    other = furuta("validate", wrong.save(tmp_path / "wrong.json"), recorded, "--json", "-")
+    assert other.exit_code == 0, other.output
+    assert json.loads(other.stdout)["gap"]["rms_q1"] > 2 * gap["rms_q1"]
+
+
+def test_compare_writes_its_figures(rig: Path, tmp_path: Path) -> None:
+    arguments = ("--controllers", "paper-lqr,lqr", "--trials", 3, "--duration", 2, "--groups", "balance", "--json")
+    result = furuta("compare", "--plant", rig, "-o", tmp_path / "c", *arguments)
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout) == json.loads((tmp_path / "c" / "comparison.json").read_text())
+    assert (tmp_path / "c" / "comparison_balance.png").stat().st_size > 1000
+
+
+def test_bench_is_mounted() -> None:
+    result = furuta("bench", "list", "--json")
+    assert result.exit_code == 0
+    assert {"rigs", "experiments"} <= set(json.loads(result.stdout))
+
+
+def test_the_demo_tells_its_story_and_ends_well(tmp_path: Path) -> None:
+    from experiments.demo import run_demo
+
+    lines: list[str] = []
+    figures = run_demo(tmp_path, say=lambda line="": lines.append(line), trials=4)
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {"rig.json", "gap.json", "demo.json", "comparison.json", "prediction.png", "parameters.png"} <= written
+    assert figures["environment"]["held"]
+    assert figures["largest_error_in_std"] < 4
+    assert figures["gap"]["ratio_to_floor"] < 1.2
+    told = "\n".join(lines)
+    for heading in ("What was found", "What to look at", "Caveats"):
+        assert heading in told
+    assert json.loads((tmp_path / "demo.json").read_text()) == figures
+
+
+def test_texts_of_options() -> None:
+    assert fixed_values(["theta4=0.012", "theta2, r=50"]) == {"theta4": 0.012, "theta2": None, "r": 50.0}
+    assert prior_values(["theta2=0.012±0.001", "theta4=1e-2+-1e-3"]) == {
+        "theta2": (0.012, 0.001),
+        "theta4": (0.01, 0.001),
+    }
+    spring = with_effects(TABLE_3, ["arm_spring:k=0.3"]).effect("arm_spring")
+    assert spring is not None
+    assert spring.parameters["k"] == 0.3
+    with pytest.raises(ValueError, match="positive"):
+        prior_values(["theta2=1±0"])
+
+
+def test_warnings_are_readable_lines(tmp_path: Path) -> None:
+    q1 = 0.1 * np.sin(3 * T)
+    degrees = np.round(40 * np.sin(5 * T) / 0.17578) * 0.17578
+    log = some_log(tmp_path / "log.csv", q1=np.round(np.degrees(q1) / 0.17578) * 0.17578, q2=degrees)
+    result = furuta("identify", log, "-o", tmp_path / "rig.json", "--method", "recursive-ls")
+    assert "Warning: log.csv" in result.stderr
+    assert "--unit deg" in result.stderr
+    assert "LogWarning" not in result.stderr
+
+
+def test_the_installed_command_is_quick_and_leaves_no_traceback(tmp_path: Path) -> None:
+    run = [sys.executable, "-c", "from experiments.cli import main; main()"]
+    started = time.perf_counter()
+    shown = subprocess.run([*run, "--help"], capture_output=True, text=True, timeout=60)
+    assert time.perf_counter() - started < 10
+    assert shown.returncode == 0
+    for name in ("identify", "validate", "simulate", "compare", "demo", "bench"):
+        assert name in shown.stdout
+    code = "import sys, experiments.cli; print(sorted({'numba', 'scipy', 'matplotlib', 'pandas'} & set(sys.modules)))"
+    heavy = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert heavy.stdout.strip() == "[]"
+    bad = subprocess.run(
+        [*run, "identify", "none.csv", "-o", "rig.json"], capture_output=True, text=True, timeout=60, cwd=tmp_path
+    )
+    assert bad.returncode == 2
+    assert "none.csv" in bad.stderr
+    assert "Traceback" not in bad.stderr
