@@ -142,6 +142,7 @@ def run_trials(
     h_max = substep(float(P[9:11].max()), LONGEST_STEP)
     u_max = np.array([p.u_max for p in plants])
     impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright
+    first_push, push_samples = np.round(starts.push_time / T), max(1, round(PUSH_LENGTH / T))
     X = np.zeros((rows, L))
     X[:4] = starts.x0
     U, W, t = np.zeros((n, L)), np.zeros((2, L)), np.arange(n + 1) * T
@@ -151,7 +152,7 @@ def run_trials(
             break
         u = np.minimum(np.maximum(control(sensors.read(X, P, codes, rng)), -u_max), u_max)
         U[k] = np.where(score.alive, u, 0.0)
-        W[1] = impulse / PUSH_LENGTH * ((t[k] >= starts.push_time) & (t[k] < starts.push_time + PUSH_LENGTH))
+        W[1] = impulse / (push_samples * T) * ((k >= first_push) & (k < first_push + push_samples))
         advance(X, t[k], t[k + 1], t[:n], U, k, W, P, codes, h_max)
     else:
         score.watch(n, X)

@@ -82,14 +82,14 @@ def floor_covariance(path: FilterPath, windows: Windows, noise: NDArray[np.float
         path.record.t,
         np.ascontiguousarray(path.transition[:, :n, :n]),
         np.ascontiguousarray(path.reading[:, :, :n]),
-        np.ascontiguousarray(path.filtered[:, 1]),
+        np.ascontiguousarray(path.about[:, 1]),
         path.plant.theta[:4].copy(),
-        path.start_covariance[:n, :n].copy(),
+        path.first[:n, :n].copy(),
         np.asarray(noise, dtype=float),
         windows.starts,
         windows.targets,
         windows.open_at_once,
-        EV(),
+        path.record.weight,
         out,
     )
     return out
@@ -131,7 +131,7 @@ def _free_run(t, y, u, P, codes, starts, targets, states, h_max, errors):
 
 
 @compiled(nogil=True)
-def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, every, out):
+def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, weight, out):
     M, J = targets.shape
     n = C.shape[0]
     work, CH, K, S = np.empty((n, n)), np.empty((n, 2)), np.empty((n, 2)), np.empty(3)
@@ -148,8 +148,8 @@ def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, ev
                 if window[i] >= 0:
                     _propagate(CL[i], Phi[k - 1], work)
                     _add_torque_noise(CL[i], q2[k - 1], theta, noise, T)
-        if k % every == 0:
-            _gain(C, H[k], noise[2], noise[3], K, S, CH)
+        if weight[k, 0] < np.inf:
+            _gain(C, H[k], noise[2] * weight[k, 0], noise[3] * weight[k, 1], K, S, CH)
         for i in range(lanes):
             m = window[i]
             while m >= 0 and targets[m, following[i]] == k:
@@ -158,7 +158,7 @@ def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, ev
                         s = noise[2 + a] if a == b else 0.0
                         for r in range(n):
                             for c in range(n):
-                                s += H[0, a, r] * CL[i, r, c] * H[0, b, c]
+                                s += H[k, a, r] * CL[i, r, c] * H[k, b, c]
                         out[m, following[i], a + b] = s
                 following[i] += 1
                 if following[i] == J:
@@ -171,7 +171,3 @@ def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, ev
             window[lane] = new
             following[lane] = 0
             new += 1
-
-def EV():
-    from . import filter_path
-    return filter_path.EVERY

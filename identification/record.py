@@ -11,18 +11,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from .logs import Log
 
+_SAME_STEP = 0.1  # an encoder step that the samples show differs from the declared one beyond this fraction
+
 
 @dataclass(frozen=True)
 class Record:
     """t (N,) from zero [s], y (N, 2) readings [rad], u (N, 1) commands, held from their sample on.
 
-    variance (2,): of a reading [rad²], and weight (N, 2): factors on it (see `dwell_weights`). velocity (2,) and
+    quantum (2,): one count of each encoder [rad], 0 where the reading is not rounded. variance (2,): of a reading
+    taken as noise, rounding included [rad²]; weight (N, 2): factors on it, see `dwell_weights`. velocity (2,) and
     velocity_std: of the first state [rad/s].
     """
 
     t: NDArray[np.float64]
     y: NDArray[np.float64]
     u: NDArray[np.float64]
+    quantum: NDArray[np.float64]
     variance: NDArray[np.float64]
     weight: NDArray[np.float64]
     velocity: NDArray[np.float64]
@@ -30,39 +34,42 @@ class Record:
 
     @classmethod
     def from_log(cls, log: Log) -> Record:
-        """Variances from the encoder's counts where known, not below a quarter of the noise that the log shows."""
-        counts = np.asarray(log.encoder_counts or (0.0, 0.0))
-        quantum = np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0)
+        """Counts as declared, or as the samples show them; noise not below a quarter of what the log shows."""
+        declared = [2 * math.pi / c if c > 0 else 0.0 for c in log.encoder_counts or (0.0, 0.0)]
+        quantum = np.array([_step(seen, known) for seen, known in zip(log.encoder_steps, declared, strict=True)])
         measured = np.asarray(log.noise_std)
         variance = np.maximum(np.maximum(quantum**2 / 12.0, 0.25 * measured**2), 1e-14)
-        return cls.from_arrays(log.t - log.t[0], log.angles, log.u, variance)
+        return cls.from_arrays(log.t, log.angles, log.u, variance, quantum)
 
     @classmethod
-    def from_arrays(cls, t: ArrayLike, y: ArrayLike, u: ArrayLike, variance: ArrayLike) -> Record:
-        """t (N,), y (N, 2), u (N,), reading variances (2,); the first velocity comes from the first readings."""
+    def from_arrays(
+        cls, t: ArrayLike, y: ArrayLike, u: ArrayLike, variance: ArrayLike, quantum: ArrayLike = (0.0, 0.0)
+    ) -> Record:
+        """t (N,), y (N, 2), u (N,), variance and quantum (2,); the first velocity comes from the first readings."""
         t, y, variance = np.array(t, dtype=float), np.array(y, dtype=float), np.array(variance, dtype=float)
         t -= t[0]
         m = min(len(t), max(6, int(np.searchsorted(t, 0.02))))
         slope = np.polyfit(t[:m], y[:m], 1 if m < 12 else 2)[-2]
         spread = 3.0 * math.sqrt(12.0 * variance.max() / m) / max(t[m - 1], 1e-6)
-        return cls(t, y, np.array(u, dtype=float).reshape(-1, 1), variance, dwell_weights(y, t), slope, 0.1 + spread)
+        u = np.array(u, dtype=float).reshape(-1, 1)
+        return cls(t, y, u, np.array(quantum, dtype=float), variance, dwell_weights(y), slope, 0.1 + spread)
 
 
-MODE=dict(m='none')
-def dwell_weights(y, t=None):
-    w = np.ones_like(y); m=MODE['m']
-    if m.startswith('skip'):
-        T=float(m[4:]); k=np.floor((t+1e-9)/T); keep=np.concatenate([[True],np.diff(k)>0]); w[~keep]=np.inf; return w
-    for a in range(2):
-        d = np.diff(y[:, a]); ch = np.flatnonzero(d) + 1
-        ed = np.concatenate([[0], ch, [len(y)]])
-        n = np.diff(ed)
-        dirs = np.sign(d[ch - 1])
-        before = np.concatenate([[0], dirs]); after = np.concatenate([dirs, [0]])
-        rev = before * after <= 0
-        if m == 'none': f = np.ones(len(n))
-        elif m == 'sqrt': f=np.sqrt(n)
-        elif m.startswith('all'): f = np.maximum(1.0, n/float(m[3:]))
-        elif m.startswith('p'): f = n**float(m[1:])
-        w[:, a] = np.repeat(f, n)
-    return w
+def _step(seen: float | None, declared: float) -> float:
+    """The encoder's step that counts: the samples' own where it contradicts the declared one."""
+    return seen if seen is not None and abs(seen - declared) > _SAME_STEP * seen else declared
+
+
+def dwell_weights(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factors (N, 2) on the variance of readings y (N, 2), for a filter that takes rounding for white noise.
+
+    Rounding errors are white only where the angle moves by a count or more a sample. While a count repeats, its error
+    goes on, and a filter that takes every repetition for news explains it by torques that are not there. So in a
+    dwell of n equal readings each counts for 1/√n: measured on simulated logs, that loses least on the whole.
+    """
+    weight = np.ones_like(y)
+    for axis in range(y.shape[1]):
+        edges = [0, *(np.flatnonzero(np.diff(y[:, axis])) + 1), len(y)]
+        for start, stop in pairwise(edges):
+            weight[start:stop, axis] = math.sqrt(stop - start)
+    return weight

@@ -8,12 +8,17 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
+from .effects import catalogue
 from .named import list_rigs, rig
 from .programme import EXPERIMENTS
 from .recording import PendulumLost
 from .recording import record as run_experiment
+from .rigs import HiddenEffect, Rig
+from .sets import SETS
+from .size import effect_size
 
 app = typer.Typer(
     help="The virtual bench: rigs that may hide something, simulated by code that shares nothing with the plant model.",
@@ -93,3 +98,45 @@ def record_command(
         typer.echo(json.dumps(run.truth, ensure_ascii=False, indent=2))
     else:
         typer.echo(f"Next: furuta diagnose {output} -o diagnosis")
+
+
+@app.command("size")
+def size_command(
+    effect: Annotated[
+        list[str] | None, typer.Option(help="An effect; may be given several times. Default: all.")
+    ] = None,
+    kind: Annotated[list[str] | None, typer.Option("--set", help="A parameter set. Default: all.")] = None,
+    strength: Annotated[float, typer.Option(help="Its strength; 1 is plain to see.", min=0.0)] = 1.0,
+    form: Annotated[str, typer.Option(help="table or bench; default: the first that the effect has.")] = "",
+    experiment: Annotated[str, typer.Option(help="An experiment of `furuta bench list`.")] = "paper",
+    seed: Annotated[int, typer.Option(help="Seed of the experiment.", min=0)] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
+    """Show how plain effects are: the gap that model (5) leaves after refitting θ, over the encoders' noise.
+
+    1.00 is invisible. A pendulum that falls shows as "lost".
+    """
+    sizes: dict[str, dict[str, float | None]] = {}
+    try:
+        rigs = {
+            (name, s): Rig(s, [HiddenEffect(name, strength, form)])
+            for name in effect or catalogue()
+            for s in kind or SETS
+        }
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            for (name, s), hidden in progress.track(rigs.items(), description="Measuring"):
+                try:
+                    ratio: float | None = effect_size(hidden, experiment, seed).ratio
+                except PendulumLost:
+                    ratio = None
+                sizes.setdefault(name, {})[s] = ratio
+    except ValueError as error:
+        raise _refuse(str(error)) from error
+    if as_json:
+        typer.echo(json.dumps(sizes, indent=2))
+        return
+    columns = list(next(iter(sizes.values())))
+    table = Table("effect", *columns, title=f"Gap over noise, strength {strength:g}, experiment {experiment}")
+    for name, row in sizes.items():
+        table.add_row(name, *("lost" if r is None else f"{r:.2f}" for r in row.values()))
+    Console().print(table)

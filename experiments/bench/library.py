@@ -259,7 +259,7 @@ def _eccentricity_sizes(s, k, v):
 _REST = (
     _library(
         "pendulum_quadratic_drag", "pendulum: −c q̇2 |q̇2|", "power 1.8", {"c": "{u}·s²/rad²"},
-        lambda s, k, v: {"c": 0.03 * k * s.inertia[4]}, _drag2,
+        lambda s, k, v: {"c": 0.8 * k * s.inertia[3]}, _drag2,
     ),
     _library(
         "pendulum_stribeck", "pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)", "exponent 1",

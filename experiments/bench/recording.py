@@ -14,7 +14,8 @@ import numpy as np
 from .control import Balance, lqr_gain
 from .laboratory import Laboratory
 from .named import rig as named_rig
-from .programme import EXPERIMENTS, Plan, experiment
+from .programme import EXPERIMENTS, Plan
+from .programme import experiment as find_experiment
 from .rigs import Rig
 
 FALLEN = 0.8  # rad from upright
@@ -98,7 +99,7 @@ def write_log(path: Path, record: BenchRecord) -> Path:
 
 def record(
     rig: Rig | str,
-    experiment_name: str = "paper",
+    experiment: str = "paper",
     seed: int = 0,
     duration: float | None = None,
     sample_time: float | None = None,
@@ -116,7 +117,7 @@ def record(
     run so far is returned with `lost_at` set. ValueError for names and numbers that the bench does not have.
     """
     rig = named_rig(rig) if isinstance(rig, str) else rig
-    plan_of = experiment(experiment_name)
+    plan_of = find_experiment(experiment)
     duration = plan_of.duration if duration is None else duration
     if not 0.1 <= duration <= 3600:
         raise ValueError(f"duration {duration} s given, expected 0.1 to 3600 s.")
@@ -124,7 +125,7 @@ def record(
         raise ValueError(f"sample_time {sample_time} s given, expected 0.0001 to 0.05 s.")
     if seed < 0:
         raise ValueError(f"seed {seed} given, expected a whole number ≥ 0.")
-    rng = np.random.default_rng([seed, list(EXPERIMENTS).index(experiment_name), 0xE49])
+    rng = np.random.default_rng([seed, list(EXPERIMENTS).index(experiment), 0xE49])
     plan = plan_of.plan(rig.kind, rng, duration)
     lab = Laboratory(rig, seed, noise_free, sample_time)
     loop = _Loop(rig, plan, plan_of.balances, policy)
@@ -143,20 +144,24 @@ def record(
             break
         if k + 1 < n:
             y = lab.step(u)
-    columns = out.T
+    t, q1, q2, command, excitation = out[:, :5].T
     result = BenchRecord(
-        *columns[:5],
-        out[:, 5:],
-        rig,
-        experiment_name,
-        seed,
-        lab.period,
-        lab.engine,
-        lost_at,  # type: ignore[misc]
+        t=t,
+        q1=q1,
+        q2=q2,
+        u=command,
+        d=excitation,
+        state=out[:, 5:],
+        rig=rig,
+        experiment=experiment,
+        seed=seed,
+        sample_time=lab.period,
+        engine=lab.engine,
+        lost_at=lost_at,
     )
     if lost_at is not None and not allow_lost:
         raise PendulumLost(
-            f"{rig.name}, experiment {experiment_name!r}, seed {seed}: the pendulum was lost at t = {lost_at:.2f} s. "
+            f"{rig.name}, experiment {experiment!r}, seed {seed}: the pendulum was lost at t = {lost_at:.2f} s. "
             "Take another seed or a gentler experiment (dither, paper), or smaller effects.",
             result,
         )

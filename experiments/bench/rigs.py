@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -72,12 +72,12 @@ class Rig:
     kind, and how much they differ (0: all alike). friction: "smooth" (tanh(r q̇), as model (5)) or "hard" (sticks).
     encoder_counts (per turn, arm and pendulum), sample_time [s]: None takes the set's. encoder_noise [rad sd],
     encoder_offset [rad]. clock_jitter: sd of a sample's time over the sample time; stamps tell the true times.
-    torque_noise: white torque on both rows, intensities in (command's unit)² s. controller: "lqr" or, for table3, "paper".
-    engine: "auto" takes MuJoCo for rigid bodies if it is installed, else Lagrange; or name one.
+    torque_noise: white torque on both rows, intensities in (command's unit)² s. controller: "lqr" or, for table3,
+    "paper". engine: "auto" takes MuJoCo for rigid bodies if it is installed, else Lagrange; or name one.
     """
 
     parameter_set: str | ParameterSet = "table3"
-    effects: tuple[HiddenEffect, ...] = ()
+    effects: Sequence[HiddenEffect] = ()
     individual: int = 0
     scatter: float = 0.0
     friction: str = "smooth"

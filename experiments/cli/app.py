@@ -9,6 +9,7 @@ from typer.core import TyperGroup
 
 from .compare import compare_command
 from .demo import demo_command
+from .diagnose import diagnose_command
 from .errors import explained
 from .identify import identify_command
 from .simulate import simulate_command
@@ -44,6 +45,7 @@ def options(
 app.command("demo")(demo_command)
 app.command("identify")(identify_command)
 app.command("validate")(validate_command)
+app.command("diagnose")(diagnose_command)
 app.command("simulate")(simulate_command)
 app.command("compare")(compare_command)
 

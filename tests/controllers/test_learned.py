@@ -26,7 +26,7 @@ def recording(seen, actions):
 @pytest.mark.parametrize("observe_command", [False, True])
 @pytest.mark.parametrize("normalized", [False, True])
 def test_observations_are_the_envs(history, observe_command, normalized):
-    """Fed with the env's own readings, the controller shows its policy the env's observations and sends its commands."""
+    """Fed with the env's own readings, the controller shows its policy the env's observations and obeys it."""
     options = {"history": history, "observe_command": observe_command, "normalize_action": normalized}
     env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, task="swing_up", **options).unwrapped
     actions = np.random.default_rng(1).uniform(-1.3, 1.3, 40) * (1.0 if normalized else QUBE.u_max)
@@ -99,7 +99,7 @@ class TestBadFiles:
             make_controller(tmp_path / "no.zip", QUBE)
 
     def test_other_sample_time(self, policy_file):
-        with pytest.raises(ValueError, match="trained with a sample time of 0.01 s.*play at 0.002 s"):
+        with pytest.raises(ValueError, match=r"trained with a sample time of 0.01 s.*play at 0.002 s"):
             make_controller(policy_file, QUBE, 0.002)
 
     def test_other_observation(self, policy_file, tmp_path):

@@ -1,4 +1,4 @@
-"""The paper's experiment: with −K x the pendulum stands for 20 s under the excitation, with the printed sign it falls."""
+"""The paper's experiment: with −K x the pendulum stands for 20 s under excitation, with the printed sign it falls."""
 
 import numpy as np
 import pytest
@@ -49,5 +49,5 @@ def test_poles_of_the_erratum():
 
 @pytest.mark.parametrize("plant", [QUBE, LARGE_RIG])
 def test_refuses_rigs_that_it_does_not_stabilize(plant):
-    with pytest.raises(DesignError, match="Table 3.*use lqr"):
+    with pytest.raises(DesignError, match=r"Table 3.*use lqr"):
         make_controller("paper-lqr", plant)

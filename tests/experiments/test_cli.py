@@ -265,7 +265,8 @@ def test_the_demo_tells_its_story_and_ends_well(tmp_path: Path) -> None:
     assert {"rig.json", "gap.json", "demo.json", "comparison.json", "prediction.png", "parameters.png"} <= written
     assert figures["environment"]["held"]
     assert figures["largest_error_in_std"] < 4
-    assert figures["gap"]["ratio_to_floor"] < 1.2
+    # the rig's random torques keep even its true parameters off the floor: the estimate must come as near as they do
+    assert figures["gap"]["ratio_to_floor"] < 1.1 * figures["gap_of_the_truth"]["ratio_to_floor"]
     told = "\n".join(lines)
     for heading in ("What was found", "What to look at", "Caveats"):
         assert heading in told
@@ -301,7 +302,7 @@ def test_the_installed_command_is_quick_and_leaves_no_traceback(tmp_path: Path) 
     shown = subprocess.run([*run, "--help"], capture_output=True, text=True, timeout=60)
     assert time.perf_counter() - started < 10
     assert shown.returncode == 0
-    for name in ("identify", "validate", "simulate", "compare", "demo", "bench"):
+    for name in ("identify", "validate", "diagnose", "simulate", "compare", "demo", "bench"):
         assert name in shown.stdout
     code = "import sys, experiments.cli; print(sorted({'numba', 'scipy', 'matplotlib', 'pandas'} & set(sys.modules)))"
     heavy = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

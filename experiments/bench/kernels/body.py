@@ -54,10 +54,9 @@ def _smooth_step(t, start, width):
 @compiled
 def payload(t, p):
     """(mass, place, speed, acceleration) of the mass on the pendulum, along the pendulum."""
+    m = p.pay_m if t >= p.pay_t else 0.0
     if p.pay_ramp > 0.0:
         m = p.pay_m * _smooth_step(t, p.pay_t, p.pay_ramp)[0]
-    else:
-        m = p.pay_m if t >= p.pay_t else 0.0
     s, ds, dds = p.pay_s, 0.0, 0.0
     if p.move != 0.0:
         for start in (p.move_t1, p.move_t2, p.move_t3):
@@ -97,7 +96,7 @@ def _lagrange(t, x, p):
 def _mujoco(x, p, link):
     position, velocity, bias, unit, column = link
     position[0], position[1], velocity[0], velocity[1] = x[Q1], x[Q2], x[V1], x[V2]
-    _call2(p.mj_forward, p.mj_model, p.mj_data)
+    _call2(p.mj_forward, p.mj_model, p.mj_data)  # pyright: ignore[reportCallIssue]
     unit[0], unit[1] = 1.0, 0.0
     _call4(p.mj_mulm, p.mj_model, p.mj_data, column.ctypes.data, unit.ctypes.data)
     m11, m12 = column[0], column[1]

@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from experiments.bench import list_rigs
+from experiments.bench import EffectSize, PendulumLost, list_rigs
 from experiments.bench.cli import app
 
 run = CliRunner()
@@ -59,3 +59,22 @@ def test_errors_end_with_2_say_what_is_allowed_and_write_nothing(tmp_path, argum
     assert done.exit_code == 2
     assert says in done.output
     assert not list(tmp_path.iterdir())
+
+
+def test_size_shows_how_plain_an_effect_is(monkeypatch):
+    def measured(rig, experiment, seed):
+        if rig.kind.name == "desk":
+            raise PendulumLost("fell", None)
+        return EffectSize(0.0, 0.0, 1.0 + rig.effects[0].strength, 2.0, 0.5, 0.4)
+
+    monkeypatch.setattr("experiments.bench.cli.effect_size", measured)
+    chosen = ["size", "--effect", "input_offset", "--set", "table3", "--set", "desk", "--strength", "0.5"]
+    shown = run.invoke(app, [*chosen, "--json"])
+    assert shown.exit_code == 0, shown.output
+    assert json.loads(shown.stdout) == {"input_offset": {"table3": 1.5, "desk": None}}
+    table = run.invoke(app, chosen).stdout
+    assert "1.50" in table
+    assert "lost" in table
+    wrong = run.invoke(app, ["size", "--effect", "input_ofset", "--set", "table3"])
+    assert wrong.exit_code == 2
+    assert "input_offset" in wrong.output

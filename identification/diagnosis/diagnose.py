@@ -1,0 +1,154 @@
+"""Logs in, Diagnosis out: is an effect missing from the model, which, how large, and how sure are we."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from furuta_gym.plant import EFFECTS, Plant
+
+from ..estimate import Estimate
+from ..identifiability import NotIdentifiable
+from ..identify import identify
+from ..logs import Log
+from ..prediction_error import Record
+from .candidates import fit
+from .naming import START_NOISE, Naming, Suspect, name_effects
+
+SCHEMA = "furuta-diagnosis/1"
+SHARPNESS = 100.0  # s/rad; what model (5) is taken to have, so that another r is itself a finding
+UNEXPLAINED = 0.05  # of the command's rms: torques left over that are too large to be called noise
+_ABSORBED = 0.995  # share of an effect's answer that θ imitates, from which it cannot be seen in principle
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in a sentence.
+
+    before, after: estimates without and with the effects found (after is before where none was). left_over: rms of the
+    torque [{u}] that the final model does not explain, over a tenth of a second, and `command_rms` to compare it with.
+    """
+
+    verdict: str
+    summary: str
+    before: Estimate | None = field(repr=False)
+    after: Estimate | None = field(repr=False)
+    naming: Naming | None = field(repr=False)
+    left_over: float
+    command_rms: float
+    runtime_s: float
+
+    @property
+    def plant(self) -> Plant | None:
+        return self.after.plant if self.after else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As diagnosis.json has it, except what only held-out logs can tell (the gap)."""
+        naming = self.naming
+        effects = [self._effect(i, suspect) for i, suspect in enumerate(naming.accepted)] if naming else []
+        first = naming.rankings[0] if naming and naming.rankings else ()
+        return {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "summary": self.summary,
+            "effects": effects,
+            "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
+            "not_visible": sorted(n for n, share in naming.absorbed.items() if share > _ABSORBED) if naming else [],
+            "left_over_torque": self.left_over,
+            "runtime_s": self.runtime_s,
+        }
+
+    def _effect(self, i: int, suspect: Suspect) -> dict[str, Any]:
+        assert self.naming is not None and self.after is not None
+        found = self.after.plant.effect(suspect.name)
+        assert found is not None
+        return found.to_dict(self.after.plant.unit) | {
+            "equation": EFFECTS[suspect.name].equation,
+            "place": EFFECTS[suspect.name].place,
+            "log_likelihood_gain": suspect.gain,
+            "confused_with": list(self.naming.equals[i]),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{self.verdict.upper()}: {self.summary}"]
+        if self.naming:
+            for step, ranking in enumerate(self.naming.rankings, 1):
+                shown = ", ".join(f"{s.name} {s.net:+.0f}" for s in ranking[:4])
+                lines.append(f"  step {step}, nats gained net of the price: {shown or 'no suspect'}")
+            for suspect, equals in zip(self.naming.accepted, self.naming.equals, strict=True):
+                found = self.after.plant.effect(suspect.name) if self.after else None
+                lines.append(f"  + {found}   [{EFFECTS[suspect.name].equation}]")
+                lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
+                if equals:
+                    lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
+        lines.append(f"  torque left over: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms")
+        return "\n".join(lines)
+
+
+def diagnose(
+    logs: Sequence[Log],
+    start: Plant | str | None = None,
+    most: int = 3,
+    only: Sequence[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Search the library for what model (5) misses in these logs of one rig.
+
+    start: a plant to start from (default: the logs alone). most: effects at most. only: restrict the library.
+    progress is told each step. Raises ValueError for bad arguments.
+    """
+    began = time.monotonic()
+    tell = progress or (lambda text: None)
+    if strange := set(only or ()) - set(EFFECTS):
+        raise ValueError(f"unknown effects {sorted(strange)}; the library has: {', '.join(EFFECTS)}")
+    if most < 1:
+        raise ValueError(f"most must be at least 1, got {most}")
+    rms = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
+    tell("identifying model (5)")
+    try:
+        before = identify(logs, start)
+    except NotIdentifiable as error:
+        text = f"{error} — nothing can be said about missing effects"
+        return Diagnosis("insufficient_excitation", text, None, None, None, math.nan, rms, time.monotonic() - began)
+    anchor = _anchor(before.plant)
+    records = [Record.from_log(piece) for log in logs for piece in log.pieces() if len(piece) >= 20]
+    nominal = fit(anchor, START_NOISE, records, anchor=anchor)
+    naming = name_effects(nominal, anchor, most, only, tell)
+    after = before
+    if naming.accepted:
+        tell("estimating all parameters together")
+        after = identify(logs, naming.final.plant)
+    left = math.sqrt(naming.final.noise[0] / 0.1)
+    verdict, summary = _verdict(naming, left, rms, before.plant.unit)
+    return Diagnosis(verdict, summary, before, after, naming, left, rms, time.monotonic() - began)
+
+
+def _anchor(plant: Plant) -> Plant:
+    """The identified plant as a start: friction off its bound, r as model (5) has it."""
+    theta = plant.theta.copy()
+    floor = [0.02 * theta[0], 0.02 * theta[3], 0.005 * plant.u_max, 5e-4 * abs(theta[4])]
+    theta[5:] = np.maximum(theta[5:], floor)
+    return plant.replace(
+        theta=theta, friction_sharpness=SHARPNESS, covariance=None, checks={}, provenance={}, effects=()
+    )
+
+
+def _verdict(naming: Naming, left: float, rms: float, unit: str) -> tuple[str, str]:
+    structured = left > UNEXPLAINED * rms
+    remains = f"torques of about {left:.2g} {unit} remain that no effect of the library explains"
+    if not naming.accepted:
+        if structured:
+            return "unknown", remains
+        return "none", "no effect of the library improves on model (5) by more than chance would"
+    names = " and ".join(suspect.name for suspect in naming.accepted)
+    sentence = f"the model misses {names}" + (f"; {remains}" if structured else "")
+    if structured:
+        return "unknown", sentence
+    if any(naming.equals):
+        return "ambiguous", f"{sentence}, or a look-alike that these logs cannot tell from it"
+    return "named", sentence
