@@ -119,6 +119,8 @@ def _build(
             except DesignError as error:
                 skipped[name] = str(error)
                 continue
+            if policy.name not in policies:  # a policy file goes by its name, two of one name by their paths
+                name = policy.name
         if name in policies:
             raise ValueError(f"controller {name} is given twice")
         policies[name] = policy

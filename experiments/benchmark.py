@@ -22,10 +22,9 @@ from rich.console import Console
 from rich.table import Table
 
 from furuta_gym.envs import ENV_ID
-from furuta_gym.envs.kernels import runge_kutta_alone
+from furuta_gym.envs.kernels import runge_kutta_plain
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import PLANTS, TABLE_3
-from furuta_gym.plant.dynamics import _runge_kutta
 
 
 @dataclass(frozen=True)
@@ -104,18 +103,14 @@ def measure(turns: dict[str, Callable[[int], None]], a: Arguments, steps_a_call:
 
 def kernel_turn(lanes: int, steps: int) -> Callable[[int], None]:
     """`steps` Runge–Kutta steps a call of Table 3, `lanes` plants side by side."""
-    p, codes, rows = TABLE_3.packed()
-    X, P = np.zeros((rows, lanes)), np.repeat(p[:, None], lanes, axis=1)
+    p = TABLE_3.packed().p
+    X, P = np.zeros((4, lanes)), np.repeat(p[:, None], lanes, axis=1)
     X[1] = 0.1
-    t, h, command = np.zeros(lanes), np.full(lanes, 2.5e-3), np.zeros(lanes)
-    work, W = np.empty((3 * rows + 16, lanes)), np.zeros((2, lanes))
+    h, command = np.full(lanes, 2.5e-3), np.zeros(lanes)
 
     def turn(n: int) -> None:
         for _ in range(n):
-            if lanes == 1:
-                runge_kutta_alone(X, 2.5e-3, steps, 0.0, P)
-            else:
-                _runge_kutta(X, t, h, steps, command, W, P, codes, work)
+            runge_kutta_plain(X, h, steps, command, P)
 
     return turn
 
@@ -223,8 +218,10 @@ def memory(a: Arguments) -> dict[str, float]:
 def learning(a: Arguments) -> dict[str, dict[str, Any]]:
     """PPO on `balance` for a few wall seconds: the compiled batch against 8 subprocesses, the median over seeds.
 
-    Each way has the rollout that suited it best in a small search; the rest is equal.
+    Each way has the rollout that suited it best in a small search; the rest is equal. Torch gets one thread: on
+    networks this small a second one waits more than it works.
     """
+    import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import SubprocVecEnv
@@ -239,12 +236,14 @@ def learning(a: Arguments) -> dict[str, dict[str, Any]]:
             return time.perf_counter() < self.end
 
     ways: dict[str, tuple[Callable[[], Any], dict[str, Any]]] = {
-        "compiled batch, 256 envs": (lambda: FurutaVecEnv(256), {"n_steps": 32, "batch_size": 1024}),
+        "compiled batch, 64 envs": (lambda: FurutaVecEnv(64), {"n_steps": 32, "batch_size": 512}),
         "8 subprocesses": (
             lambda: SubprocVecEnv([lambda: gym.make(ENV_ID, normalize_action=True)] * 8),
-            {"n_steps": 64, "batch_size": 64},
+            {"n_steps": 64, "batch_size": 128},
         ),
     }
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
     found: dict[str, dict[str, Any]] = {name: {"returns": [], "steps": []} for name in ways}
     for seed in range(a.learning_seeds):
         for name, (make, rollout) in ways.items():
@@ -261,6 +260,7 @@ def learning(a: Arguments) -> dict[str, dict[str, Any]]:
         way["median_return"] = float(np.median(way["returns"]))
         way["steps_per_s"] = float(np.median(way["steps"]) / a.learning_s)
     found["untrained"] = {"median_return": _mean_return(PPO("MlpPolicy", FurutaVecEnv(2), seed=0), FurutaVecEnv(64))}
+    torch.set_num_threads(threads)
     return found
 
 

@@ -27,6 +27,8 @@ from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import acceleration, advance, mass_matrix, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
 
+_ROOT_HALF = math.sqrt(0.5)
+_NORMAL = 1.0 / math.sqrt(2.0 * math.pi)
 _STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
 
 
@@ -121,16 +123,97 @@ def _steps(X, P, tau, h, n):
 
 
 @compiled(nogil=True)
-def innovations(t, y, u, weight, P, codes, x0, C0, noise, exact, leaders, sharp, h_max, e, S, X_out):
-    """Run B filters over a log of N samples; fills e (N, 2, B) and S (N, 3, leaders).
+def counted(d, v, step):
+    """What a rounded reading tells: (e, S, cost) of a reading d beyond its prediction, whose variance is v.
 
-    t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; weight (N, 2) factors on the readings'
-    variances; P (parameters, B); x0 (n, B) and C0 (n, n)
-    mean and covariance of the first state; noise (4, B): torque intensities on the rows [{u}² s] and variances of the
-    readings [rad²]. Of the filters, the first `exact` ≥ 1 carry Jacobians, the first `leaders` covariances, the
-    others follow filter 0. sharp (m, 2): rows of P that hold the sharpness of a friction, and the state its velocity
-    is in. h_max [s]: longest integration step. X_out (N, n) receives the filtered state of filter 0 if it has N rows.
-    Returns False if a filter diverged (e and S are then meaningless).
+    The angle behind the reading lies in a cell of width `step` around it (Curry 1970, "Gaussian fit"). cost is
+    −log of the cell's probability over its width, less ½ log 2π. e and S are the innovation and its variance of the
+    Gaussian reading that would leave the same mean and variance as the cell does; for step → 0 that is d and v.
+    """
+    if step * step < 0.04 * v:  # a cell narrow against the prediction: its width is a variance (Sheppard)
+        S = v + step * step / 12.0
+        return d, S, 0.5 * (d * d / S + math.log(S))
+    s = math.sqrt(v)
+    sign = 1.0 if d >= 0.0 else -1.0
+    a, b = (abs(d) - 0.5 * step) / s, (abs(d) + 0.5 * step) / s
+    if a < 4.0:
+        at_a, at_b = _NORMAL * math.exp(-0.5 * a * a), _NORMAL * math.exp(-0.5 * b * b)
+        inside = 0.5 * (math.erfc(a * _ROOT_HALF) - math.erfc(b * _ROOT_HALF))
+        cost = math.log(_NORMAL * step / inside)
+    else:  # far out in the tail: everything over φ(a)
+        at_a, at_b = 1.0, math.exp(max(-0.5 * (b * b - a * a), -700.0))
+        inside = _mills(a) - at_b * _mills(b)
+        cost = 0.5 * a * a + math.log(step / inside)
+    mean = (at_a - at_b) / inside
+    kept = min(max(1.0 + (a * at_a - b * at_b) / inside - mean * mean, 0.0), 1.0 - 1e-9)  # of the variance
+    S = v / (1.0 - kept)
+    return sign * mean * S / s, S, cost
+
+
+@compiled(forceinline=True)
+def _mills(x):
+    """(1 − Φ(x)) / φ(x) for x ≥ 4, by its continued fraction."""
+    f = x
+    for k in range(24, 0, -1):
+        f = x + k / f
+    return 1.0 / f
+
+
+@compiled(nogil=True)
+def _read(C, H, noise, d, quantum, K, e, S, prior, CH):
+    """A pair of readings d (2,) beyond their predictions: gains K (n, 2) of the two in turn; C ← what is left.
+
+    e (2,), S (3,) = (S11, S12, S22): joint innovations and covariance of the equivalent Gaussian readings, prior (2,):
+    variances of the readings before rounding. K[:, 1] answers the second innovation less what the first told of it.
+    Returns the cost.
+    """
+    n = C.shape[0]
+    cost, told = 0.0, 0.0
+    S[1] = 0.0
+    for a in range(2):
+        v = noise[2 + a]
+        for i in range(n):
+            x = 0.0
+            for m in range(n):
+                x += C[i, m] * H[a, m]
+            CH[i] = x
+        for i in range(n):
+            v += H[a, i] * CH[i]
+        if a == 0:
+            e[0], S[0], cost = counted(d[0], v, quantum[0])
+            for i in range(n):
+                S[1] += H[1, i] * CH[i]
+            told = S[1] / S[0]
+            prior[0] = v
+            s = S[0]
+        else:
+            e[1], s, c = counted(d[1] - told * e[0], v, quantum[1])
+            e[1] += told * e[0]
+            cost += c
+            prior[1] = v + told * S[1]
+            S[2] = s + told * S[1]
+        for i in range(n):
+            K[i, a] = CH[i] / s
+        for i in range(n):
+            for j in range(i + 1):
+                C[i, j] -= K[i, a] * CH[j]
+                C[j, i] = C[i, j]
+    return cost
+
+
+@compiled(nogil=True)
+def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp, h_max, e, S, cost, X_out):
+    """Run B filters over a log of N samples; fills e (N, 2, B), S (N, 3, leaders) and cost (N, leaders).
+
+    t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; quantum (2,) counts [rad]; P (parameters,
+    B); x0 (n, B) and C0 (n, n) mean and covariance of the first state; noise (4, B): torque intensities on the rows
+    [{u}² s] and variances of the readings before rounding [rad²]. Of the filters, the first `exact` ≥ 1 carry
+    Jacobians, the first `leaders` covariances, the others follow filter 0. sharp (m, 2): rows of P that hold the
+    sharpness of a friction, and the state its velocity is in. h_max [s]: longest integration step.
+
+    cost: −log-likelihood of each sample. e, S: innovations and covariances of the Gaussian readings that filter 0's
+    rounded ones are equivalent to, as seen by each filter. X_out (N, n) receives the filtered state of filter 0 if it
+    has N rows. Returns False if a filter diverged (the results are then meaningless).
     """
     N, B = y.shape[0], P.shape[1]
     n, G = x0.shape[0], leaders
@@ -147,7 +230,8 @@ def innovations(t, y, u, weight, P, codes, x0, C0, noise, exact, leaders, sharp,
     for g in range(G):
         C[g] = C0
     Phi, H = np.empty((exact, n, n)), np.zeros((exact, 2, n))
-    work, K, CH = np.empty((n, n)), np.empty((G, n, 2)), np.empty((n, 2))
+    work, K, CH, d = np.empty((n, n)), np.empty((G, n, 2)), np.empty(n), np.empty(2)
+    own_e, own_S, prior = np.empty((G, 2)), np.empty((G, 3)), np.empty((G, 2))
     for g in range(exact):
         H[g, 0, 0] = 1.0
         H[g, 1, 1] = 1.0
@@ -189,28 +273,29 @@ def innovations(t, y, u, weight, P, codes, x0, C0, noise, exact, leaders, sharp,
                         lane = B + g * n + m
                         H[g, 0, m] = (Y[0, lane] - Y[0, g]) / _STEP
                         H[g, 1, m] = (Y[1, lane] - Y[1, g]) / _STEP
-        if weight[k, 0] == np.inf:
-            for b in range(B):
-                e[k, 0, b] = 0.0
-                e[k, 1, b] = 0.0
-            for g in range(G):
-                S[k, 0, g], S[k, 1, g], S[k, 2, g] = 1.0, 0.0, 1.0
-            if X_out.shape[0] == N:
-                X_out[k] = x[:, 0]
-            continue
         for g in range(G):
-            R1, R2 = noise[2, g] * weight[k, 0], noise[3, g] * weight[k, 1]
-            _gain(C[g], H[g if g < exact else 0], R1, R2, K[g], S[k, :, g], CH)
-            if not (S[k, 0, g] > 0.0 and S[k, 0, g] * S[k, 2, g] > S[k, 1, g] ** 2 and abs(x[1, g]) < 1e6):
+            d[0] = y[k, 0] - (x[0, g] if plain else Y[0, g])
+            d[1] = y[k, 1] - (x[1, g] if plain else Y[1, g])
+            h = H[g if g < exact else 0]
+            cost[k, g] = _read(C[g], h, noise[:, g], d, quantum, K[g], own_e[g], own_S[g], prior[g], CH)
+            if not (own_S[g, 0] > 0.0 and own_S[g, 2] > 0.0 and abs(x[1, g]) < 1e6):
                 return False
+            # one pair of readings for all: what rounding adds to the variance is filter 0's
+            S[k, 0, g] = prior[g, 0] + own_S[0, 0] - prior[0, 0]
+            S[k, 1, g] = own_S[g, 1]
+            S[k, 2, g] = prior[g, 1] + own_S[0, 2] - prior[0, 1]
+        z1 = (x[0, 0] if plain else Y[0, 0]) + own_e[0, 0]
+        z2 = (x[1, 0] if plain else Y[1, 0]) + own_e[0, 1]
         for b in range(B):
-            y1, y2 = (x[0, b], x[1, b]) if plain else (Y[0, b], Y[1, b])
-            e1, e2 = y[k, 0] - y1, y[k, 1] - y2
-            e[k, 0, b] = e1
-            e[k, 1, b] = e2
-            g = b if b < G else 0
+            e1 = z1 - (x[0, b] if plain else Y[0, b])
+            e2 = z2 - (x[1, b] if plain else Y[1, b])
+            e[k, 0, b], e[k, 1, b] = e1, e2
+            g = 0
+            if b < G:
+                g, e1, e2 = b, own_e[b, 0], own_e[b, 1]
+            told = own_S[g, 1] / own_S[g, 0]
             for i in range(n):
-                x[i, b] += K[g, i, 0] * e1 + K[g, i, 1] * e2
+                x[i, b] += K[g, i, 0] * e1 + K[g, i, 1] * (e2 - told * e1)
         if X_out.shape[0] == N:
             X_out[k] = x[:, 0]
     return True

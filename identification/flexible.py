@@ -48,7 +48,7 @@ def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
     """Correct a plant on a record by whatever the data ask for. Raises ValueError if the filter loses the log."""
     plain = fit_noise(plant, record)
     path, frequencies = plain.path, spectral_peaks(plain.path)
-    first, value = None, np.inf
+    first, value, best = None, np.inf, np.inf
     none = np.zeros((len(record.t), 2))
     found = Flexible(plain, path, path, 0.0, none, none, frequencies)
     for _ in range(rounds):
@@ -68,8 +68,10 @@ def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
         corrected = refilter(tangent, tangent.noise, torque=torque, misreading=misreading)
         noise, _ = likeliest(corrected, _used(columns, solution))
         path = refilter(corrected, noise)
-        found = Flexible(plain, path, refilter(tangent, noise), first, torque, misreading, frequencies)
         before, value = value, innovation_cost(path.e, path.S)
+        if value < best:
+            best = value
+            found = Flexible(plain, path, refilter(tangent, noise), first, torque, misreading, frequencies)
         if abs(before - value) < _CONVERGED:
             break
     return found
@@ -89,7 +91,7 @@ def spectral_peaks(path: FilterPath, most: int = 2) -> tuple[float, ...]:
 
 
 def _correction(columns: list[Family], solution: Solution) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    N = len((columns[0].torque if columns[0].torque is not None else columns[0].misreading))  # type: ignore[arg-type]
+    N = len(columns[0].torque if columns[0].torque is not None else columns[0].misreading)  # type: ignore[arg-type]
     torque, misreading = np.zeros((N, 2)), np.zeros((N, 2))
     at = 0
     for family in columns:

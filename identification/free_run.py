@@ -15,8 +15,9 @@ from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
 
-from .filter_bank import _add_torque_noise, _gain, _propagate
+from .filter_bank import _add_torque_noise, _propagate
 from .filter_path import LONGEST_STEP, FilterPath
+from .path_kernels import gain
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def floor_covariance(path: FilterPath, windows: Windows, noise: NDArray[np.float
         windows.starts,
         windows.targets,
         windows.open_at_once,
-        path.record.weight,
+        path.used,
         out,
     )
     return out
@@ -131,7 +132,7 @@ def _free_run(t, y, u, P, codes, starts, targets, states, h_max, errors):
 
 
 @compiled(nogil=True)
-def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, weight, out):
+def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, used, out):
     M, J = targets.shape
     n = C.shape[0]
     work, CH, K, S = np.empty((n, n)), np.empty((n, 2)), np.empty((n, 2)), np.empty(3)
@@ -148,8 +149,8 @@ def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, we
                 if window[i] >= 0:
                     _propagate(CL[i], Phi[k - 1], work)
                     _add_torque_noise(CL[i], q2[k - 1], theta, noise, T)
-        if weight[k, 0] < np.inf:
-            _gain(C, H[k], noise[2] * weight[k, 0], noise[3] * weight[k, 1], K, S, CH)
+        if used[k]:
+            gain(C, H[k], noise[2], noise[3], K, S, CH)
         for i in range(lanes):
             m = window[i]
             while m >= 0 and targets[m, following[i]] == k:

@@ -145,12 +145,10 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
             f"free the pendulum, or fix {spoken(PENDULUM)}"
         )
     if m.command_constant and "theta1" not in lost:
-        lost += EVERYTHING if m.command_zero else ()
-        what = "zero" if m.command_zero else "constant"
+        lost += EVERYTHING
         advice.append(
-            f"the command is {what} throughout: the parameters have no scale; drive the arm, or add a driven log"
+            "the command is constant throughout: the parameters have no scale; drive the arm, or add a driven log"
         )
-        lost += [] if m.command_zero else EVERYTHING
     lost = [n for n in dict.fromkeys(lost) if n not in set(known)]
     if not lost:
         return None

@@ -25,7 +25,7 @@ from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
 from .logs import Log
 from .prediction_error import Optimum, PredictionError, Record, minimise
 from .start import Start, candidates, race
-from .uncertainty import fit_covariance, inverse_information
+from .uncertainty import fit_covariance, inverse_information, recommended
 
 METHODS = ("prediction-error", "filtered-ls", "recursive-ls", "ekf")
 _R_RANGE = (3.0, 2000.0)  # s/rad
@@ -187,7 +187,9 @@ def _estimate(
             "the zero of q2 (upright), or give a start plant"
         )
     coordinates = problem.coordinates
-    expansion = problem.expand(optimum.z, exact=True, scores=True)
+    expansion = optimum.expansion
+    if expansion.scores is None:
+        expansion = problem.expand(optimum.z, exact=True, scores=True)
     spread = fit_covariance(problem, expansion)
     own = [i for i, c in enumerate(coordinates) if not c.noise]
     slopes = np.array([coordinates[i].slope(optimum.z[i]) for i in own])
@@ -195,7 +197,7 @@ def _estimate(
     values = np.array([coordinates[i].to_value(optimum.z[i]) for i in own])
     classical = spread.classical[np.ix_(own, own)] * np.outer(slopes, slopes)
     sandwich = spread.sandwich[np.ix_(own, own)] * np.outer(slopes, slopes)
-    covariance = classical
+    covariance = recommended(classical, sandwich)
     at_bound = tuple(
         c.name
         for c, z, low, high in zip(coordinates, optimum.z, problem.low, problem.high, strict=True)
@@ -205,7 +207,7 @@ def _estimate(
     std = np.sqrt(np.diag(covariance))
     verdict = judge(names, values, inverse_information(covariance), motion, std)
     _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
-    reading = tuple(tuple(np.sqrt(noise[2:] * r.variance).tolist()) for r in problem.records)
+    reading = tuple(tuple(np.sqrt(noise[2:] * r.variance).tolist()) for r in problem.records)  # rounding included
     plant = filled_plant(start, coordinates, optimum.z)
     estimate = Estimate(
         plant=plant,

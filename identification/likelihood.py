@@ -28,28 +28,33 @@ def whiten(e: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64
 
 
 @compiled(nogil=True)
-def differentiate(e, S, steps, columns, rows, scores):
-    """V of filter 0 of a bank, and the derivatives that its other filters give: see `_score_rows`.
+def differentiate(e, S, cost, steps, columns, rows, scores):
+    """Σ cost of filter 0 of a bank, and the derivatives that its other filters give: see `_score_row`.
 
-    e (N, 2, B), S (N, 3, leaders); filter j + 1 is shifted by steps[j] in coordinate columns[j].
+    e (N, 2, B), S (N, 3, leaders), cost (N, leaders); filter j + 1 is shifted by steps[j] in coordinate columns[j].
     """
-    N, B = e.shape[0], e.shape[2]
+    N, B, G = e.shape[0], e.shape[2], S.shape[2]
     V = 0.0
     de, dS = np.empty(2), np.zeros(3)
     for k in range(N):
-        det = S[k, 0, 0] * S[k, 2, 0] - S[k, 1, 0] ** 2
+        V += cost[k, 0]
         l11 = math.sqrt(S[k, 0, 0])
         l21 = S[k, 1, 0] / l11
         l22 = math.sqrt(S[k, 2, 0] - l21 * l21)
         w1 = e[k, 0, 0] / l11
         w2 = (e[k, 1, 0] - l21 * w1) / l22
-        V += 0.5 * (w1 * w1 + w2 * w2 + math.log(det))
         for j in range(1, B):
+            i = columns[j - 1]
             for a in range(2):
                 de[a] = (e[k, a, j] - e[k, a, 0]) / steps[j - 1]
             for a in range(3):
-                dS[a] = (S[k, a, j] - S[k, a, 0]) / steps[j - 1] if j < S.shape[2] else 0.0
-            _score_row(w1, w2, l11, l21, l22, de, dS, rows[k], scores[k], columns[j - 1])
+                dS[a] = (S[k, a, j] - S[k, a, 0]) / steps[j - 1] if j < G else 0.0
+            _score_row(w1, w2, l11, l21, l22, de, dS, rows[k], scores[k], i)
+            if j < G:  # a one-sided difference, less its own curvature term ½ h V″ (the rows hold V″)
+                curvature = 0.0
+                for a in range(5):
+                    curvature += rows[k, a, i] ** 2
+                scores[k, i] = (cost[k, j] - cost[k, 0]) / steps[j - 1] - 0.5 * steps[j - 1] * curvature
     return V
 
 

@@ -7,21 +7,24 @@ of an integration. The path is followed anew when the intensities have moved.
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.compiled import compiled
 
 from .filter_path import FilterPath, follow, linear_arguments
-from .likelihood import innovation_cost, scores_of
+from .likelihood import innovation_cost
 from .path_kernels import run_filter
-from .prediction_error import _THREADS, Expansion
 from .record import Record
 
+_THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
 _BANDWIDTHS = (30.0, 300.0)  # rad/s, of the filters that are tried first
 _WANDER = 2.0  # rad/s, of the unknown torques at the start of their fit
+_SHIFT = 1e-3  # of a coordinate, for derivatives
 _FACTOR_PRIOR = 0.5  # the readings' variances are known from the log itself within about this factor (log scale)
 
 
@@ -75,17 +78,22 @@ def unit_intensity(plant: Plant, record: Record) -> NDArray[np.float64]:
     return record.variance * float(np.median(np.diff(record.t))) * inertia**2
 
 
-def likeliest(path: FilterPath, used: NDArray[np.float64] | None = None) -> tuple[NDArray, NDArray | None]:
+def likeliest(
+    path: FilterPath, used: NDArray[np.float64] | None = None, hold_noise: bool = False
+) -> tuple[NDArray, NDArray | None]:
     """Noise (4,) and walk (2,) or None that minimise V on a linearised log, from those of the path.
 
-    used (2,): degrees of freedom of the torques on the two rows that a fit of `path` to these data has used up; the
-    torque noise is estimated from what is left.
+    used (2,): number of parameters of torques on the two rows that were fitted to these data; the torque noise is
+    estimated from what they left (restricted likelihood: about half of what lies along such a torque's answer is
+    torque noise, the rest the readings'). hold_noise: let only the walk move.
     """
     problem = _Problem(path)
+    if hold_noise:
+        problem.low[:4] = problem.high[:4] = problem.start()[:4]
     z, information = _descend(problem)
     if used is not None:
         freedom = np.maximum(2.0 * np.diag(information)[:2], 1.0)  # of the torque noise: information on ln q is ν/2
-        z[:2] -= np.log(np.clip(1.0 - used / freedom, 0.3, 1.0))
+        z[:2] -= np.log(np.clip(1.0 - 0.5 * used / freedom, 0.3, 1.0))
     return problem.unpack(z)
 
 
@@ -96,7 +104,7 @@ def _descend(problem: _Problem, iterations: int = 30, tolerance: float = 0.02) -
     damping, quiet = 1e-3, 0
     expansion = problem.expand(z)
     for _ in range(iterations):
-        g, H = expansion.gradient, expansion.information
+        before, g, H = expansion
         free = ~((z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0))
         while damping < 1e6:
             A = H[np.ix_(free, free)]
@@ -104,17 +112,17 @@ def _descend(problem: _Problem, iterations: int = 30, tolerance: float = 0.02) -
             step[free] = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-9), -g[free])
             trial = np.clip(z + np.clip(step, -2.0, 2.0), problem.low, problem.high)
             value = problem.value(trial)
-            if value < expansion.value:
+            if value < before:
                 break
             damping = max(10.0 * damping, 1e-3)
         else:
             break
-        quiet = quiet + 1 if expansion.value - value < tolerance else 0
+        quiet = quiet + 1 if before - value < tolerance else 0
         z, damping = trial, max(damping / 10.0, 1e-6)
         expansion = problem.expand(z)
         if quiet == 2:
             break
-    return z, expansion.information
+    return z, expansion[2]
 
 
 class _Problem:
@@ -160,12 +168,45 @@ class _Problem:
         weight[2:4] = 1.0 / _FACTOR_PRIOR**2
         return 0.5 * float(weight @ z**2), weight * z, np.diag(weight)
 
-    def expand(self, z: NDArray[np.float64]) -> Expansion:
-        step = np.where(z + 1e-3 > self.high, -1e-3, 1e-3)
-        results = list(_THREADS.map(self.run, [z, *(z + np.diag(step))]))
-        e0, S0 = results[0]
-        de = np.stack([(e - e0) / h for (e, _), h in zip(results[1:], step, strict=True)], axis=2)
-        dS = np.stack([(S - S0) / h for (_, S), h in zip(results[1:], step, strict=True)], axis=2)
+    def expand(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """V, its gradient (n,) and Fisher information (n, n)."""
+        step = np.where(z + _SHIFT > self.high, -_SHIFT, _SHIFT)
+        e, S = zip(*_THREADS.map(self.run, [z, *(z + np.diag(step))]), strict=True)
+        g, information = np.zeros(len(z)), np.zeros((len(z), len(z)))
+        value = _expand(np.stack(e, axis=2), np.stack(S, axis=2), step, g, information)
         prior = self._prior(z)
-        g, information = scores_of(e0, S0, de, dS, list(range(len(z))))
-        return Expansion(innovation_cost(e0, S0) + prior[0], g.sum(axis=0) + prior[1], information + prior[2])
+        return value + prior[0], g + prior[1], information + prior[2]
+
+
+@compiled(nogil=True)
+def _expand(e, S, step, gradient, information):
+    """V of the first of the filters e (N, 2, n + 1), S (N, 3, n + 1); filter i + 1 is shifted by step[i].
+
+    With D = dS and S = L Lᵀ: information ½ tr(S⁻¹ D S⁻¹ D) + deᵀ S⁻¹ de, summed over samples.
+    """
+    N, n = e.shape[0], step.shape[0]
+    rows = np.empty((5, n))
+    V = 0.0
+    for k in range(N):
+        l11 = math.sqrt(S[k, 0, 0])
+        l21 = S[k, 1, 0] / l11
+        l22 = math.sqrt(S[k, 2, 0] - l21 * l21)
+        w1 = e[k, 0, 0] / l11
+        w2 = (e[k, 1, 0] - l21 * w1) / l22
+        V += 0.5 * (w1 * w1 + w2 * w2) + math.log(l11 * l22)
+        for i in range(n):
+            d1 = (e[k, 0, i + 1] - e[k, 0, 0]) / (step[i] * l11)
+            d2 = ((e[k, 1, i + 1] - e[k, 1, 0]) / step[i] - l21 * d1) / l22
+            a11 = (S[k, 0, i + 1] - S[k, 0, 0]) / (step[i] * l11 * l11)
+            b = ((S[k, 1, i + 1] - S[k, 1, 0]) / step[i] - l21 * l11 * a11) / l22
+            a12 = b / l11
+            a22 = ((S[k, 2, i + 1] - S[k, 2, 0]) / step[i] - 2.0 * l21 * b - l21 * l21 * a11) / (l22 * l22)
+            rows[0, i], rows[1, i] = d1, d2
+            rows[2, i], rows[3, i], rows[4, i] = a11 * math.sqrt(0.5), a12, a22 * math.sqrt(0.5)
+            gradient[i] += w1 * d1 + w2 * d2
+            gradient[i] += 0.5 * (a11 + a22 - w1 * w1 * a11 - 2.0 * w1 * w2 * a12 - w2 * w2 * a22)
+        for i in range(n):
+            for j in range(n):
+                for r in range(5):
+                    information[i, j] += rows[r, i] * rows[r, j]
+    return V

@@ -50,7 +50,7 @@ def minimise(
     for iteration in range(1, iterations + 1):
         trial, value, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance)
         if trial is None:  # nothing lower on the way the derivatives show
-            done = predicted < tolerance
+            done = predicted < 10.0 * tolerance  # closer than that the quadratic model itself is not
             if polishing or not exact:
                 message = "converged" if done else "no further descent"
                 return Optimum(z, expansion.value, expansion, iteration, done, message)

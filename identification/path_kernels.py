@@ -6,15 +6,15 @@ from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
 
-from .filter_bank import _STEP, _add_torque_noise, _gain, _propagate, effective_sharpness
+from .filter_bank import _STEP, _add_torque_noise, _propagate, effective_sharpness
 
 
 @compiled(nogil=True)
 def follow_log(
-    t, y, u, weight, P, codes, rows, first, noise, walk, sharp, spread, longest_step,
+    t, y, u, used, P, codes, rows, first, noise, walk, sharp, spread, longest_step,
     about, carried, misread, Phi, push, H, filtered, Cf, gains, e, S,
 ):  # fmt: skip
-    """Fills the kept arrays and the filter's. With spread (N, 2) the states `about` are given, else they are its own."""
+    """Fills the kept arrays and the filter's. With spread (N, 2) the states `about` are given, else its own."""
     N, n = y.shape[0], first.shape[0]
     given = spread.shape[0] == N
     lanes = rows + 3
@@ -71,7 +71,7 @@ def follow_log(
             misread[k, a] = y[k, a] - Y[a, 0]
             for i in range(rows):
                 H[k, a, i] = (Y[a, 1 + i] - Y[a, 0]) / _STEP
-        _update(C, H[k], misread[k], noise, weight[k], d, gains[k], e[k], S[k], CH)
+        _update(C, H[k], misread[k], noise, used[k], d, gains[k], e[k], S[k], CH)
         Cf[k] = C
         for i in range(n):
             filtered[k, i] = carried[k, i] + d[i]
@@ -85,6 +85,32 @@ def follow_log(
 
 
 @compiled(nogil=True)
+def gain(C, H, R1, R2, K, S, CH):
+    """Innovation covariance S = (S11, S12, S22), gain K (n, 2), and C ← C − K S Kᵀ; CH (n, 2) is work space."""
+    n = C.shape[0]
+    for i in range(n):
+        for a in range(2):
+            s = 0.0
+            for m in range(n):
+                s += C[i, m] * H[a, m]
+            CH[i, a] = s
+    s11, s12, s22 = R1, 0.0, R2
+    for m in range(n):
+        s11 += H[0, m] * CH[m, 0]
+        s12 += H[0, m] * CH[m, 1]
+        s22 += H[1, m] * CH[m, 1]
+    det = s11 * s22 - s12 * s12
+    for i in range(n):
+        K[i, 0] = (CH[i, 0] * s22 - CH[i, 1] * s12) / det
+        K[i, 1] = (CH[i, 1] * s11 - CH[i, 0] * s12) / det
+    for i in range(n):
+        for j in range(i + 1):
+            C[i, j] -= K[i, 0] * CH[j, 0] + K[i, 1] * CH[j, 1]
+            C[j, i] = C[i, j]
+    S[0], S[1], S[2] = s11, s12, s22
+
+
+@compiled(nogil=True)
 def _times(A, x, out):
     for i in range(A.shape[0]):
         s = 0.0
@@ -94,15 +120,15 @@ def _times(A, x, out):
 
 
 @compiled(nogil=True)
-def _update(C, H, misread, noise, weight, d, K, e, S, CH):
-    """One reading: C, d (estimate less `carried`), K, e, S in place; nothing happens where the weight is infinite."""
+def _update(C, H, misread, noise, used, d, K, e, S, CH):
+    """One reading: C, d (estimate less `carried`), K, e, S in place; nothing happens where it is not used."""
     n = C.shape[0]
-    if weight[0] == np.inf:
+    if not used:
         K[:] = 0.0
         e[:] = 0.0
         S[0], S[1], S[2] = 1.0, 0.0, 1.0
         return
-    _gain(C, H, noise[2] * weight[0], noise[3] * weight[1], K, S, CH)
+    gain(C, H, noise[2], noise[3], K, S, CH)
     for a in range(2):
         s = misread[a]
         for m in range(n):
@@ -114,7 +140,7 @@ def _update(C, H, misread, noise, weight, d, K, e, S, CH):
 
 @compiled(nogil=True)
 def run_filter(
-    t, weight, theta, about, carried, misread, Phi, H, first, noise, walk, filtered, Cf, gains, e, S
+    t, used, theta, about, carried, misread, Phi, H, first, noise, walk, filtered, Cf, gains, e, S
 ):  # fmt: skip
     """The linear filter; means, covariances and gains are kept if `filtered` has N rows."""
     N, n = about.shape
@@ -130,7 +156,7 @@ def run_filter(
                 C[n - 2 + a, n - 2 + a] += walk[a] * T
             _times(Phi[k - 1], d, work[0])
             d[:] = work[0]
-        _update(C, H[k], misread[k], noise, weight[k], d, K, e[k], S[k], CH)
+        _update(C, H[k], misread[k], noise, used[k], d, K, e[k], S[k], CH)
         if keep:
             gains[k] = K
             Cf[k] = C

@@ -1,8 +1,9 @@
 """Maximum likelihood through the Kalman filter's innovations (the prediction-error method).
 
-Minimises V(z) = ½ Σ (eᵀ S⁻¹ e + ln det S) over θ, r, effect parameters and noise intensities together, for any number
-of logs (Kristensen, Madsen & Jørgensen 2004; Ljung 1999, ch. 7). Works on closed-loop data of the unstable plant and
-needs no velocities. Derivatives come from a bank of filters; `optimise` does the descent.
+Minimises V(z) = −log L = ½ Σ (eᵀ S⁻¹ e + ln det S), for rounded readings its counterpart (`filter_bank.counted`), over
+θ, r, effect parameters and noise intensities together, for any number of logs (Kristensen, Madsen & Jørgensen 2004;
+Ljung 1999, ch. 7). Works on closed-loop data of the unstable plant and needs no velocities. Derivatives come from a
+bank of filters; `optimise` does the descent.
 """
 
 from __future__ import annotations
@@ -21,12 +22,15 @@ from furuta_gym.plant.effects.library import NUMBERS
 
 from .coordinates import Coordinate, fill
 from .filter_bank import innovations
-from .likelihood import differentiate, innovation_cost, scores_of, whiten
+from .likelihood import differentiate, whiten
 from .optimise import Optimum, minimise
 from .record import Record
 
 __all__ = ["Expansion", "Optimum", "PredictionError", "Record", "minimise", "whiten"]
 
+_VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
+_EXACT_STEP = 0.1  # of a coordinate's step: differences of V itself are one-sided, and V is sharp
+_SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
 _THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
 
@@ -68,6 +72,9 @@ class PredictionError:
         self._map = _THREADS.map if parallel else map
         bounds = np.array([c.z_bounds for c in self.coordinates])
         self.low, self.high = bounds[:, 0], bounds[:, 1]
+        for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
+            if c.noise and c.row >= 2 and all(r.quantum[c.row - 2] > 0 for r in self.records):
+                self.low[i] = max(self.low[i], 0.0)
         self.noisy = np.array([c.noise for c in self.coordinates])
 
     def start(self) -> NDArray[np.float64]:
@@ -81,12 +88,18 @@ class PredictionError:
         """Innovations e (N, 2, B) and covariances S (N, 3, leaders) of the coordinate vectors bank (B, n).
 
         The first `leaders` have gains of their own, the others share those of bank[0]; of the leaders the first
-        `exact` (default all) have state Jacobians of their own. None if a filter diverged.
+        `exact` (default all) have state Jacobians of their own. Third: the filtered states (N, rows) of bank[0], if
+        `states`. None if a filter diverged.
         """
+        result = self._filter(record, bank, leaders, leaders if exact is None else exact, states)
+        return None if result is None else (result[0], result[1], result[3])
+
+    def _filter(self, record: Record, bank: NDArray[np.float64], leaders: int, exact: int, states: bool = False):
+        """(e, S, cost, states) of `innovations`, or None."""
         filled = [fill(self.coordinates, z, self.p, self.noise) for z in bank]
         P = np.ascontiguousarray(np.array([f[0] for f in filled]).T)
         noise = np.ascontiguousarray(np.array([f[1] for f in filled]).T)
-        noise[2:] *= record.variance[:, None]
+        noise[2:] = _before_rounding(noise[2:] * record.variance[:, None], record.quantum[:, None])
         B, N = len(bank), len(record.t)
         if not np.isfinite(P[:11]).all() or np.any(P[0] * P[3] <= P[2] ** 2):
             return None
@@ -97,24 +110,23 @@ class PredictionError:
         x0[:2] -= reading - x0[:2]
         x0[2:4] = record.velocity[:, None]
         C0 = np.zeros((self.rows, self.rows))
-        C0[[0, 1], [0, 1]] = record.variance
+        C0[[0, 1], [0, 1]] = _VAGUE * record.variance
         C0[[2, 3], [2, 3]] = record.velocity_std**2
-        e, S = np.empty((N, 2, B)), np.empty((N, 3, leaders))
+        e, S, cost = np.empty((N, 2, B)), np.empty((N, 3, leaders)), np.empty((N, leaders))
         X = np.empty((N if states else 0, self.rows))
-        exact = leaders if exact is None else exact
         ok = innovations(
-            *(record.t, record.y, record.u, record.weight, P, self.codes, x0, C0, noise, exact, leaders, self.sharp),
-            *(self.longest_step, e, S, X),
+            *(record.t, record.y, record.u, record.quantum, P, self.codes, x0, C0, noise, exact, leaders, self.sharp),
+            *(self.longest_step, e, S, cost, X),
         )
-        return (e, S, X) if ok and np.isfinite(e).all() else None
+        return (e, S, cost, X) if ok and np.isfinite(cost).all() and np.isfinite(e).all() else None
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""
         total = self._prior(z)[0]
-        for result in self._map(lambda r: self.run(r, z[None], 1), self.records):
+        for result in self._map(lambda r: self._filter(r, z[None], 1, 1), self.records):
             if result is None:
                 return math.inf
-            total += innovation_cost(result[0][:, :, 0], result[1][:, :, 0])
+            total += float(np.sum(result[2]))
         return total
 
     def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion:
@@ -127,7 +139,7 @@ class PredictionError:
         n = len(z)
         noisy = [i for i, c in enumerate(self.coordinates) if exact or c.noise]
         order = np.array(noisy + [i for i in range(n) if i not in noisy], dtype=np.int64)
-        steps = np.array([c.step for c in self.coordinates])
+        steps = np.array([c.step for c in self.coordinates]) * (_EXACT_STEP if exact else 1.0)
         steps = np.where(z + steps > self.high, -steps, steps)
         bank = np.repeat(z[None], n + 1, axis=0)
         bank[np.arange(1, n + 1), order] += steps[order]
@@ -139,10 +151,10 @@ class PredictionError:
             i, part = job
             leaders = 1 + int(np.sum(part < len(noisy)))
             positions = np.concatenate([[0], part + 1])
-            result = self.run(self.records[i], bank[positions], leaders, exact=leaders if exact else 1)
+            result = self._filter(self.records[i], bank[positions], leaders, leaders if exact else 1)
             if result is None:
                 return math.inf
-            return differentiate(result[0], result[1], steps[order[part]], order[part], rows[i], all_scores[i])
+            return differentiate(*result[:3], steps[order[part]], order[part], rows[i], all_scores[i])
 
         values = list(self._map(work, jobs))
         value, gradient, information = self._prior(z)
@@ -194,6 +206,13 @@ class PredictionError:
         return [(float(r[k]), slopes[k]) for k in range(2) if r[k] > 0]
 
 
+def _before_rounding(total: NDArray[np.float64], quantum: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance of readings before they are rounded, from the total one: less quantum²/12, softly above zero."""
+    rounding = quantum**2 / 12.0
+    rest = total - rounding
+    return 0.5 * (rest + np.sqrt(rest**2 + (_SOFT * rounding) ** 2))
+
+
 def _sharpness_rows(codes: NDArray[np.int64]) -> NDArray[np.int64]:
     """(m, 2): rows of P that hold a friction's sharpness, and the state that its velocity is."""
     own = [offset for number, offset, _ in codes if number == NUMBERS["friction_sharpness"]]
@@ -207,6 +226,3 @@ def _halves(leaders: int, n: int, records: int) -> list[NDArray[np.int64]]:
     cost = np.cumsum(np.where(np.arange(n) < leaders, 2.0, 1.0))
     cut = int(np.searchsorted(cost, cost[-1] / 2.0))
     return [np.arange(cut), np.arange(cut, n)]
-
-
-_scores, _value = scores_of, innovation_cost

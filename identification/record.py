@@ -46,13 +46,14 @@ class Record:
         cls, t: ArrayLike, y: ArrayLike, u: ArrayLike, variance: ArrayLike, quantum: ArrayLike = (0.0, 0.0)
     ) -> Record:
         """t (N,), y (N, 2), u (N,), variance and quantum (2,); the first velocity comes from the first readings."""
-        t, y, variance = np.array(t, dtype=float), np.array(y, dtype=float), np.array(variance, dtype=float)
-        t -= t[0]
-        m = min(len(t), max(6, int(np.searchsorted(t, 0.02))))
-        slope = np.polyfit(t[:m], y[:m], 1 if m < 12 else 2)[-2]
-        spread = 3.0 * math.sqrt(12.0 * variance.max() / m) / max(t[m - 1], 1e-6)
-        u = np.array(u, dtype=float).reshape(-1, 1)
-        return cls(t, y, u, np.array(quantum, dtype=float), variance, dwell_weights(y), slope, 0.1 + spread)
+        stamps, readings = np.array(t, dtype=float), np.array(y, dtype=float)
+        stamps -= stamps[0]
+        m = min(len(stamps), max(6, int(np.searchsorted(stamps, 0.02))))
+        slope = np.polyfit(stamps[:m], readings[:m], 1 if m < 12 else 2)[-2]
+        spread = 3.0 * math.sqrt(12.0 * float(np.max(variance)) / m) / max(stamps[m - 1], 1e-6)
+        commands = np.array(u, dtype=float).reshape(-1, 1)
+        known = np.array(quantum, dtype=float), np.array(variance, dtype=float)
+        return cls(stamps, readings, commands, *known, dwell_weights(readings), slope, 0.1 + spread)
 
 
 def _step(seen: float | None, declared: float) -> float:

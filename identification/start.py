@@ -128,7 +128,7 @@ def reduced(record: Record, duration: float = _REDUCED[0], sample_time: float = 
     charge = np.concatenate([[0.0], np.cumsum(width * record.u[:, 0])])
     held = np.diff(charge[np.append(index, min(index[-1] + m, n))])
     spans = np.diff(record.t[index], append=record.t[index[-1]] + float(np.sum(width[index[-1] : index[-1] + m])))
-    return Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance)
+    return Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance, record.quantum)
 
 
 def race(

@@ -24,7 +24,8 @@ class FitCovariance:
 
 def fit_covariance(problem: PredictionError, expansion: Expansion) -> FitCovariance:
     """Classical H⁻¹ and sandwich H⁻¹ J H⁻¹, J from block sums of the scores (`expansion` must hold them)."""
-    assert expansion.scores is not None
+    if expansion.scores is None:
+        raise ValueError("the expansion holds no scores; make it with expand(z, exact=True, scores=True)")
     inverse = inverse_information(expansion.information)
     n = inverse.shape[0]
     meat = np.zeros((n, n))
@@ -36,6 +37,18 @@ def fit_covariance(problem: PredictionError, expansion: Expansion) -> FitCovaria
         sums = sums - sums.mean(axis=0)
         meat += sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
     return FitCovariance(inverse, inverse @ meat @ inverse)
+
+
+def recommended(classical: NDArray[np.float64], sandwich: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The classical covariance with each deviation raised to the sandwich's where that is larger.
+
+    The classical one is right and steady for white innovations; where they are not white it is too small. The
+    sandwich says by how much, but rests on some dozens of blocks of time: it may widen an interval, never narrow it.
+    The correlations stay the classical ones, so the matrix stays positive definite.
+    """
+    ratio = np.diag(sandwich) / np.maximum(np.diag(classical), 1e-300)
+    factor = np.sqrt(np.maximum(ratio, 1.0))
+    return classical * np.outer(factor, factor)
 
 
 def inverse_information(H: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -56,7 +56,7 @@ def diagnose_command(
             f"  held-out gap closed: {100 * gap['closed_fraction']:.0f} % (95 %: {100 * low:.0f} … {100 * high:.0f} %)"
         )
         typer.echo(
-            f"  held-out error over the readings' noise: {gap['ratio_before']:.2f} before, {gap['ratio_after']:.2f} after"
+            f"  held-out error over reading noise: {gap['ratio_before']:.2f} before, {gap['ratio_after']:.2f} after"
         )
     typer.echo(f"Written: {output}/diagnosis.json" + (f", {output}/plant.json" if found.plant is not None else ""))
 

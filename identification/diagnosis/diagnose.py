@@ -64,7 +64,8 @@ class Diagnosis:
         }
 
     def _effect(self, i: int, suspect: Suspect) -> dict[str, Any]:
-        assert self.naming is not None and self.after is not None
+        assert self.naming is not None
+        assert self.after is not None
         found = self.after.plant.effect(suspect.name)
         assert found is not None
         return found.to_dict(self.after.plant.unit) | {

@@ -50,7 +50,11 @@ class Naming:
 def name_effects(
     nominal: Fit, anchor: Plant, most: int = 3, only: Sequence[str] | None = None, progress=None
 ) -> Naming:
-    """Forward search with backward checks. `anchor`: plant for the weak prior (see `anchored`). `most`: effects at most; `only`: restrict the library; progress(text)."""
+    """Forward search with backward checks.
+
+    anchor: plant for the weak prior (see `anchored`). most: effects at most. only: restrict the library.
+    progress(text) is told each step.
+    """
     tell = progress or (lambda text: None)
     current, accepted, equals, rankings = nominal, [], [], []
     absorbed: dict[str, float] = {}

@@ -6,7 +6,17 @@ import math
 import numpy as np
 import pytest
 
-from experiments.bench import SETS, HiddenEffect, PendulumLost, Rig, catalogue, effect_size, record
+from experiments.bench import (
+    SETS,
+    EffectSize,
+    HiddenEffect,
+    PendulumLost,
+    Rig,
+    catalogue,
+    effect_size,
+    record,
+    strength_for,
+)
 from experiments.bench.effects import find
 
 CASES = [(name, form) for name, e in catalogue().items() for form in e.forms()]
@@ -128,3 +138,21 @@ def test_size_tells_what_parameters_absorb():
     assert emf.ratio_before > 1.05
     assert emf.ratio < 1.001
     assert emf.absorbed > 0.99
+
+
+def test_a_strength_is_found_for_a_wanted_gap(monkeypatch):
+    tried = []
+
+    def measured(rig, experiment, seed):
+        tried.append(rig.effects[-1].strength)
+        if tried[-1] > 0.9:
+            raise PendulumLost("fell", None)
+        return EffectSize(0.0, 0.0, math.sqrt(1.0 + (6.0 * tried[-1]) ** 2.2), 9.0, 0.5, 0.4)
+
+    monkeypatch.setattr("experiments.bench.size.effect_size", measured)
+    found = strength_for(Rig("servo"), "arm_spring", 1.5)
+    assert found in tried
+    assert math.sqrt(1.0 + (6.0 * found) ** 2.2) == pytest.approx(1.5, abs=0.15)
+    for name, ratio in (("arm_spring", 1.0), ("back_emf", 2.0), ("arm_sprong", 2.0)):
+        with pytest.raises(ValueError, match=r"expected|can hide"):
+            strength_for(Rig("servo"), name, ratio)

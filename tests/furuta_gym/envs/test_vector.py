@@ -129,21 +129,20 @@ def test_share_covers_the_range_once_and_passes_errors_on():
         share(fail, 10, 2)
 
 
+@pytest.mark.parametrize("lanes", [1, 5, 64])
 @pytest.mark.parametrize("name", PLANTS)
-def test_the_lane_alone_moves_as_the_lanes_do(name):
-    """`runge_kutta_alone` against the plant's integration: equal bits."""
+def test_lanes_without_effects_move_as_the_plants_own(name, lanes):
+    """`runge_kutta_plain` against the plant's integration: equal bits."""
     p, codes, rows = PLANTS[name].packed()
     rng = np.random.default_rng(3)
-    X = rng.uniform(-3, 3, (4, 50))
-    together = X.copy()
-    command = rng.uniform(-10, 10, 50)
-    work = np.empty((3 * rows + 16, 50))
-    P = np.repeat(p[:, None], 50, axis=1)
-    _runge_kutta(together, np.zeros(50), np.full(50, 2e-3), 7, command.copy(), np.zeros((2, 50)), P, codes, work)
-    for i in range(50):
-        alone = X[:, i : i + 1].copy()
-        k.runge_kutta_alone(alone, 2e-3, 7, command[i], p[:, None].copy())
-        np.testing.assert_array_equal(alone[:, 0], together[:, i])
+    X = rng.uniform(-3, 3, (4, lanes))
+    reference = X.copy()
+    command, h = rng.uniform(-10, 10, lanes), np.full(lanes, 2e-3)
+    P = np.repeat(p[:, None], lanes, axis=1)
+    work = np.empty((3 * rows + 16, lanes))
+    _runge_kutta(reference, np.zeros(lanes), h, 7, command.copy(), np.zeros((2, lanes)), P, codes, work)
+    k.runge_kutta_plain(X, h, 7, command, P)
+    np.testing.assert_array_equal(X, reference)
 
 
 def test_next_step_autoreset_ignores_the_action_and_gives_no_reward():

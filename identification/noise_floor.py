@@ -1,0 +1,65 @@
+"""The noise floor of predictions: what would be left if the plant were right.
+
+From one log: the error of the filtered state at a window's start carried over the horizon, the torque noise on the way
+and the noise of the reading at its end, with intensities that no model error inflates (`flexible`). From repeated runs
+of one input: what their prediction errors do not share, a floor that asks for no noise model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+
+from .filter_path import FilterPath
+from .flexible import flexible
+from .free_run import Windows, floor_covariance
+from .logs import Log
+from .record import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Of one log: variance (M, J, 2) [rad²] of the errors of every window and horizon under the right plant, the part
+    that comes from readings alone, the plant's own filter path, and the log's noise (4,)."""
+
+    variance: Array
+    readings_only: Array
+    path: FilterPath
+    noise: Array
+
+
+def noise_floor(plant: Plant, record: Record, windows: Windows) -> Floor:
+    """The floor of a record's windows. The plant serves to follow the motion; it may be wrong."""
+    found = flexible(plant, record)
+    noise = found.path.noise
+    quiet = noise * np.array([1e-6, 1e-6, 1.0, 1.0])
+    both = floor_covariance(found.path, windows, noise)[:, :, [0, 2]]
+    readings = floor_covariance(found.path, windows, quiet)[:, :, [0, 2]]
+    return Floor(both, readings, found.plain.path, noise)
+
+
+def repeats(logs: Sequence[Log]) -> list[list[int]]:
+    """Groups of two or more logs that ran the same command at the same times."""
+    groups: list[list[int]] = []
+    for i, log in enumerate(logs):
+        for group in groups:
+            other = logs[group[0]]
+            same = len(log) == len(other) and np.allclose(log.t - log.t[0], other.t - other.t[0], atol=1e-9)
+            if same and np.allclose(log.u, other.u, atol=1e-9):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return [group for group in groups if len(group) > 1]
+
+
+def spread(errors: Sequence[Array]) -> Array:
+    """Variance (J, 2) of prediction errors (M, J, 2) around what the runs of one input have in common."""
+    return np.mean(np.var(np.stack(errors), axis=0, ddof=1), axis=0)
