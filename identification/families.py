@@ -49,7 +49,7 @@ class Signals:
 class Family:
     """m columns of torque (N, 2, m) on the two rows, or of reading error (N, 2, m) [rad], and what they stand for.
 
-    channel: arm, pendulum, input, sensor or parameters; variable: what they depend on, in words.
+    channel: arm, pendulum, input, sensor or parameters; variable: what they depend on, in words ("constant": nothing).
     """
 
     channel: str
@@ -80,6 +80,7 @@ def families(signals: Signals, plant: Plant, knots: Knots, frequencies: Sequence
     found = []
     for row, channel in enumerate(("arm", "pendulum")):
         found += [
+            Family(channel, "constant", _on(row, np.ones_like(q1))),
             Family(channel, "arm angle", _on(row, angle1)),
             Family(channel, "arm speed", _on(row, *speed1)),
             Family(channel, "pendulum angle", _on(row, angle2)),

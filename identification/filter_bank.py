@@ -202,7 +202,7 @@ def _read(C, H, noise, d, quantum, K, e, S, prior, CH):
 
 
 @compiled(nogil=True)
-def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp, h_max, e, S, cost, X_out):
+def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp, h_max, e, S, cost, direct, X_out):
     """Run B filters over a log of N samples; fills e (N, 2, B), S (N, 3, leaders) and cost (N, leaders).
 
     t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; quantum (2,) counts [rad]; P (parameters,
@@ -212,7 +212,8 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
     sharpness of a friction, and the state its velocity is in. h_max [s]: longest integration step.
 
     cost: −log-likelihood of each sample. e, S: innovations and covariances of the Gaussian readings that filter 0's
-    rounded ones are equivalent to, as seen by each filter. X_out (N, n) receives the filtered state of filter 0 if it
+    rounded ones are equivalent to, as seen by each filter. direct (N, 4): of filter 0, readings less predictions, and
+    what rounding adds to the two variances in S. X_out (N, n) receives the filtered state of filter 0 if it
     has N rows. Returns False if a filter diverged (the results are then meaningless).
     """
     N, B = y.shape[0], P.shape[1]
@@ -284,6 +285,9 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
             S[k, 0, g] = prior[g, 0] + own_S[0, 0] - prior[0, 0]
             S[k, 1, g] = own_S[g, 1]
             S[k, 2, g] = prior[g, 1] + own_S[0, 2] - prior[0, 1]
+            if g == 0:
+                direct[k, 0], direct[k, 1] = d[0], d[1]
+                direct[k, 2], direct[k, 3] = own_S[0, 0] - prior[0, 0], own_S[0, 2] - prior[0, 1]
         z1 = (x[0, 0] if plain else Y[0, 0]) + own_e[0, 0]
         z2 = (x[1, 0] if plain else Y[1, 0]) + own_e[0, 1]
         for b in range(B):

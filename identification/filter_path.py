@@ -175,12 +175,12 @@ def _empty(plant: Plant, record: Record, noise: Array, walk: Array | None) -> Fi
     x0[:2] -= reading - x0[:2]
     x0[2:4, 0] = record.velocity
     shapes = ((n,), (n,), (2,), (n, n), (n, 2), (2, n))
-    kept = [np.zeros((N, *shape)) for shape in shapes]
+    kept = tuple(np.zeros((N, *shape)) for shape in shapes)
     kept[1][0, :rows] = x0[:, 0]
     found = [np.zeros((N, *shape)) for shape in ((n,), (n, n), (n, 2), (2,), (3,))]
     noise = np.asarray(noise, dtype=float)
     walk = None if walk is None else np.asarray(walk, dtype=float)
-    return FilterPath(record, plant, informative(record), *kept, first, noise, walk, *found)
+    return FilterPath(record, plant, informative(record), *kept, first, noise, walk, *found)  # type: ignore[call-arg]
 
 
 def _filled(path: FilterPath, velocity_variance: Array, about: Array) -> bool:

@@ -22,6 +22,8 @@ from .likelihood import innovation_cost, whiten
 from .noise_fit import NoiseFit, fit_noise, likeliest
 from .record import Record
 
+Array = NDArray[np.float64]
+
 _BELIEVED = 3.0  # nats of evidence below which nothing is corrected
 _CONVERGED = 3.0  # nats
 
@@ -39,8 +41,8 @@ class Flexible:
     path: FilterPath
     uncorrected: FilterPath
     evidence: float
-    torque: NDArray[np.float64]
-    misreading: NDArray[np.float64]
+    torque: Array
+    misreading: Array
     frequencies: tuple[float, ...]
 
 
@@ -64,7 +66,7 @@ def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
             if found.path is plain.path:
                 found = Flexible(plain, tangent, tangent, first, none, none, frequencies)
             break
-        torque, misreading = _correction(columns, solution)
+        torque, misreading = combined(columns, solution.coefficients)
         corrected = refilter(tangent, tangent.noise, torque=torque, misreading=misreading)
         noise, _ = likeliest(corrected, _used(columns, solution))
         path = refilter(corrected, noise)
@@ -90,12 +92,13 @@ def spectral_peaks(path: FilterPath, most: int = 2) -> tuple[float, ...]:
     return tuple(peaks)
 
 
-def _correction(columns: list[Family], solution: Solution) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def combined(columns: list[Family], coefficients: Array) -> tuple[Array, Array]:
+    """Torque and reading error (N, 2) that coefficients of the families' columns stand for."""
     N = len(columns[0].torque if columns[0].torque is not None else columns[0].misreading)  # type: ignore[arg-type]
     torque, misreading = np.zeros((N, 2)), np.zeros((N, 2))
     at = 0
     for family in columns:
-        c = solution.coefficients[at : at + family.size]
+        c = coefficients[at : at + family.size]
         at += family.size
         if family.torque is not None:
             torque += family.torque @ c
@@ -104,7 +107,7 @@ def _correction(columns: list[Family], solution: Solution) -> tuple[NDArray[np.f
     return torque, misreading
 
 
-def _used(columns: list[Family], solution: Solution) -> NDArray[np.float64]:
+def _used(columns: list[Family], solution: Solution) -> Array:
     """Degrees of freedom (2,) that the correction took from the torque noise of each row."""
     used, at = np.zeros(2), 0
     for family in columns:

@@ -92,10 +92,17 @@ class PredictionError:
         `states`. None if a filter diverged.
         """
         result = self._filter(record, bank, leaders, leaders if exact is None else exact, states)
-        return None if result is None else (result[0], result[1], result[3])
+        if result is None:
+            return None
+        e, S, _, direct, X = result
+        # the plain innovations of rounded readings, with rounding as a variance: their size is what S says
+        e += (direct[:, :2] - e[:, :, 0])[:, :, None]
+        rounding = np.where(record.quantum > 0, record.quantum**2 / 12.0, 0.0)
+        S[:, [0, 2]] += (rounding - direct[:, 2:])[:, :, None]
+        return e, S, X
 
     def _filter(self, record: Record, bank: NDArray[np.float64], leaders: int, exact: int, states: bool = False):
-        """(e, S, cost, states) of `innovations`, or None."""
+        """(e, S, cost, direct, states) of `innovations`, or None."""
         filled = [fill(self.coordinates, z, self.p, self.noise) for z in bank]
         P = np.ascontiguousarray(np.array([f[0] for f in filled]).T)
         noise = np.ascontiguousarray(np.array([f[1] for f in filled]).T)
@@ -113,12 +120,12 @@ class PredictionError:
         C0[[0, 1], [0, 1]] = _VAGUE * record.variance
         C0[[2, 3], [2, 3]] = record.velocity_std**2
         e, S, cost = np.empty((N, 2, B)), np.empty((N, 3, leaders)), np.empty((N, leaders))
-        X = np.empty((N if states else 0, self.rows))
+        X, direct = np.empty((N if states else 0, self.rows)), np.empty((N, 4))
         ok = innovations(
             *(record.t, record.y, record.u, record.quantum, P, self.codes, x0, C0, noise, exact, leaders, self.sharp),
-            *(self.longest_step, e, S, cost, X),
+            *(self.longest_step, e, S, cost, direct, X),
         )
-        return (e, S, cost, X) if ok and np.isfinite(cost).all() and np.isfinite(e).all() else None
+        return (e, S, cost, direct, X) if ok and np.isfinite(cost).all() and np.isfinite(e).all() else None
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""

@@ -253,7 +253,7 @@ def _sharpness_sizes(s, k, v):
 
 
 def _eccentricity_sizes(s, k, v):
-    return {"a": 0.03 * k * v.sign(), "b": 0.03 * k * v.sign()}
+    return {"a": 0.05 * k * v.sign(), "b": 0.05 * k * v.sign()}
 
 
 _REST = (

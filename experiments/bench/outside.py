@@ -10,8 +10,8 @@ from .kernels import fields as at
 
 def _slipping_payload(d, p, bench):
     d.put(
-        pay_m=p["m"] * d.kind.pendulum_mass,
-        pay_s=1.4 * d.kind.pendulum_com,
+        pay_m=p["m"] * d.kind.swing_mass,
+        pay_s=1.2 * d.kind.swing_length,
         pay_arm=d.kind.arm_length,
         pay_t=-1.0,
         move=-p["slip"],
@@ -24,8 +24,8 @@ def _slipping_payload(d, p, bench):
 def _slipping_payload_sizes(s, k, v):
     t1 = v.near(5.0, 3.0, 7.0)
     return {
-        "m": 0.2 * min(k, 1.0) * s.inertia[3] / s.inertia[1],
-        "slip": 0.3 * k * s.pendulum_com,
+        "m": 0.25 * min(k / s.plain, 2.0),
+        "slip": 0.25 * s.swing_length,
         "t1": t1,
         "t2": t1 + v.near(3.0, 2.0, 4.0),
         "t3": t1 + v.near(7.0, 5.0, 9.0),

@@ -101,6 +101,16 @@ class ParameterSet:
         """m2 = θ2/l2², in units of the command."""
         return self.inertia[1] / self.pendulum_com**2
 
+    @property
+    def swing_length(self) -> float:
+        """g θ4/θ5 [m]: length of the point pendulum that swings alike."""
+        return GRAVITY * self.inertia[3] / self.inertia[4]
+
+    @property
+    def swing_mass(self) -> float:
+        """Mass of that point pendulum with the same θ4 and θ5, in units of the command."""
+        return self.inertia[3] / self.swing_length**2
+
     def individual(self, number: int, scatter: float = 0.08) -> ParameterSet:
         """One rig of this kind: constants scattered by a relative standard deviation, cut at two of them."""
         if scatter == 0.0:

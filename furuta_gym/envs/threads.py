@@ -4,7 +4,6 @@ The kernels release Python's lock, so plain threads suffice. Numba's own paralle
 machine, but their OpenMP threads spin while they wait, which takes the cores from a learner or from other processes.
 """
 
-import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -27,16 +26,26 @@ def cores() -> int:
 
 
 def share(call: Callable[[int, int], None], n: int, threads: int) -> None:
-    """Call `call(first, last)` over the range n in equal parts, one to each thread, the first one to this thread."""
+    """Do `call(first, last)` over the range n, by this thread and up to `threads` − 1 others.
+
+    Each takes the next item when it is done with one, so a thread that the machine lets wait holds nobody up.
+    """
     global _pool
-    threads = min(threads, n)
-    if threads == 1:
+    if min(threads, n) == 1:
         call(0, n)
         return
     if _pool is None:
         _pool = ThreadPoolExecutor(max(cores() - 1, 1), thread_name_prefix="furuta-gym")
-    ends = [n * i // threads for i in range(threads + 1)]
-    others = [_pool.submit(call, first, last) for first, last in itertools.pairwise(ends[1:])]
-    call(0, ends[1])
-    for other in others:
-        other.result()
+    todo = iter(range(n))
+
+    def work() -> None:
+        for item in todo:
+            call(item, item + 1)
+
+    others = [_pool.submit(work) for _ in range(min(threads, n) - 1)]
+    try:
+        work()
+    finally:
+        for other in others:
+            if not other.cancel():
+                other.result()

@@ -34,7 +34,7 @@ def predictable(torque: Array, inputs: Array, seed: int = 0, stride: int = 5) ->
 
 
 def largest_line(torque: Array, T: float, highest: float = 25.0) -> tuple[float, float]:
-    """(Fisher's g, frequency [Hz]): largest share of one line in the periodogram of a torque sampled every T seconds."""
+    """(Fisher's g, frequency [Hz]): largest share of one line in the periodogram of a torque sampled every T [s]."""
     f = np.fft.rfftfreq(len(torque), T)
     power = np.abs(np.fft.rfft(torque - torque.mean())) ** 2
     inside = (f > 0) & (f <= highest)

@@ -1,0 +1,65 @@
+"""Naming a hidden effect: a small trial on simulated logs (the bench's blind trials are the real test)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import EFFECTS, TABLE_3
+from identification.diagnosis.candidates import fit, scores
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.naming import START_NOISE
+from identification.diagnosis.probes import cells
+from identification.prediction_error import Record
+from tests.identification.test_prediction_error import simulated
+
+SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_stribeck", "pendulum_quadratic_drag")
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_every_effect_has_probes_that_are_possible(name: str) -> None:
+    found = cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))
+    assert found
+    for cell in found:
+        assert len(cell.probes) == len(cell.sizes)
+        start = cell.start(np.full(len(cell.probes), 0.7))
+        assert start is None or start.name == name
+
+
+@pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
+def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
+    hidden = TABLE_3.default_effect(name)
+    found = diagnose([simulated(4, TABLE_3.with_effects(hidden), duration=6.0)], "table3", most=1, only=SUSPECTS)
+    assert found.verdict == "named", str(found)
+    added = found.plant.effect(name) if found.plant else None
+    assert added is not None
+    for p in EFFECTS[name].parameters:
+        assert added.parameters[p.name] == pytest.approx(hidden.parameters[p.name], rel=0.1)
+    assert found.plant.theta == pytest.approx(TABLE_3.theta, rel=0.25)
+
+
+def test_nothing_is_named_where_nothing_is_missing() -> None:
+    found = diagnose([simulated(6)], "table3", most=1, only=SUSPECTS)
+    assert found.verdict == "none", str(found)
+    assert found.to_dict()["effects"] == []
+
+
+def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
+    from dataclasses import replace
+
+    log = simulated(6)
+    found = diagnose([replace(log, q1=np.zeros(len(log)))], "table3")
+    assert found.verdict == "insufficient_excitation"
+    assert found.plant is None
+
+
+def test_scores_rank_the_hidden_effect_first() -> None:
+    hidden = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(simulated(7, hidden, duration=6.0))], anchor=TABLE_3)
+    table = scores(nominal, SUSPECTS, quieter=100.0)
+    assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
+
+
+def test_unknown_suspects_are_refused() -> None:
+    with pytest.raises(ValueError, match="arm_sprung"):
+        diagnose([simulated(6)], only=["arm_sprung"])
