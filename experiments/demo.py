@@ -186,7 +186,7 @@ def _conclude(out: Path, figures: dict[str, Any], comparison: Comparison, say: S
     ratio = gap["ratio_to_floor"]
     say("\nWhat was found")
     say(f"  - θ within {figures['largest_error_in_std']:.1f} of its own standard deviations of the bench's truth.")
-    say(f"  - On the held-out log the error is {ratio:.2f} times what the encoders alone would leave;")
+    say(f"  - On the held-out log the error is {ratio:.2f} times what noise alone would leave;")
     say(f"    for the bench's true parameters it is {figures['gap_of_the_truth']['ratio_to_floor']:.2f}.")
     pushes = ", ".join(f"{name} {push:.2g}" for name, push in best.items())
     say(f"  - Largest push that the pendulum survives [rad/s]: {pushes}.")
@@ -208,7 +208,6 @@ def _conclude(out: Path, figures: dict[str, Any], comparison: Comparison, say: S
 CAVEATS = (
     "The logs are from a simulated bench. It shares no code with the plant model, but it does obey model (5) here; a "
     "real rig does not, and its error bars are then too small.",
-    "The rig has small random torques, so that not even its true parameters reach the encoders' floor.",
     "This rig is of the paper's kind, and no rigid body has the paper's Table 3 (θ4 < θ2); hence the verdict above.",
     "u_max in rig.json is guessed from the largest command in the log; set it to your amplifier's limit.",
     "The controllers are compared on the plant that they were designed from; `--design-plant` shows what a wrong "

@@ -89,14 +89,12 @@ def track(
         C[[2, 3], [2, 3]] = record.velocity_std**2
         history, spread = np.empty((len(record.t), 9)), np.empty((len(record.t), 9))
         inputs = (record.t, record.y, record.u, record.quantum, x, C, scale, np.array(start.sharpness), noise)
-        _track(
-            *(a[:2] if i < 3 else a.copy() for i, a in enumerate(inputs)), wander, history[:2], spread[:2]
-        )  # compile
+        settings = wander, 0.0 if not etas else math.inf
+        two = (a[:2] if i < 3 else a.copy() for i, a in enumerate(inputs))
+        _track(*two, *settings, history[:2], spread[:2])  # compiles, and is not timed
         begun = time.perf_counter()
-        if not _track(*inputs, wander, history, spread):
-            raise ValueError(
-                f"{piece.source}: the joint filter diverges; give a better start plant, or check the signs"
-            )
+        if not _track(*inputs, *settings, history, spread):
+            raise ValueError(f"{piece.source}: the joint filter diverges; give a better start, or check the signs")
         spent += time.perf_counter() - begun
         eta = x[4:].copy()
         times.append(record.t + offset)

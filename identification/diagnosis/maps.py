@@ -45,7 +45,7 @@ def variable(signals: Signals, name: str) -> Array:
     """(N,) values of one of `VARIABLES`; the pendulum's angle within half a turn of upright."""
     q2 = np.arctan2(np.sin(signals.q[:, 1]), np.cos(signals.q[:, 1]))
     columns = (signals.q[:, 0], signals.v[:, 0], q2, signals.v[:, 1], signals.u, signals.t)
-    return dict(zip(VARIABLES, columns, strict=True))[name]
+    return columns[VARIABLES.index(name)]
 
 
 def torque_map(paths: Sequence[FilterPath], row: int, name: str, bins: int = 12) -> Map:

@@ -42,10 +42,11 @@ class Suspicion:
 class Where:
     """What `locate` found.
 
-    found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, noise estimated
-    anew, less the price of its parameters. suspicions: families, the likeliest first. channel, variable: of the likeliest (None if
-    nothing is left). intervals_s: per log, when the torque stands out of its band. predictable (2,): cross-validated R²
-    of the smoothed torque on each row; line (2,): Fisher's g and frequencies (2,) [Hz] of its periodogram.
+    found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, the noise
+    estimated anew, less the price of its parameters. suspicions: families, the likeliest first. channel, variable:
+    of the likeliest (None if nothing is left). intervals_s: per log, when the torque stands out of its band.
+    predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's g and frequencies (2,)
+    [Hz] of its periodogram.
     """
 
     found: bool

@@ -265,7 +265,7 @@ def test_the_demo_tells_its_story_and_ends_well(tmp_path: Path) -> None:
     assert {"rig.json", "gap.json", "demo.json", "comparison.json", "prediction.png", "parameters.png"} <= written
     assert figures["environment"]["held"]
     assert figures["largest_error_in_std"] < 4
-    # the rig's random torques keep even its true parameters off the floor: the estimate must come as near as they do
+    # the estimate must come as near to the noise floor as the bench's true parameters do
     assert figures["gap"]["ratio_to_floor"] < 1.1 * figures["gap_of_the_truth"]["ratio_to_floor"]
     told = "\n".join(lines)
     for heading in ("What was found", "What to look at", "Caveats"):
