@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 VARIABLES = ("arm angle", "arm speed", "pendulum angle", "pendulum speed", "command", "time")
 ROWS = ("arm", "pendulum")
-_BLOCK = 0.5  # s
+_BLOCK = 0.25  # s, several times what the filter remembers
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def torque_map(paths: Sequence[FilterPath], row: int, name: str, bins: int = 12)
     if len(edges) < 2:
         edges = np.array([edges[0] - 0.5, edges[0] + 0.5])
     m = len(edges) - 1
-    gram, right, found = np.zeros((m, m)), np.zeros(m), []
+    gram, right, found, blocks = np.zeros((m, m)), np.zeros(m), [], 0
     for path, z in zip(paths, values, strict=True):
         at = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, m - 1)
         torque = np.zeros((len(z), 2, m))
@@ -74,6 +74,8 @@ def torque_map(paths: Sequence[FilterPath], row: int, name: str, bins: int = 12)
         block = np.repeat((path.record.t / _BLOCK).astype(int), 2)
         sums = np.stack([np.bincount(block, left[:, j]) for j in range(m)])
         meat += sums @ sums.T
-    # the sandwich alone is too narrow where few blocks touch a bin: not below what white innovations would give
+        blocks += sums.shape[1]
+    # a sandwich of few blocks is too narrow: pay for the fitted bins, and never below what white innovations give
+    meat *= blocks / max(blocks - m, 1)
     variance = np.maximum(np.diag(inverse @ meat @ inverse), np.diag(inverse))
     return Map(ROWS[row], name, edges, mean, np.sqrt(variance))

@@ -12,7 +12,7 @@ from .where import Where
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_UNITS = dict(zip(VARIABLES, ("rad", "rad/s", "rad", "rad/s", "", "s"), strict=True))
+_UNITS: dict[str, str] = dict(zip(VARIABLES, ("rad", "rad/s", "rad", "rad/s", "", "s"), strict=True))
 
 
 def plot_torques(where: Where, log: int = 0) -> Figure:
