@@ -125,7 +125,7 @@ class Plant:
         floor = {
             "theta6": 0.02 * self.theta[0],
             "theta7": 0.02 * self.theta[3],
-            "theta8": 0.005 * self.u_max,
+            "theta8": 0.02 * abs(self.theta[4]),
             "theta9": 5e-4 * abs(self.theta[4]),
         }
         scale = {n: max(abs(v), floor.get(n, 0.0)) for n, v in zip(THETA_NAMES, self.theta, strict=True)}
