@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import Any
 
 from furuta_gym.plant import Plant
@@ -10,7 +11,7 @@ from furuta_gym.sensors import Sensors
 from .base import Controller, DesignError
 from .comparison import Comparison
 from .conditions import GROUPS, Condition, conditions
-from .design import choose_sample_time, choose_sensors
+from .design import DEFAULT_SAMPLE_TIME, choose_sample_time, choose_sensors
 from .registry import make_controller
 from .statistics import Interval
 
@@ -48,7 +49,8 @@ def compare(
     controllers: names (see `CONTROLLERS`), policy files `*.zip`, `Controller`s, or any policy with a `name`.
     design_plant: what named controllers are designed from, default `plant`; the two differ to see what a wrong model
     costs. trials: of the groups balance and swing_up; small_trials (default: a quarter, at least 10) of each other
-    condition. sample_time [s]: default is the plant's, else that of the first policy file, else 2 ms. sensors: default
+    condition. sample_time [s]: default is the plant's, else a whole fraction
+    of the first policy file's, at most 2 ms, else 2 ms. sensors: default
     is what the plant file says, else 4096 counts. jobs: processes.
     progress(done, of): called after each condition. A controller that does not apply to the plant is left out, with
     the reason. Raises ValueError on an unknown name, group or effect, and when nothing is left to compare.
@@ -95,7 +97,8 @@ def _sample_time(plant: Plant, sample_time: float | None, controllers: Sequence[
             if str(given).endswith(".zip"):
                 from .learned import trained_sample_time
 
-                return trained_sample_time(str(given), plant)
+                period = trained_sample_time(str(given), plant)
+                return period / ceil(period / DEFAULT_SAMPLE_TIME)  # it acts at every n-th sample
     return choose_sample_time(plant, sample_time)
 
 

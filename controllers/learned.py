@@ -25,7 +25,9 @@ class LearnedController(Controller):
     """A policy on the env's observation, rebuilt from readings: [q1, sin q2, cos q2, q̇1, q̇2] and, with
     `observe_command`, the last command / u_max; `history` of them, oldest first.
 
-    predict: observations (L, n) to actions (L, 1). normalized: actions are shares of u_max.
+    predict: observations (L, n) to actions (L, 1). normalized: actions are shares of u_max. every: the policy looks
+    and acts at every n-th call and holds its command in between, so that one trained at n · sample_time plays on a
+    faster clock exactly as it was trained.
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class LearnedController(Controller):
         history: int = 1,
         observe_command: bool = False,
         normalized: bool = False,
+        every: int = 1,
         arm_limit: float = 2 * np.pi,
         tasks: tuple[str, ...] = ("balance",),
         reference: Reference = 0.0,
@@ -49,6 +52,7 @@ class LearnedController(Controller):
         self.history = history
         self.observe_command = observe_command
         self.scale = plant.u_max if normalized else 1.0
+        self.every = every
         self.arm_limit = arm_limit
         self._velocity = FilteredDifference(velocity_cutoff)
         self._start()
@@ -64,10 +68,14 @@ class LearnedController(Controller):
         self._velocity.reset()
         self._frames: list[NDArray[np.float32]] = []
         self._last: Any = 0.0
+        self._calls = 0
 
     def _command(self, y: NDArray[np.float64], reference: float) -> Any:
+        self._calls += 1
+        if (self._calls - 1) % self.every:
+            return self._last
         q1, q2 = y[0], y[1]
-        v1, v2 = self._velocity.update(q1, q2, self.sample_time)
+        v1, v2 = self._velocity.update(q1, q2, self.every * self.sample_time)
         limit = 2 * self.arm_limit
         frame = [
             np.clip(q1 - reference, -limit, limit),
@@ -97,14 +105,15 @@ class _Network:
 
     def model(self) -> Any:
         if self._model is None:
-            self._model = _algorithm(self.algorithm).load(self.path, device="cpu")
+            self._model = algorithm_class(self.algorithm).load(self.path, device="cpu")
         return self._model
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         return self.model().predict(observation, deterministic=True)[0]
 
 
-def _algorithm(name: str) -> Any:
+def algorithm_class(name: str) -> Any:
+    """The class of stable-baselines3 or sb3-contrib. Raises ImportError without them, ValueError for another name."""
     try:
         import stable_baselines3
 
@@ -139,7 +148,7 @@ def read_record(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def trained_sample_time(path: str | os.PathLike[str], plant: Plant) -> float:
-    """The sample time [s] in a policy's record; without one, what the env takes for `plant`."""
+    """The policy's period [s] from its record; without one, what the env takes for `plant`."""
     return float((read_record(path).get("env") or {}).get("sample_time") or plant.sample_time or SAMPLE_TIME)
 
 
@@ -154,19 +163,22 @@ def load_policy(
 
     Its training record says how it saw the env. Without a record the observation's size gives the history, and an
     action space of ±1 means shares of u_max. Raises FileNotFoundError, or ValueError if the file is no policy, was
-    made for another observation, or for another sample time than asked for.
+    made for another observation, or for a sample time that is no multiple of the one asked for.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"no policy at {path}; train one with `furuta train … -o {path}`")
     record = read_record(path)
     env: Mapping[str, Any] = record.get("env") or {}
-    trained = env.get("sample_time")
-    T = float(sample_time or trained_sample_time(path, plant))
-    if trained is not None and abs(T - trained) > 1e-9:
+    trained = trained_sample_time(path, plant)
+    T = float(sample_time or trained)
+    every = max(1, round(trained / T))
+    if env.get("sample_time") is None:  # nothing is known: it acts at every sample
+        every = 1
+    elif abs(every * T - trained) > 1e-9:
         raise ValueError(
             f"{path} was trained with a sample time of {trained:g} s and is asked to play at {T:g} s; "
-            f"pass sample_time={trained:g}, or train it again at {T:g} s"
+            f"pass sample_time={trained:g} or a whole fraction of it, or train it again at {T:g} s"
         )
     network = _Network(path, str(record.get("algorithm") or _algorithm_of(path)))
     try:
@@ -198,6 +210,7 @@ def load_policy(
         history=history,
         observe_command=observe_command,
         normalized=normalized,
+        every=every,
         **settings | options,
     )
 

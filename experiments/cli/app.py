@@ -11,8 +11,11 @@ from .compare import compare_command
 from .demo import demo_command
 from .diagnose import diagnose_command
 from .errors import explained
+from .excite import excite_command
 from .identify import identify_command
 from .simulate import simulate_command
+from .trials import trials_command
+from .train import train_command
 from .validate import validate_command
 
 
@@ -46,8 +49,11 @@ app.command("demo")(demo_command)
 app.command("identify")(identify_command)
 app.command("validate")(validate_command)
 app.command("diagnose")(diagnose_command)
+app.command("excite")(excite_command)
 app.command("simulate")(simulate_command)
 app.command("compare")(compare_command)
+app.command("trials")(trials_command)
+app.command("train")(train_command)
 
 
 @app.command(

@@ -1,0 +1,95 @@
+"""Settings with which `FurutaID-v0` is learned, by algorithm: what is given to stable-baselines3, and why.
+
+Steps are cheap here (a compiled batch) and network updates are not, so PPO, which makes few large updates from many
+steps, learns the swing-up in seconds of CPU. SAC and TQC make an update for every few steps: they need a tenth of the
+steps and more time, and are there for those who want to compare, or whose steps are dear.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from furuta_gym.plant import Plant
+
+from .trials import pace
+
+HORIZON = 2.0  # s; rewards so far ahead count 1/e. A swing-up takes half a second to two
+EPISODE = 8.0  # s; long enough to swing up and then to hold, which is where most of the reward is
+PERIOD = 0.02  # s; a tenth of the fastest motion of the rigs here. A shorter one makes each action matter less
+ALGORITHMS = ("ppo", "sac", "tqc")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How an algorithm is set up.
+
+    name: of its class. envs: size of the batch. reward_scale: factor on the env's reward while learning.
+    log_std: log standard deviation of the first policy's actions, in shares of u_max (PPO).
+    layers: hidden layers of actor and critic. settings: keyword arguments of the algorithm.
+    """
+
+    name: str
+    envs: int
+    reward_scale: float
+    layers: tuple[int, ...]
+    activation: str
+    settings: Mapping[str, Any]
+
+    @property
+    def off_policy(self) -> bool:
+        """Whether it learns from a memory of past steps."""
+        return "buffer_size" in self.settings
+
+
+def recipe(algorithm: str) -> Recipe:
+    """The settings for "ppo", "sac" or "tqc"; the same for both tasks. Raises ValueError for another name."""
+    if algorithm == "ppo":
+        return Recipe("PPO", 64, 0.1, (64, 64), "Tanh", dict(_PPO))
+    if algorithm in ("sac", "tqc"):
+        return Recipe(algorithm.upper(), 16, 1.0, (64, 64), "ReLU", dict(_OFF_POLICY))
+    raise ValueError(f"--algo {algorithm!r}: expected one of {', '.join(ALGORITHMS)}")
+
+
+# 64 envs · 128 steps make a batch of 8192: at 50 Hz each env sees 2.6 s, a whole swing-up, between two updates.
+# Four minibatches, five times over, keep the CPU spent on the network near that spent on the plant.
+_PPO: dict[str, Any] = {
+    "n_steps": 128,
+    "batch_size": 2048,
+    "n_epochs": 5,
+    "learning_rate": 3e-4,
+    "gae_lambda": 0.95,
+    "ent_coef": 0.0,  # the exploration noise of a unit Gaussian (all of ±u_max) is enough to leave the bottom
+}
+
+# One update for every two steps; 800 steps of chance first, in 16 rigs, fill the memory with all angles.
+_OFF_POLICY: dict[str, Any] = {
+    "buffer_size": 300_000,
+    "batch_size": 256,
+    "learning_rate": 1e-3,
+    "learning_starts": 800,
+    "train_freq": 1,
+    "gradient_steps": 8,
+    "ent_coef": "auto",
+}
+
+
+def training_period(plant: Plant, sample_time: float | None) -> float:
+    """The policy's period [s]: the caller's, else the multiple of the plant's sample time that is nearest to 20 ms.
+
+    A policy acts on every n-th sample of a rig whose clock is n times faster, see `LearnedController`.
+    """
+    if sample_time is not None or plant.sample_time is None:
+        return sample_time or PERIOD
+    return plant.sample_time * max(1, round(PERIOD / plant.sample_time))
+
+
+def discount(period: float) -> float:
+    """γ for `HORIZON` at this period [s], so that a change of period does not change what is wanted."""
+    return math.exp(-period / HORIZON)
+
+
+def observation_scale(plant: Plant, history: int, observe_command: bool) -> list[float]:
+    """Factors that bring every entry of the observation to about one: speeds are counted in the pendulum's `pace`."""
+    frame = [1.0, 1.0, 1.0, 1.0 / pace(plant), 1.0 / pace(plant)] + [1.0] * observe_command
+    return frame * history

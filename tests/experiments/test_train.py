@@ -1,0 +1,138 @@
+"""`furuta train`: a policy with its record, resumption, and refusals that leave nothing behind."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.recipes import discount, observation_scale, recipe, training_period
+from controllers.trials import balance_starts, run_trials
+from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
+from tests.experiments.test_cli import furuta, refused
+
+pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+
+pytestmark = pytest.mark.filterwarnings("error:Training and eval env")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A balancer of Table 3's rig after some ten updates: not good, but trained."""
+    path = tmp_path_factory.mktemp("train") / "policy.zip"
+    result = furuta("train", "--plant", "table3", "--steps", 98_304, "--seed", 3, "-o", path, "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout) == json.loads(path.with_suffix(".json").read_text())
+    return path
+
+
+def test_the_record_says_how_it_was_made(trained: Path) -> None:
+    record = json.loads(trained.with_suffix(".json").read_text())
+    assert record["schema"] == "furuta-policy/1"
+    assert (record["algorithm"], record["task"], record["seed"], record["steps"]) == ("PPO", "balance", 3, 98_304)
+    assert record["plant_sha256"] == hashlib.sha256(TABLE_3.to_json().encode()).hexdigest()
+    assert record["env"]["sample_time"] == 0.02
+    assert record["env"]["normalize_action"] is True
+    assert record["evaluation"]["trials"] == 200
+    assert {"torch", "stable-baselines3", "numpy"} <= set(record["versions"])
+    assert record["spent"]["cpu_s"] > 0
+    assert [f.name for f in trained.parent.iterdir() if "checkpoint" in f.name] == []
+
+
+def test_it_learns(trained: Path) -> None:
+    """Twelve updates make it last longer than no control does, on other starts than the record's."""
+    starts = balance_starts(TABLE_3, 50, 4.0, np.random.default_rng(5), push=0.0)
+    policy = make_controller(trained, TABLE_3, 0.002)
+    learned = run_trials(TABLE_3, policy, starts, 4.0, 0.002).failed_at
+    nothing = run_trials(TABLE_3, lambda y: 0.0, starts, 4.0, 0.002).failed_at
+    assert np.median(learned) > 1.5 * np.median(nothing)
+
+
+def test_a_finished_policy_goes_on(trained: Path, tmp_path: Path) -> None:
+    path = tmp_path / "policy.zip"
+    path.write_bytes(trained.read_bytes())
+    path.with_suffix(".json").write_text(trained.with_suffix(".json").read_text())
+    again = ("train", "--plant", "table3", "--seed", 3, "-o", path, "--resume")
+    refused(furuta(*again, "--steps", 50_000), "has", "steps already", "--steps")
+    refused(furuta(*again, "--steps", 200_000, "--history", 2), "observation_size", "10", "5")
+    refused(furuta(*again, "--steps", 200_000, "--task", "swing_up"), "task", "balance")
+    result = furuta(*again, "--steps", 110_000, "--json")
+    assert result.exit_code == 0, result.output
+    record = json.loads(result.stdout)
+    assert record["steps"] >= 110_000
+    assert len(record["resumed_at"]) == 1
+    before = json.loads(trained.with_suffix(".json").read_text())
+    assert record["best_return"] >= before["best_return"]
+
+
+def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    from controllers.training import Training, train
+
+    path = tmp_path / "policy.zip"
+    training = Training(QUBE, algorithm="sac", steps=4000)
+
+    def stop(done: int, of: int) -> None:
+        if done > 2500:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(training, path, progress=stop)
+    assert not path.exists()
+    assert (path.with_suffix(".checkpoint") / "replay_buffer.pkl").exists()
+    refused(furuta("train", "--plant", "qube", "--algo", "sac", "-o", path), "exists", "--resume")
+    record = train(training, path, resume=True)
+    assert 1500 < record["resumed_at"][0] <= 2500
+    assert record["steps"] == 4000
+    assert not path.with_suffix(".checkpoint").exists()
+
+
+REFUSED = {
+    "randomize": (("--plant", "large", "--randomize"), ("covariance", "furuta identify")),
+    "plant": (("--plant", "none.json"), ("none.json", "table3")),
+    "algo": (("--plant", "large", "--algo", "ddpg"), ("ddpg", "ppo, sac, tqc")),
+    "task": (("--plant", "large", "--task", "juggle"), ("juggle", "balance, swing_up")),
+    "effect": (("--plant", "large", "--effect-chance", "arm_spring"), ("arm_spring", "NAME=p")),
+    "no effect": (("--plant", "large", "--effect-chance", "spring=0.5"), ("spring", "arm_spring")),
+    "resume": (("--plant", "large", "--resume"), ("neither", "policy.zip")),
+    "sample time": (("--plant", "large", "--sample-time", "3"), ("sample_time",)),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_leave_nothing(case: str, tmp_path: Path) -> None:
+    arguments, words = REFUSED[case]
+    refused(furuta("train", *arguments, "-o", tmp_path / "policy.zip"), *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_names_are_refused(tmp_path: Path) -> None:
+    refused(furuta("train", "--plant", "large", "-o", tmp_path / "policy.pt"), ".zip")
+    old = tmp_path / "old.zip"
+    old.write_text("mine")
+    refused(furuta("train", "--plant", "large", "-o", old), "exists", "--resume")
+    assert old.read_text() == "mine"
+
+
+def test_an_early_stop_leaves_nothing(tmp_path: Path) -> None:
+    from controllers.training import Training, train
+
+    def stop(done: int, of: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(Training(LARGE_RIG), tmp_path / "policy.zip", progress=stop)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_recipes() -> None:
+    assert training_period(TABLE_3, None) == 0.02
+    assert training_period(QUBE.replace(sample_time=0.003), None) == pytest.approx(0.021)
+    assert training_period(QUBE, 0.01) == 0.01
+    assert discount(0.01) ** 2 == pytest.approx(discount(0.02))
+    assert len(observation_scale(QUBE, 3, True)) == 18
+    assert recipe("sac").off_policy
+    assert not recipe("ppo").off_policy
