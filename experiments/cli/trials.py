@@ -1,0 +1,93 @@
+"""`furuta trials`: blind trials of the diagnosis on rigs of the bench."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from . import options as opt
+from .output import errors, print_json, progress_bar
+
+
+def trials_command(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder; a run that was stopped there goes on.")],
+    effects: Annotated[str, typer.Option(help="Hide only these effects, separated by commas; default: all.")] = "",
+    rigs: Annotated[str, typer.Option(help="Only these kinds of rig: table3, servo, workshop, desk.")] = "",
+    kinds: Annotated[
+        str, typer.Option(help="Only these: library, none, torque_noise, absorbed, hard, outside, two.")
+    ] = "",
+    seeds: Annotated[int, typer.Option(help="Trials for each effect and rig; other kinds in proportion.")] = 5,
+    split: Annotated[
+        str, typer.Option(help="dev to develop on, final to publish. They share no seed and no rig.")
+    ] = "dev",
+    share: Annotated[float, typer.Option(help="This part of the plan, taken evenly.")] = 1.0,
+    power: Annotated[
+        bool, typer.Option("--power", help="Effects alone, from invisible to plain, for the power curves.")
+    ] = False,
+    backend: Annotated[str, typer.Option(help="loky, or dask (cluster at DASK_SCHEDULER_ADDRESS, or here).")] = "loky",
+    jobs: Annotated[int, typer.Option(help="Processes; default: one for each core.", min=1)] = os.cpu_count() or 1,
+    as_json: opt.AsJson = False,
+) -> None:
+    """Hide effects in virtual rigs, have their logs diagnosed blind, and count what was right.
+
+    Stop it at any time (Ctrl-C): it reports on what was answered, and the same command goes on from there.
+    """
+    from experiments.trials.plan import make_plan
+    from experiments.trials.report import FILES, headline, write_report
+    from experiments.trials.run import read_results, read_unanswerable, run_trials
+    from experiments.trials.scoring import score
+
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"output {output} is a file; expected the name of a folder")
+    plan = make_plan(split, seeds, _names(effects), _names(rigs), _names(kinds), share, power)
+    if not plan:
+        raise ValueError("no trial is left by --effects, --kinds and --rigs; expected at least one")
+    stopped = False
+    try:
+        with progress_bar() as bar:
+            task = bar.add_task("")
+            run_trials(
+                plan,
+                output,
+                backend,
+                jobs,
+                progress=lambda stage, done, of: bar.update(task, description=stage, completed=done, total=of),
+            )
+    except KeyboardInterrupt:
+        stopped = True
+        errors.print("Stopped. The same command goes on from here.")
+    outcomes = [score(sealed, answer) for sealed, answer in read_results(plan, output)]
+    summary = write_report(
+        output,
+        outcomes,
+        {
+            "split": split,
+            "seeds": seeds,
+            "share": share,
+            "power": power,
+            "planned": len(plan),
+            "answered": len(outcomes),
+            "pendulum_lost": len(read_unanswerable(plan, output)),
+            "version": version("furuta-gym"),
+        },
+    )
+    if as_json:
+        print_json(summary)
+    else:
+        table = Table("question", "answer (95 % interval)", title=f"{len(outcomes)} of {len(plan)} trials answered")
+        for row in headline(summary):
+            table.add_row(*row)
+        Console(width=None if Console().is_terminal else 120).print(table)
+        typer.echo(f"Written in {output}: {', '.join(FILES)}")
+    if stopped:
+        raise typer.Exit(130)
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]

@@ -1,0 +1,30 @@
+"""The examinee: two log files in, the diagnosis as a dictionary out. May not import the bench (`make lint` checks)."""
+
+from __future__ import annotations
+
+import inspect
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+from identification.diagnosis.diagnose import diagnose
+from identification.logs import read_logs
+
+
+def decide(folder: Path) -> dict[str, Any]:
+    """Diagnose the log fit.csv of `folder`; held_out.csv beside it is for the gap. Anything raised is an answer too."""
+    began = time.monotonic()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # advice for a person
+            answer = _diagnosed(folder)
+    except Exception as error:  # a crash is a wrong answer, not the end of the trials
+        answer = {"error": f"{type(error).__name__}: {error}"}
+    return answer | {"runtime_s": time.monotonic() - began}
+
+
+def _diagnosed(folder: Path) -> dict[str, Any]:
+    logs, held_out = read_logs([folder / "fit.csv"]), read_logs([folder / "held_out.csv"])
+    more: dict[str, Any] = {"held_out": held_out} if "held_out" in inspect.signature(diagnose).parameters else {}
+    return diagnose(logs, **more).to_dict()

@@ -1,0 +1,138 @@
+"""What the trials say: confusion.csv, power.csv, summary.json, summary.md and report.html."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .power import PowerCurve
+from .scoring import Outcome
+from .summary import VISIBLE, confusion, power_curves, power_table, rate, summarize
+
+FILES = ("summary.json", "confusion.csv", "power.csv", "outcomes.csv", "summary.md", "report.html")
+
+
+def write_report(folder: Path, outcomes: Sequence[Outcome], about: Mapping[str, Any]) -> dict[str, Any]:
+    """Write all files into `folder`; returns the summary. about: how the trials were run, goes into it as it is."""
+    table, curves = confusion(outcomes), power_curves(outcomes)
+    summary = {"run": dict(about)} | summarize(outcomes)
+    write = {
+        "summary.json": json.dumps(summary, ensure_ascii=False, indent=2, allow_nan=False) + "\n",
+        "confusion.csv": table.to_csv(),
+        "power.csv": power_table(curves).to_csv(index=False),
+        "outcomes.csv": _outcomes_table(outcomes).to_csv(index=False),
+        "summary.md": markdown(summary, curves),
+        "report.html": _html(summary, table, curves, outcomes),
+    }
+    for name, text in write.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return summary
+
+
+def percent(share: Mapping[str, Any] | None) -> str:
+    """84 of 100 = 84 % (75 … 91 %)."""
+    if share is None:
+        return "–"
+    interval = f"{100 * share['low']:.0f} … {100 * share['high']:.0f} %"
+    return f"{share['count']} of {share['of']} = {100 * share['rate']:.0f} % ({interval})"
+
+
+def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(question, answer) of the main results."""
+    library, two = summary["library"], summary["two"]
+    rows = [
+        (f"library effect (gap ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
+        ("… right, alone or in a set of two equals", percent(library["right_within_two"])),
+        ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
+        *((f"… {name.replace('_', ' ')}", percent(library["results"].get(name))) for name in _SHORTCOMINGS),
+        ("nothing to name: false alarms", percent(summary["false_alarms"])),
+        *((f"… {kind.replace('_', ' ')}", percent(summary[kind].get("false_alarm"))) for kind in _NOTHING),
+        ("… said “unknown” although nothing is hidden", _over(summary, _NOTHING, "unknown")),
+        ("outside the library: recognised as unknown", percent(summary["outside"].get("right"))),
+        ("… given a name instead", percent(summary["outside"].get("wrong"))),
+        ("two effects: both right, alone or in sets of two", _added(two, ("right", "pair"))),
+        ("… one of the two", percent(two.get("half"))),
+        ("hard friction alone: named friction_sharpness", _added(summary["hard"], ("right", "pair"))),
+        ("parameters: 95 % intervals that hold the truth", percent(summary["coverage_95"])),
+        ("held-out gap closed by right names, median", _quantile(summary["closed_fraction"], "median")),
+        ("held-out error after, over the noise floor, median", _quantile(summary["after_over_floor"], "median")),
+        ("time of one diagnosis, median / 95 % [s]", _times(summary["runtime_s"])),
+    ]
+    return [row for row in rows if row[1] != "–"]
+
+
+_SHORTCOMINGS = ("extra", "wrong", "missed", "unknown", "insufficient", "error")
+_NOTHING = ("none", "torque_noise", "absorbed")
+
+
+def markdown(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> str:
+    """The main results and a line per effect as Markdown tables."""
+    lines = ["| question | answer (95 % interval) |", "|---|---|"]
+    lines += [f"| {question} | {answer} |" for question, answer in headline(summary)]
+    lines += [
+        "",
+        "| effect | right within two, visible trials | half are named at a ratio of | 95 % at |",
+        "|---|---|---|---|",
+    ]
+    for name, curve in curves.items():
+        visible = summary["library"] if name == "all effects" else summary["library_by_effect"].get(name, {})
+        at_half, at_most = _limits(curve)
+        lines.append(f"| {name} | {percent(visible.get('right_within_two'))} | {at_half} | {at_most} |")
+    return "\n".join(lines) + "\n"
+
+
+def _limits(curve: PowerCurve) -> tuple[str, str]:
+    if curve.limit == "below":
+        return f"below {curve.tried[0]:.3f} (all were named)", "–"
+    if curve.limit == "above":
+        return f"above {curve.tried[1]:.2f} (none was named)", "–"
+    low, high = curve.interval50
+    return f"{curve.ratio50:.3f} ({low:.3f} … {high:.3f})", f"{curve.ratio95:.2f}"
+
+
+def _added(results: Mapping[str, Any], names: Sequence[str]) -> str:
+    total = next((r["of"] for r in results.values()), 0)
+    count = sum(results[name]["count"] for name in names if name in results)
+    return percent(rate([True] * count + [False] * (total - count)))
+
+
+def _over(summary: Mapping[str, Any], kinds: Sequence[str], result: str) -> str:
+    total = sum(summary["trials"][kind] for kind in kinds)
+    count = sum(summary[kind][result]["count"] for kind in kinds if result in summary[kind])
+    return percent(rate([True] * count + [False] * (total - count)))
+
+
+def _quantile(quantiles: Mapping[str, float] | None, name: str) -> str:
+    return "–" if quantiles is None else f"{quantiles[name]:.2f} (of {quantiles['of']:.0f})"
+
+
+def _times(quantiles: Mapping[str, float] | None) -> str:
+    return "–" if quantiles is None else f"{quantiles['median']:.0f} / {quantiles['q95']:.0f}"
+
+
+def _outcomes_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
+    rows = [asdict(o) | {"named": " ".join(o.named), "covered": json.dumps(dict(o.covered))} for o in outcomes]
+    return pd.DataFrame(rows)
+
+
+def _html(
+    summary: Mapping[str, Any], table: pd.DataFrame, curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]
+) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from .figures import confusion_figure, power_figure
+
+    page = Environment(
+        loader=PackageLoader("experiments.trials", "."), undefined=StrictUndefined, autoescape=True
+    ).get_template("report.html")
+    figures = [
+        figure.to_html(full_html=False, include_plotlyjs=i == 0)  # the library once, so that the page works off line
+        for i, figure in enumerate((confusion_figure(table), power_figure(curves, outcomes)))
+    ]
+    effects = [(name, *_limits(curve), f"{curve.right} of {curve.trials}") for name, curve in curves.items()]
+    return page.render(headline=headline(summary), run=summary["run"], figures=figures, effects=effects)

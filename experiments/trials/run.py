@@ -1,0 +1,137 @@
+"""Run the trials of a plan: seal, decide, and keep every line as it comes, so that a stopped run goes on where it was.
+
+The folder holds `sealed.jsonl` (the truth of each trial) and `answers.jsonl` (what the diagnosis said). Logs exist only
+while they are looked at, in a temporary folder of random name; workers that decide are given that folder and no more.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed, parallel_config
+
+from . import seal as laboratory
+from .decide import decide
+from .plan import Trial
+
+BACKENDS = ("loky", "dask")
+SEALED, ANSWERS = "sealed.jsonl", "answers.jsonl"
+
+Decide = Callable[[Path], dict[str, Any]]
+Seal = Callable[[Trial], dict[str, Any]]
+Progress = Callable[[str, int, int], None]
+
+
+def run_trials(
+    plan: Sequence[Trial],
+    folder: Path,
+    backend: str = "loky",
+    jobs: int = 1,
+    progress: Progress = lambda stage, done, of: None,
+    decide: Decide = decide,
+) -> None:
+    """Seal and decide what `folder` does not hold yet. Interrupt it when you like: what is written stays valid.
+
+    backend: loky (processes of this machine) or dask (the cluster at DASK_SCHEDULER_ADDRESS, which must see the same
+    temporary folder, else one on this machine). jobs: processes. progress(stage, done, of) is told of every trial.
+    Raises ValueError for another backend.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend {backend!r} given, expected one of: {', '.join(BACKENDS)}")
+    folder.mkdir(parents=True, exist_ok=True)
+    sealed = _lines(folder / SEALED)
+    to_seal = [trial for trial in plan if trial.id not in sealed]
+    with _workers(backend, jobs):
+        tasks = (delayed(_named)(trial.id, laboratory.seal, trial) for trial in to_seal)
+        _collect(tasks, folder / SEALED, lambda done: progress("sealing", done, len(to_seal)))
+        sealed = _lines(folder / SEALED)
+        answered = _lines(folder / ANSWERS)
+        open_ = [sealed[t.id] for t in plan if t.id not in answered and "problem" not in sealed[t.id]]
+        with tempfile.TemporaryDirectory(prefix="trials-") as room:
+            tasks = _posted(open_, Path(room), decide)
+            _collect(tasks, folder / ANSWERS, lambda done: progress("deciding", done, len(open_)))
+
+
+def read_results(plan: Iterable[Trial], folder: Path) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """(sealed truth, answer) of every trial of the plan that has been answered."""
+    sealed, answers = _lines(folder / SEALED), _lines(folder / ANSWERS)
+    return [(sealed[t.id], answers[t.id]) for t in plan if t.id in sealed and t.id in answers]
+
+
+def read_unanswerable(plan: Iterable[Trial], folder: Path) -> list[dict[str, Any]]:
+    """The trials that could not be recorded, with their `problem`."""
+    sealed = _lines(folder / SEALED)
+    return [sealed[t.id] for t in plan if "problem" in sealed.get(t.id, {})]
+
+
+def _posted(sealed: Sequence[dict[str, Any]], room: Path, decide: Decide) -> Iterator[Any]:
+    """Tasks for the workers: a fresh folder of random name with two logs, recorded when a worker has time for them."""
+    for truth in sealed:
+        desk = Path(tempfile.mkdtemp(dir=room))
+        laboratory.write_logs(truth, desk)
+        yield delayed(_answered)(truth["trial"]["id"], decide, desk)
+
+
+def _answered(id_: str, decide: Decide, desk: Path) -> dict[str, Any]:
+    answer = _named(id_, decide, desk)
+    for file in desk.iterdir():
+        file.unlink()
+    desk.rmdir()
+    return answer
+
+
+def _named(id_: str, do: Callable[[Any], dict[str, Any]], what: Any) -> dict[str, Any]:
+    return {"id": id_} | do(what)
+
+
+def _collect(tasks: Iterable[Any], file: Path, progress: Callable[[int], None]) -> None:
+    results = Parallel(return_as="generator_unordered", pre_dispatch="2*n_jobs")(tasks)
+    progress(0)
+    with open(file, "a", encoding="utf-8") as out:
+        for done, result in enumerate(results, 1):
+            out.write(json.dumps(result, ensure_ascii=False) + "\n")
+            out.flush()
+            progress(done)
+
+
+def _lines(file: Path) -> dict[str, dict[str, Any]]:
+    """Records of a file of JSON lines by id; a last line that was cut off is taken out of the file."""
+    if not file.exists():
+        return {}
+    text = file.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        file.write_text(whole, encoding="utf-8")
+    return {record["id"]: record for record in map(json.loads, whole.splitlines())}
+
+
+@contextmanager
+def _workers(backend: str, jobs: int) -> Iterator[None]:
+    """Processes with one thread each: the trials are many, so threads inside one would only get in the way."""
+    with ExitStack() as stack:
+        if backend == "loky":
+            stack.enter_context(parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1))
+        else:
+            stack.enter_context(_dask(jobs))
+            stack.enter_context(parallel_config("dask", n_jobs=-1))
+        yield
+
+
+@contextmanager
+def _dask(jobs: int) -> Iterator[None]:
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    threads = {f"distributed.nanny.pre-spawn-environ.{name}_NUM_THREADS": 1 for name in ("OMP", "MKL", "NUMBA")}
+    with config.set(threads), ExitStack() as stack:
+        address = config.get("scheduler-address", None)
+        if address is None:
+            cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=":0")
+            address = stack.enter_context(cluster)
+        stack.enter_context(Client(address))
+        yield

@@ -1,0 +1,171 @@
+"""Marks: one outcome for every answer, by rules that are fixed here and tested on answers made by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+RIGHT = ("right", "pair")
+"""Outcomes that count as named right: alone, or within a set of two equals."""
+
+_SHARPNESS = "friction_sharpness"
+_COVERED = 1.959964  # 95 % of a normal distribution
+_TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an answer is worth.
+
+    result, where something is to be named ("library", "two", "hard"): right (alone), pair (in a set of two), inside (in
+    a larger set), extra (right, and a false one beside it), half (one of two), wrong, missed (none), unknown,
+    insufficient, error. Where nothing is ("none", "torque_noise", "absorbed"): right (none), false_alarm, unknown,
+    insufficient, error. "outside": right (unknown, or leftover structure reported), wrong, missed, insufficient, error.
+    named: the names given first, in order. inside: every hidden name is in a stated set. covered: parameter → its 95 %
+    interval holds the truth, for table forms that were named right.
+    """
+
+    id: str
+    kind: str
+    subject: str
+    rig: str
+    form: str
+    ratio: float | None
+    result: str
+    named: tuple[str, ...]
+    inside: bool
+    covered: Mapping[str, bool]
+    reported_absorbed: bool
+    closed_fraction: float | None
+    after_over_floor: float | None
+    runtime_s: float | None
+
+    @property
+    def right(self) -> bool:
+        """Named right (alone or in a pair), or rightly not named."""
+        return self.result in RIGHT
+
+
+def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
+    """Mark one answer (diagnosis.json as a dictionary, or {"error": …}) by the sealed truth of its trial."""
+    trial = sealed["trial"]
+    hidden = [h["name"] for h in trial["hidden"]]
+    sets = stated_sets(answer)
+    result = _result(trial["kind"], hidden, trial["friction"] == "hard", sets, answer)
+    ratios = [r for r in sealed["ratios"] if r is not None] or [sealed.get("hard_ratio")]
+    return Outcome(
+        id=trial["id"],
+        kind=trial["kind"],
+        subject=sealed["subject"],
+        rig=trial["rig"],
+        form="+".join(h["form"] for h in trial["hidden"]),
+        ratio=min(ratios) if None not in ratios else None,
+        result=result,
+        named=tuple(s[0] for s in sets),
+        inside=bool(hidden) and set(hidden) <= {name for s in sets for name in s},
+        covered=_covered(sealed["truth"], answer) if trial["kind"] in ("library", "two") and result in RIGHT else {},
+        reported_absorbed=any(name in answer.get("not_visible", ()) for name in hidden),
+        closed_fraction=_gap_number(answer, "closed_fraction"),
+        after_over_floor=_after_over_floor(answer),
+        runtime_s=answer.get("runtime_s"),
+    )
+
+
+def stated_sets(answer: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The sets of equals that the answer names, the first name of each first; none unless it names something."""
+    if answer.get("verdict") not in ("named", "ambiguous"):
+        return []
+    return [(e["name"], *(n for n in e.get("confused_with", ()) if n != e["name"])) for e in answer["effects"]]
+
+
+def _result(kind: str, hidden: list[str], hard: bool, sets: list[tuple[str, ...]], answer: Mapping[str, Any]) -> str:
+    verdict = answer.get("verdict")
+    if "error" in answer or verdict is None:
+        return "error"
+    if verdict == "insufficient_excitation":
+        return "insufficient"
+    if kind == "outside":
+        if verdict == "unknown" or (sets and answer.get("leftover")):
+            return "right"
+        return "wrong" if sets else "missed"
+    if verdict == "unknown":
+        return "unknown"
+    if kind in ("none", "torque_noise", "absorbed"):
+        return "false_alarm" if sets else "right"
+    if kind == "hard":
+        return _compared([_SHARPNESS], sets)
+    if hard and _SHARPNESS not in hidden:  # true as well: hard friction is a very large r
+        sets = [s for s in sets if s[0] != _SHARPNESS]
+    return _compared(hidden, sets)
+
+
+def _compared(hidden: list[str], sets: list[tuple[str, ...]]) -> str:
+    """How well sets of equals name what is hidden: one set for each name, in any order."""
+    if not sets:
+        return "missed"
+    matched = _matched(hidden, sets)
+    found = [s for s in matched if s is not None]
+    if not found:
+        return "wrong"
+    if len(found) < len(hidden):
+        return "half"
+    if len(sets) > len(hidden):
+        return "extra"
+    largest = max(map(len, found))
+    return "right" if largest == 1 else "pair" if largest == 2 else "inside"
+
+
+def _matched(hidden: list[str], sets: list[tuple[str, ...]]) -> list[tuple[str, ...] | None]:
+    """A set for each hidden name, each set used once, as many as can be; None where there is none."""
+    if not hidden:
+        return []
+    name, rest = hidden[0], hidden[1:]
+    ways = [[None, *_matched(rest, sets)]]
+    for i, s in enumerate(sets):
+        if name in s:
+            ways.append([s, *_matched(rest, sets[:i] + sets[i + 1 :])])
+    return min(ways, key=lambda way: (way.count(None), max((len(s) for s in way if s), default=0)))
+
+
+def _covered(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, bool]:
+    """ "effect.parameter" → whether value ± 1.96 std holds the truth; for table forms whose name comes first."""
+    given = {e["name"]: e["parameters"] for e in answer["effects"]}
+    found = {}
+    for effect in truth["effects"]:
+        name = effect["name"]
+        if effect["form"] != "table" or name not in given:
+            continue
+        true = {key: p["value"] for key, p in effect["parameters"].items()}
+        for key, p in _same_branch(given[name], true).items():
+            if p.get("std"):  # fixed parameters and whole numbers have none
+                found[f"{name}.{key}"] = abs(p["value"] - true[key]) <= _COVERED * p["std"]
+    return found
+
+
+def _same_branch(given: Mapping[str, Any], true: Mapping[str, float]) -> dict[str, Any]:
+    """The given sine with the sign and the turn of the true one: A sin(x + φ) = −A sin(x + φ + π)."""
+    if "φ" not in given:
+        return dict(given)
+    a, phase = given["A"], given["φ"]
+    flipped = a["value"] * true["A"] < 0.0
+    away = phase["value"] + (math.pi if flipped else 0.0) - true["φ"]
+    near = true["φ"] + away - _TURN * round(away / _TURN)
+    return {**given, "A": {**a, "value": -a["value"] if flipped else a["value"]}, "φ": {**phase, "value": near}}
+
+
+def _gap_number(answer: Mapping[str, Any], key: str) -> float | None:
+    value = (answer.get("gap") or {}).get(key)
+    return float(value) if isinstance(value, (int, float)) and math.isfinite(value) else None
+
+
+def _after_over_floor(answer: Mapping[str, Any]) -> float | None:
+    """Root mean square over the axes of held-out error after, over the noise floor."""
+    gap = answer.get("gap") or {}
+    after, floor = gap.get("after") or {}, gap.get("noise_floor") or {}
+    try:
+        ratios = [after[key] / floor[key] for key in ("rms_q1", "rms_q2")]
+    except (KeyError, ZeroDivisionError):
+        return None
+    return math.sqrt(sum(r * r for r in ratios) / 2.0)

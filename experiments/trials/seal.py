@@ -1,0 +1,122 @@
+"""The laboratory's side of a trial: build the rig, fit the strength to the wanted gap, write the logs, keep the truth.
+
+What this module knows stays here and in the sealed file: `decide` gets a folder with two logs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from experiments.bench import HiddenEffect, PendulumLost, Rig, effect_size, record
+
+from . import sizes
+from .plan import DURATION, Hidden, Trial
+
+FIT_LOG, HELD_OUT_LOG = "fit.csv", "held_out.csv"
+_ROUNDS = 3
+_CLOSE = 0.35  # of the logarithm of ratio − 1: the ratio that was reached is what counts, so near is enough
+_GENTLER = 0.6
+
+
+def seal(trial: Trial) -> dict[str, Any]:
+    """Everything about the trial that its logs must not tell, for JSON.
+
+    `strengths` and `ratios` (measured on this rig and experiment, None where none was asked) in the order of
+    `trial.hidden`; `held_out` [experiment, seed]; `truth` as the bench tells it. If the pendulum falls whatever is
+    tried, `problem` says so, and there is no truth.
+    """
+    found = [_sized(trial, hidden) for hidden in trial.hidden]
+    strengths = [strength for strength, _ in found]
+    ratios = [ratio for _, ratio in found]
+    sealed = {"trial": trial.to_dict(), "subject": trial.subject}
+    for _ in range(_ROUNDS):
+        rig = _rig(trial, strengths)
+        try:
+            record(rig, trial.experiment, trial.seed, DURATION)
+            held_out = _held_out(rig, trial)
+        except PendulumLost:
+            strengths = [_GENTLER * s for s in strengths]
+            ratios = [_measured(trial, h, s) if h.ratio else None for h, s in zip(trial.hidden, strengths, strict=True)]
+            continue
+        more = {"strengths": strengths, "ratios": ratios, "held_out": held_out, "truth": rig.truth()}
+        return sealed | more
+    return sealed | {"problem": "the pendulum is lost"}
+
+
+def write_logs(sealed: Mapping[str, Any], folder: Path) -> None:
+    """Record the two logs of a sealed trial into a folder: what a laboratory would hand over, and nothing else."""
+    about = sealed["trial"]
+    trial = Trial(**{**about, "hidden": tuple(Hidden(**h) for h in about["hidden"])})
+    rig = _rig(trial, sealed["strengths"])
+    experiment, seed = sealed["held_out"]
+    record(rig, trial.experiment, trial.seed, DURATION).write(folder / FIT_LOG)
+    record(rig, experiment, seed, DURATION).write(folder / HELD_OUT_LOG)
+
+
+def _bare(trial: Trial) -> Rig:
+    rig = Rig(
+        trial.rig,
+        individual=trial.individual,
+        scatter=trial.scatter,
+        friction=trial.friction,
+        encoder_counts=sizes.COUNTS,
+        clock_jitter=trial.clock_jitter,
+    )
+    noise = [0.1 * (trial.torque_noise * level) ** 2 for level in rig.constants.coulomb]
+    return replace(rig, torque_noise=(noise[0], noise[1]))
+
+
+def _rig(trial: Trial, strengths: list[float]) -> Rig:
+    return replace(_bare(trial), effects=[_effect(h, s) for h, s in zip(trial.hidden, strengths, strict=True)])
+
+
+def _effect(hidden: Hidden, strength: float) -> HiddenEffect:
+    return HiddenEffect(hidden.name, strength, hidden.form, hidden.variation)
+
+
+def _measured(trial: Trial, hidden: Hidden, strength: float) -> float:
+    """Gap ratio of one effect alone on the trial's rig; hard friction, which has a gap of its own, is left out."""
+    rig = replace(_bare(trial), friction="smooth", effects=[_effect(hidden, strength)])
+    return effect_size(rig, trial.experiment, trial.seed, DURATION).ratio
+
+
+def _sized(trial: Trial, hidden: Hidden) -> tuple[float, float | None]:
+    """(strength, its measured ratio) near the ratio that was asked for."""
+    if hidden.ratio is None:
+        assert hidden.strength is not None
+        return hidden.strength, None
+    strength = sizes.first_guess(hidden.name, trial.rig, trial.experiment, hidden.ratio)
+    best: tuple[float, float, float] | None = None
+    for _ in range(_ROUNDS):
+        try:
+            ratio = _measured(trial, hidden, strength)
+        except PendulumLost:
+            strength *= 0.5
+            continue
+        miss = abs(math.log(max(ratio - 1.0, 1e-6) / (hidden.ratio - 1.0)))
+        best = min(best or (math.inf, 0.0, 0.0), (miss, strength, ratio))
+        other = min(sizes.LARGEST, sizes.scaled(strength, ratio, hidden.ratio))
+        if miss < _CLOSE or other == strength:
+            break
+        strength = other
+    return best[1:] if best else (strength, None)
+
+
+def _held_out(rig: Rig, trial: Trial) -> tuple[str, int]:
+    """Experiment and seed of the held-out log; the fitted log's experiment if the pendulum falls in the other.
+
+    Raises PendulumLost if it falls in all of them.
+    """
+    choices = [(name, trial.seed + shift) for name in (trial.held_out, trial.experiment) for shift in (1, 2)]
+    for experiment, seed in choices[:-1]:
+        try:
+            record(rig, experiment, seed, DURATION)
+        except PendulumLost:
+            continue
+        return experiment, seed
+    record(rig, *choices[-1], DURATION)
+    return choices[-1]

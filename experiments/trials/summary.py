@@ -1,0 +1,136 @@
+"""Rates with their intervals: from outcomes to the numbers of summary.json, confusion.csv and power.csv."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from experiments.bench import SETS
+
+from .plan import KINDS
+from .power import PowerCurve, fit_power
+from .scoring import RIGHT, Outcome
+
+SCHEMA = "furuta-trials/1"
+VISIBLE = 1.1
+"""Gap ratio from which an effect is called visible; smaller ones are left to the power curves."""
+
+_NO_NAME = ("none", "unknown", "insufficient", "error")
+
+
+def rate(of: Iterable[bool]) -> dict[str, Any] | None:
+    """Share of the true ones with its exact (Clopper–Pearson) 95 % interval; None of nothing."""
+    values = list(of)
+    if not values:
+        return None
+    low, high = binomtest(sum(values), len(values)).proportion_ci(method="exact")
+    share = sum(values) / len(values)
+    return {"count": sum(values), "of": len(values), "rate": share, "low": float(low), "high": float(high)}
+
+
+def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """All rates: {kind: {result: rate}} and the breakdowns of the visible library trials."""
+    by_kind = {kind: [o for o in outcomes if o.kind == kind] for kind in KINDS}
+    library = [o for o in by_kind["library"] if o.ratio is not None and o.ratio >= VISIBLE]
+    nothing = by_kind["none"] + by_kind["torque_noise"] + by_kind["absorbed"]
+    right = [o for o in outcomes if o.right and o.kind in ("library", "two")]
+    return {
+        "schema": SCHEMA,
+        "trials": {kind: len(some) for kind, some in by_kind.items()},
+        "library": _library(library) | {"below_visible": _library([o for o in by_kind["library"] if o not in library])},
+        "library_by_rig": {rig: _library([o for o in library if o.rig == rig]) for rig in SETS},
+        "library_by_form": {form: _library([o for o in library if o.form == form]) for form in ("table", "bench")},
+        "library_by_effect": {s: _library([o for o in library if o.subject == s]) for s in _subjects(library)},
+        "false_alarms": rate(o.result == "false_alarm" for o in nothing),
+        "absorbed_reported": rate(o.reported_absorbed for o in by_kind["absorbed"]),
+        **{kind: _results(by_kind[kind]) for kind in KINDS if kind != "library"},
+        "coverage_95": rate(covered for o in outcomes for covered in o.covered.values()),
+        "coverage_95_by_parameter": _coverage(outcomes),
+        "closed_fraction": _quantiles(o.closed_fraction for o in right),
+        "after_over_floor": _quantiles(o.after_over_floor for o in right),
+        "runtime_s": _quantiles(o.runtime_s for o in outcomes),
+    }
+
+
+def confusion(outcomes: Iterable[Outcome]) -> pd.DataFrame:
+    """Trials counted by what was hidden (rows) and what was named first (columns); pairs of effects are left out."""
+    rows = [(_row(o), _answered(o)) for o in outcomes if o.kind != "two"]
+    table = pd.crosstab(
+        pd.Series([r for r, _ in rows], name="hidden", dtype=object),
+        pd.Series([c for _, c in rows], name="named", dtype=object),
+    )
+    names = [c for c in table.index if c in table.columns]
+    names += [c for c in table.columns if c not in names and c not in _NO_NAME]
+    return table.reindex(columns=[*names, *_NO_NAME], fill_value=0)
+
+
+def power_curves(outcomes: Iterable[Outcome]) -> dict[str, PowerCurve]:
+    """Effect → curve over its library trials; "all effects" → the curve of all together."""
+    tried = [o for o in outcomes if o.kind == "library" and o.ratio is not None]
+    groups = {"all effects": tried} | {s: [o for o in tried if o.subject == s] for s in _subjects(tried)}
+    curves = {name: fit_power([o.ratio or 1.0 for o in some], [o.right for o in some]) for name, some in groups.items()}
+    return {name: curve for name, curve in curves.items() if curve is not None}
+
+
+def power_table(curves: dict[str, PowerCurve]) -> pd.DataFrame:
+    """One row per effect, as power.csv has it."""
+    rows = []
+    for name, curve in curves.items():
+        about = asdict(curve)
+        low, high = about.pop("interval50")
+        smallest, largest = about.pop("tried")
+        rows.append(
+            {"effect": name, **about, "ratio50_low": low, "ratio50_high": high}
+            | {"smallest_tried": smallest, "largest_tried": largest}
+        )
+    return pd.DataFrame(rows)
+
+
+def _library(some: Sequence[Outcome]) -> dict[str, Any]:
+    return {
+        "right_alone": rate(o.result == "right" for o in some),
+        "right_within_two": rate(o.result in RIGHT for o in some),
+        "inside_the_stated_sets": rate(o.inside for o in some),
+        "results": _results(some),
+    }
+
+
+def _results(some: Sequence[Outcome]) -> dict[str, Any]:
+    return {result: rate(o.result == result for o in some) for result in sorted({o.result for o in some})}
+
+
+def _subjects(some: Iterable[Outcome]) -> list[str]:
+    return sorted({o.subject for o in some})
+
+
+def _row(outcome: Outcome) -> str:
+    return outcome.subject if outcome.kind in ("library", "outside") else f"({outcome.kind.replace('_', ' ')})"
+
+
+def _answered(outcome: Outcome) -> str:
+    if outcome.named:
+        return outcome.named[0]
+    if outcome.result in ("unknown", "insufficient", "error"):
+        return outcome.result
+    return "unknown" if outcome.kind == "outside" and outcome.result == "right" else "none"
+
+
+def _coverage(outcomes: Iterable[Outcome]) -> dict[str, Any]:
+    found: dict[str, list[bool]] = {}
+    for outcome in outcomes:
+        for parameter, covered in outcome.covered.items():
+            found.setdefault(parameter, []).append(covered)
+    return {parameter: rate(values) for parameter, values in sorted(found.items())}
+
+
+def _quantiles(values: Iterable[float | None]) -> dict[str, float] | None:
+    known = [v for v in values if v is not None]
+    if not known:
+        return None
+    marks = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95, "max": 1.0}
+    return {"of": len(known)} | {name: float(np.quantile(known, q)) for name, q in marks.items()}

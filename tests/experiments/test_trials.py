@@ -1,0 +1,275 @@
+"""The blind trials: plan, seal, run; the examinee here is a simple one, because the trials are what is tested."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from experiments.bench import catalogue, effect_size
+from experiments.cli import app
+from experiments.trials import decide as examinee
+from experiments.trials import run as running
+from experiments.trials import seal as laboratory
+from experiments.trials.plan import SPLITS, TWINS, Trial, make_plan
+from experiments.trials.report import FILES
+from experiments.trials.run import ANSWERS, SEALED, read_results, run_trials
+
+LIBRARY = [name for name, e in catalogue().items() if e.kind == "library"]
+
+
+def what_is_there(folder: Path) -> dict[str, Any]:
+    """An examinee that tells what it was given and names nothing."""
+    files = {file.name: file.read_text() for file in folder.iterdir()}
+    return {"verdict": "none", "effects": [], "files": files, "folder": str(folder), "runtime_s": 0.1}
+
+
+def without_logs(folder: Path) -> dict[str, Any]:
+    """An examinee for workers elsewhere: it counts lines."""
+    lines = len((folder / "fit.csv").read_text().splitlines())
+    return {"verdict": "none", "effects": [], "lines": lines, "runtime_s": 0.1}
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Logs of 1 s, and strengths as the table of sizes guesses them."""
+    monkeypatch.setattr(laboratory, "DURATION", 1.0)
+    monkeypatch.setattr(laboratory, "_measured", lambda trial, hidden, strength: hidden.ratio)
+
+
+def few(**more: Any) -> list[Trial]:
+    """A library trial, one with two effects and one with nothing."""
+    plan = make_plan(seeds=1, rigs=["servo"], **more)
+    return [next(t for t in plan if t.kind == kind) for kind in ("library", "two", "none")]
+
+
+def test_the_full_plan_has_the_promised_counts():
+    plan = make_plan("final")
+    count = Counter(t.kind for t in plan)
+    cells = Counter((t.subject, t.rig) for t in plan if t.kind == "library")
+    assert len({name for name, _ in cells}) >= 18
+    assert all(len({rig for n, rig in cells if n == name}) >= 3 for name, _ in cells)
+    assert min(cells.values()) >= 5
+    assert count["none"] + count["torque_noise"] + count["absorbed"] >= 100
+    assert min(count["none"], count["torque_noise"], count["absorbed"]) >= 20
+    assert count["outside"] >= 50
+    assert count["two"] >= 50
+    assert len({t.id for t in plan}) == len(plan)
+
+
+def test_ratios_are_log_uniform_and_signs_and_forms_vary():
+    hidden = [t.hidden[0] for t in make_plan("final") if t.kind == "library"]
+    place = np.log([h.ratio for h in hidden]) - math.log(1.1)
+    place /= math.log(10.0) - math.log(1.1)
+    assert 0.0 <= place.min() <= place.max() <= 1.0
+    expected = np.arange(1, 10) / 10
+    assert np.abs(np.quantile(place, expected) - expected).max() < 0.06
+    assert 0.4 < np.mean([h.form == "table" for h in hidden]) < 0.6
+    small = np.array([t.hidden[0].ratio for t in make_plan("final", power=True)])
+    assert small.min() >= 1.005
+    assert small.max() <= 3.0
+    assert np.median(small - 1) == pytest.approx(math.sqrt(0.005 * 2.0), rel=0.25)
+
+
+@pytest.mark.parametrize("power", [False, True])
+def test_the_splits_share_no_seed_no_rig_and_no_place(power):
+    parts = {name: make_plan(name, power=power) for name in SPLITS}
+
+    def numbers(plan: list[Trial]) -> set[int]:
+        return {n for t in plan for n in (t.seed, t.individual, *(h.variation for h in t.hidden))}
+
+    dev, final = numbers(parts["dev"]), numbers(parts["final"])
+    assert max(dev) + 2 < min(final), "held-out logs take the seeds after"
+    assert not {t.id for t in parts["dev"]} & {t.id for t in parts["final"]}
+    assert {t.scatter for t in parts["dev"]}.isdisjoint({t.scatter for t in parts["final"]})
+
+
+def test_a_larger_plan_contains_the_smaller_one():
+    whole = {t.id: t for t in make_plan(seeds=5)}
+    for part in (make_plan(seeds=2), make_plan(share=0.2), make_plan(effects=["arm_spring"], kinds=["library"])):
+        assert all(whole[t.id] == t for t in part)
+    assert {t.id for t in make_plan(share=0.1)} <= {t.id for t in make_plan(share=0.3)}
+
+
+def test_a_share_takes_evenly():
+    whole, part = make_plan("final"), make_plan("final", share=0.2)
+    cells = Counter(t.subject for t in part if t.kind == "library")
+    assert set(cells) == set(LIBRARY)
+    assert set(cells.values()) == {4}
+    rigs = {name: {t.rig for t in part if t.kind == "library" and t.subject == name} for name in LIBRARY}
+    assert all(len(seen) == 4 for seen in rigs.values())
+    for kind, count in Counter(t.kind for t in whole).items():
+        assert sum(t.kind == kind for t in part) == pytest.approx(0.2 * count, abs=4)
+
+
+def test_pairs_can_be_told_apart():
+    pairs = [{h.name for h in t.hidden} for t in make_plan("final") if t.kind == "two"]
+    assert len(pairs) >= 50
+    assert all(len(pair) == 2 and pair not in TWINS for pair in pairs)
+    assert len({frozenset(pair) for pair in pairs}) > 40
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"effects": ["arm_sprung"]}, "arm_sprung"),
+        ({"rigs": ["qube"]}, "qube"),
+        ({"kinds": ["some"]}, "some"),
+        ({"split": "test"}, "dev or final"),
+        ({"share": 0.0}, "share"),
+        ({"seeds": 0}, "seeds"),
+    ],
+)
+def test_what_does_not_exist_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        make_plan(**arguments)
+
+
+def test_the_strength_is_fitted_to_the_ratio_on_the_rig_itself():
+    trial = next(t for t in make_plan(effects=["input_dead_zone"], rigs=["workshop"]) if t.kind == "library")
+    trial = replace(trial, hidden=(replace(trial.hidden[0], ratio=1.8),), friction="smooth")
+    sealed = laboratory.seal(trial)
+    assert sealed["ratios"][0] - 1 == pytest.approx(0.8, rel=0.45)
+    rig = laboratory._rig(trial, sealed["strengths"])
+    assert effect_size(rig, trial.experiment, trial.seed, 20.0).ratio == pytest.approx(sealed["ratios"][0])
+    assert sealed["truth"]["effects"][0]["name"] == "input_dead_zone"
+    assert sealed["truth"]["theta"] != laboratory._rig(replace(trial, individual=5), [1.0]).truth()["theta"]
+
+
+def test_the_examinee_sees_two_logs_and_no_truth(short, tmp_path):
+    run_trials(few(), tmp_path, decide=what_is_there)
+    results = read_results(few(), tmp_path)
+    assert len(results) == 3
+    for sealed, answer in results:
+        assert set(answer["files"]) == {"fit.csv", "held_out.csv"}
+        for text in answer["files"].values():
+            head = [line for line in text.splitlines() if line.startswith("#")]
+            assert [line.split(":")[0] for line in head] == [
+                "# input_unit",
+                "# pendulum_zero",
+                "# encoder_counts",
+                "# device",
+            ]
+            assert "# device: bench rig" in head
+            rows = [line for line in text.splitlines() if not line.startswith("#")]
+            assert rows[0] == "t,q1,q2,u"
+            assert all(len(row.split(",")) == 4 for row in rows)
+        secrets = [sealed["trial"]["id"], sealed["trial"]["kind"], *(h["name"] for h in sealed["trial"]["hidden"])]
+        assert not any(secret in text for secret in secrets for text in (*answer["files"].values(), answer["folder"]))
+        assert not Path(answer["folder"]).exists()
+        assert not Path(answer["folder"]).is_relative_to(tmp_path), "the sealed truth lies elsewhere"
+
+
+def test_the_examinee_imports_nothing_of_the_bench():
+    tree = ast.parse(Path(examinee.__file__).read_text())
+    names = [n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
+    names += [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
+    assert not [n for n in names if "bench" in n or "experiments" in n or n in ("plan", "seal", "scoring")]
+
+
+def test_the_same_trial_gives_the_same_logs(short, tmp_path):
+    sealed = laboratory.seal(few()[0])
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        laboratory.write_logs(json.loads(json.dumps(sealed)), tmp_path / name)
+    for log in ("fit.csv", "held_out.csv"):
+        assert (tmp_path / "a" / log).read_bytes() == (tmp_path / "b" / log).read_bytes()
+    assert (tmp_path / "a/fit.csv").read_bytes() != (tmp_path / "a/held_out.csv").read_bytes()
+
+
+def test_a_stopped_run_goes_on_and_loses_nothing(short, tmp_path):
+    plan = few()
+    counted: list[Path] = []
+
+    def tired(folder: Path) -> dict[str, Any]:
+        counted.append(folder)
+        if len(counted) == 3:
+            raise KeyboardInterrupt
+        return without_logs(folder)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_trials(plan, tmp_path, decide=tired)
+    first = (tmp_path / ANSWERS).read_text()
+    kept = len(first.splitlines())
+    assert 1 <= kept < 3
+    sealed = (tmp_path / SEALED).read_bytes()
+    with open(tmp_path / ANSWERS, "a") as file:
+        file.write('{"id": "cut o')  # as if the machine had stopped while writing
+    seen: list[tuple[str, int, int]] = []
+    run_trials(plan, tmp_path, progress=lambda *told: seen.append(told), decide=without_logs)
+    text = (tmp_path / ANSWERS).read_text()
+    assert text.startswith(first)
+    assert sorted(json.loads(line)["id"] for line in text.splitlines()) == sorted(t.id for t in plan)
+    assert (tmp_path / SEALED).read_bytes() == sealed
+    assert seen[-1] == ("deciding", 3 - kept, 3 - kept)
+
+
+def test_a_rig_that_always_falls_is_told_apart(short, tmp_path, monkeypatch):
+    from experiments.bench import PendulumLost
+
+    def falls(*arguments: Any) -> None:
+        raise PendulumLost("falls", None)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(laboratory, "record", falls)
+    run_trials(few(), tmp_path, decide=without_logs)
+    assert read_results(few(), tmp_path) == []
+    assert len(running.read_unanswerable(few(), tmp_path)) == 3
+
+
+def test_an_examinee_that_crashes_has_given_an_answer(tmp_path):
+    answer = examinee.decide(tmp_path)
+    assert "fit.csv" in answer["error"]
+    assert answer["runtime_s"] >= 0
+
+
+def test_processes_of_dask_give_the_same_answers(short, tmp_path):
+    pytest.importorskip("distributed")
+    plan = few()
+    run_trials(plan, tmp_path / "here", decide=without_logs)
+    # sealed here: workers elsewhere would not know of the short logs
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / SEALED).write_bytes((tmp_path / "here" / SEALED).read_bytes())
+    run_trials(plan, tmp_path / "there", backend="dask", jobs=1, decide=without_logs)
+
+    def answers(name: str) -> list[tuple[str, int]]:
+        return sorted((a["id"], a["lines"]) for _, a in read_results(plan, tmp_path / name))
+
+    assert len(answers("there")) == 3
+    assert answers("there") == answers("here")
+
+
+def test_another_backend_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="loky, dask"):
+        run_trials([], tmp_path, backend="slurm")
+
+
+def test_the_command_writes_all_its_files(short, tmp_path, monkeypatch):
+    pytest.importorskip("plotly")
+    plan = make_plan(seeds=1, effects=["arm_spring", "input_delay"], rigs=["servo"], kinds=["library", "none"])
+    run_trials(plan, tmp_path, decide=without_logs)  # so that the command has only to mark
+    arguments = ["--effects", "arm_spring,input_delay", "--rigs", "servo", "--kinds", "library,none", "--seeds", "1"]
+    result = CliRunner().invoke(app, ["trials", *arguments, "--jobs", "1", "-o", str(tmp_path), "--json"])
+    assert result.exit_code == 0, result.output
+    summary = json.loads(result.stdout)
+    assert summary["run"]["answered"] == len(plan) == 4
+    assert summary["library"]["results"]["missed"]["count"] == 2
+    assert summary["false_alarms"]["count"] == 0
+    assert all((tmp_path / name).stat().st_size > 50 for name in FILES)
+    page = (tmp_path / "report.html").read_text()
+    assert "arm_spring" in page
+    assert "nothing to name: false alarms" in page
+
+
+def test_the_command_refuses_what_it_does_not_know(tmp_path):
+    result = CliRunner().invoke(app, ["trials", "--effects", "arm_sprung", "-o", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "arm_sprung" in result.stderr
+    assert not (tmp_path / "out").exists()

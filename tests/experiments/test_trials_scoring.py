@@ -1,0 +1,247 @@
+"""Marks and rates, by answers made by hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import expit
+from scipy.stats import beta
+
+from experiments.trials.power import fit_power
+from experiments.trials.scoring import Outcome, score
+from experiments.trials.summary import confusion, power_curves, rate, summarize
+
+
+def hidden(*names: str, kind: str = "library", form: str = "table", friction: str = "smooth", **parameters: float):
+    """A sealed trial as `seal` writes it."""
+    return {
+        "trial": {
+            "id": "x",
+            "kind": kind,
+            "rig": "servo",
+            "friction": friction,
+            "hidden": [{"name": name, "form": form} for name in names],
+        },
+        "subject": "+".join(names) or kind,
+        "ratios": [1.5 for _ in names],
+        "truth": {
+            "effects": [
+                {"name": n, "form": form, "parameters": {k: {"value": v} for k, v in parameters.items()}} for n in names
+            ]
+        },
+    }
+
+
+def said(*sets: tuple[str, ...], verdict: str = "named", **more: Any) -> dict[str, Any]:
+    """A diagnosis.json that names these sets of equals."""
+    effects = [{"name": s[0], "confused_with": list(s[1:]), "parameters": {}} for s in sets]
+    return {"verdict": verdict if sets or verdict != "named" else "none", "effects": effects, **more}
+
+
+def marked(truth: dict[str, Any], answer: dict[str, Any]) -> str:
+    return score(truth, answer).result
+
+
+SPRING = ("arm_spring",)
+LAG_OR_DELAY = ("actuator_lag", "input_delay")
+
+
+@pytest.mark.parametrize(
+    ("answer", "result", "inside"),
+    [
+        (said(SPRING), "right", True),
+        (said(("arm_spring", "arm_ripple"), verdict="ambiguous"), "pair", True),
+        (said(("arm_ripple", "arm_spring")), "pair", True),
+        (said(("arm_spring", "arm_ripple", "base_tilt"), verdict="ambiguous"), "inside", True),
+        (said(("arm_ripple",)), "wrong", False),
+        (said(SPRING, LAG_OR_DELAY), "extra", True),
+        (said(LAG_OR_DELAY, SPRING), "extra", True),
+        (said(), "missed", False),
+        (said(verdict="unknown"), "unknown", False),
+        (said(SPRING, verdict="unknown"), "unknown", False),
+        (said(verdict="insufficient_excitation"), "insufficient", False),
+        ({"error": "ValueError: no"}, "error", False),
+        ({}, "error", False),
+        (said(SPRING, ("friction_sharpness",)), "extra", True),
+    ],
+)
+def test_one_effect(answer, result, inside):
+    outcome = score(hidden("arm_spring"), answer)
+    assert (outcome.result, outcome.inside) == (result, inside)
+    assert outcome.right == (result in ("right", "pair"))
+
+
+def test_hard_friction_may_be_named_as_sharpness():
+    sharp = ("friction_sharpness",)
+    on_hard = hidden("arm_spring", form="bench", friction="hard")
+    assert marked(on_hard, said(SPRING, sharp)) == "right"
+    assert marked(on_hard, said(sharp, SPRING)) == "right"
+    assert marked(on_hard, said(sharp)) == "missed"
+    assert marked(on_hard, said(SPRING, LAG_OR_DELAY)) == "extra"
+    alone = hidden(kind="hard", friction="hard")
+    assert marked(alone, said(sharp)) == "right"
+    assert marked(alone, said()) == "missed"
+    assert marked(alone, said(SPRING)) == "wrong"
+
+
+@pytest.mark.parametrize("kind", ["none", "torque_noise", "absorbed"])
+def test_nothing_to_name(kind):
+    truth = hidden(*(["back_emf"] if kind == "absorbed" else []), kind=kind)
+    assert marked(truth, said()) == "right"
+    assert marked(truth, said(SPRING)) == "false_alarm"
+    assert marked(truth, said(LAG_OR_DELAY, verdict="ambiguous")) == "false_alarm"
+    assert marked(truth, said(verdict="unknown")) == "unknown"
+    assert marked(truth, said(verdict="insufficient_excitation")) == "insufficient"
+
+
+def test_what_theta_takes_in_may_be_reported():
+    truth = hidden("back_emf", kind="absorbed")
+    assert score(truth, said(not_visible=["back_emf"])).reported_absorbed
+    assert not score(truth, said(not_visible=["amplifier_gain"])).reported_absorbed
+    assert not score(truth, said()).reported_absorbed
+
+
+def test_outside_the_library():
+    truth = hidden("stick_slip", kind="outside", form="bench")
+    assert marked(truth, said(verdict="unknown")) == "right"
+    assert marked(truth, said(SPRING, leftover=True)) == "right"
+    assert marked(truth, said(SPRING, leftover=False)) == "wrong"
+    assert marked(truth, said(SPRING)) == "wrong"
+    assert marked(truth, said(leftover=True)) == "missed"
+    assert marked(truth, said()) == "missed"
+
+
+def test_two_effects_in_any_order_and_each_set_used_once():
+    truth = hidden("arm_spring", "actuator_lag", kind="two")
+    assert marked(truth, said(("actuator_lag",), SPRING)) == "right"
+    assert marked(truth, said(SPRING, LAG_OR_DELAY)) == "pair"
+    assert marked(truth, said(SPRING, (*LAG_OR_DELAY, "arm_backlash"))) == "inside"
+    assert marked(truth, said(SPRING)) == "half"
+    assert marked(truth, said(SPRING, ("arm_ripple",))) == "half"
+    assert marked(truth, said(("arm_spring", "actuator_lag"))) == "half", "one set cannot name both"
+    assert marked(truth, said(("arm_spring", "actuator_lag"), SPRING)) == "pair"
+    assert marked(truth, said(SPRING, ("actuator_lag",), ("arm_ripple",))) == "extra"
+    assert marked(truth, said(("arm_ripple",))) == "wrong"
+    assert marked(truth, said()) == "missed"
+
+
+def sized(name: str, **parameters: tuple[float, float | None]) -> dict[str, Any]:
+    effect = {
+        "name": name,
+        "confused_with": [],
+        "parameters": {k: {"value": v, "std": s} for k, (v, s) in parameters.items()},
+    }
+    return {"verdict": "named", "effects": [effect]}
+
+
+def test_intervals_of_parameters():
+    truth = hidden("arm_spring", k=0.3, q1n=0.1)
+    assert score(truth, sized("arm_spring", k=(0.31, 0.01), q1n=(0.1, 0.02))).covered == {
+        "arm_spring.k": True,
+        "arm_spring.q1n": True,
+    }
+    assert score(truth, sized("arm_spring", k=(0.32, 0.01), q1n=(0.1, None))).covered == {"arm_spring.k": False}
+    of_bench_form = hidden("arm_spring", form="bench", k=0.3, q1n=0.1)
+    assert score(of_bench_form, sized("arm_spring", k=(0.3, 0.01))).covered == {}
+    assert score(truth, sized("arm_ripple", A=(0.3, 0.01))).covered == {}
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_sine_may_be_written_with_another_sign_and_turn(turns, sign):
+    truth = hidden("arm_ripple", A=0.06, n=12.0, φ=0.5)
+    phase = 0.52 + 2 * math.pi * turns + (math.pi if sign < 0 else 0.0)
+    answer = sized("arm_ripple", A=(sign * 0.061, 0.001), n=(12.0, None), φ=(phase, 0.02))
+    assert score(truth, answer).covered == {"arm_ripple.A": True, "arm_ripple.φ": True}
+
+
+def test_gap_numbers_are_taken_over_where_there_are_any():
+    gap = {
+        "after": {"rms_q1": 3e-4, "rms_q2": 4e-4},
+        "noise_floor": {"rms_q1": 3e-4, "rms_q2": 2e-4},
+        "closed_fraction": 0.9,
+    }
+    outcome = score(hidden("arm_spring"), said(SPRING, gap=gap, runtime_s=3.0))
+    assert outcome.closed_fraction == 0.9
+    assert outcome.after_over_floor == pytest.approx(math.sqrt((1 + 4) / 2))
+    assert outcome.runtime_s == 3.0
+    bare = score(hidden("arm_spring"), said(SPRING))
+    assert (bare.closed_fraction, bare.after_over_floor) == (None, None)
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 10), (7, 10), (10, 10)])
+def test_rates_have_exact_intervals(count, of):
+    got = rate([True] * count + [False] * (of - count))
+    assert got is not None
+    low = beta.ppf(0.025, count, of - count + 1) if count else 0.0
+    high = beta.ppf(0.975, count + 1, of - count) if count < of else 1.0
+    assert (got["count"], got["of"]) == (count, of)
+    assert (got["low"], got["high"]) == pytest.approx((low, high))
+    assert rate([]) is None
+
+
+def test_power_curve_finds_the_truth():
+    rng = np.random.default_rng(3)
+    x = rng.uniform(math.log(0.005), math.log(2.0), 3000)
+    right = rng.uniform(size=3000) < expit(1.7 * (x - math.log(0.08)))
+    curve = fit_power(list(1 + np.exp(x)), list(right))
+    assert curve is not None
+    assert curve.ratio50 == pytest.approx(1.08, abs=0.01)
+    assert curve.interval50[0] < 1.08 < curve.interval50[1]
+    assert curve.ratio95 == pytest.approx(1 + 0.08 * 19 ** (1 / 1.7), rel=0.05)
+    assert curve.probability(np.array([curve.ratio50, curve.ratio95])) == pytest.approx([0.5, 0.95])
+    assert curve.limit == ""
+
+
+def test_power_curve_stays_finite_where_all_or_none_are_named():
+    ratios = [1.01, 1.1, 1.5, 2.5]
+    above, below, split = (fit_power(ratios, right) for right in ([False] * 4, [True] * 4, [False, False, True, True]))
+    assert above is not None
+    assert below is not None
+    assert split is not None
+    assert above.limit == "above"
+    assert above.ratio50 > 1.5
+    assert below.limit == "below"
+    assert below.ratio50 < 1.1
+    assert split.limit == ""
+    assert 1.1 < split.ratio50 < 1.5
+    assert fit_power([1.0], [True]) is None
+
+
+def outcome(subject: str, result: str, *named: str, kind: str = "library", ratio: float | None = 1.5) -> Outcome:
+    return Outcome(*("x", kind, subject, "servo", "table", ratio, result, named, False, {}, False, None, None, 12.0))
+
+
+def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
+    outcomes = [
+        outcome("arm_spring", "right", "arm_spring"),
+        outcome("arm_spring", "pair", "arm_spring"),
+        outcome("arm_spring", "missed", ratio=1.05),
+        outcome("input_delay", "wrong", "actuator_lag"),
+        outcome("none", "right", kind="none", ratio=None),
+        outcome("none", "false_alarm", "arm_spring", kind="none", ratio=None),
+        outcome("stick_slip", "right", kind="outside"),
+        outcome("arm_spring+input_delay", "half", "arm_spring", kind="two"),
+    ]
+    summary = summarize(outcomes)
+    assert summary["library"]["right_alone"]["count"] == 1
+    assert summary["library"]["right_within_two"] == rate([True, True, False])
+    assert summary["library"]["below_visible"]["results"]["missed"]["of"] == 1
+    assert summary["false_alarms"]["count"] == 1
+    assert summary["false_alarms"]["of"] == 2
+    assert summary["outside"]["right"]["rate"] == 1.0
+    assert summary["two"]["half"]["of"] == 1
+    assert summary["runtime_s"]["median"] == 12.0
+    assert summary["closed_fraction"] is None
+    assert power_curves(outcomes)["arm_spring"].trials == 3
+
+    table = confusion(outcomes)
+    assert table.loc["arm_spring", "arm_spring"] == 2
+    assert table.loc["arm_spring", "none"] == 1
+    assert table.loc["input_delay", "actuator_lag"] == 1
+    assert table.loc["(none)", "arm_spring"] == 1
+    assert table.loc["stick_slip", "unknown"] == 1
+    assert int(table.to_numpy().sum()) == 7
