@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import time
 import warnings
 from pathlib import Path
 from typing import Any
 
+from experiments.report.gap import measure_gap
 from identification.diagnosis.diagnose import diagnose
 from identification.logs import read_logs
 
@@ -21,10 +21,14 @@ def decide(folder: Path) -> dict[str, Any]:
             answer = _diagnosed(folder)
     except Exception as error:  # a crash is a wrong answer, not the end of the trials
         answer = {"error": f"{type(error).__name__}: {error}"}
-    return answer | {"runtime_s": time.monotonic() - began}
+    return {"runtime_s": time.monotonic() - began} | answer
 
 
 def _diagnosed(folder: Path) -> dict[str, Any]:
     logs, held_out = read_logs([folder / "fit.csv"]), read_logs([folder / "held_out.csv"])
-    more: dict[str, Any] = {"held_out": held_out} if "held_out" in inspect.signature(diagnose).parameters else {}
-    return diagnose(logs, **more).to_dict()
+    found = diagnose(logs)
+    answer = found.to_dict()
+    try:
+        return answer | {"gap": measure_gap(found, logs, held_out).to_dict()}
+    except ValueError:  # nothing to predict with, or no window in which the held-out run can be predicted
+        return answer

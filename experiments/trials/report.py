@@ -12,7 +12,7 @@ import pandas as pd
 
 from .power import PowerCurve
 from .scoring import Outcome
-from .summary import VISIBLE, confusion, power_curves, power_table, rate, summarize
+from .summary import ALL, VISIBLE, confusion, power_curves, power_table, rate, summarize
 
 FILES = ("summary.json", "confusion.csv", "power.csv", "outcomes.csv", "summary.md", "report.html")
 
@@ -66,24 +66,30 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [row for row in rows if row[1] != "–"]
 
 
+_INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
+_LIMITS_HEAD = ("effect", f"right within two, gap ratio ≥ {VISIBLE}", "half are named at a ratio of", "95 % at")
+_LIMITS_CAPTION = "Gap ratios from the logistic regression, with its 95 % interval; 1 is invisible."
 _SHORTCOMINGS = ("extra", "wrong", "missed", "unknown", "insufficient", "error")
 _NOTHING = ("none", "torque_noise", "absorbed")
 
 
 def markdown(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> str:
     """The main results and a line per effect as Markdown tables."""
-    lines = ["| question | answer (95 % interval) |", "|---|---|"]
-    lines += [f"| {question} | {answer} |" for question, answer in headline(summary)]
-    lines += [
-        "",
-        "| effect | right within two, visible trials | half are named at a ratio of | 95 % at |",
-        "|---|---|---|---|",
-    ]
+    first = _markdown_table(("question", "answer (95 % interval)"), headline(summary))
+    return first + "\n" + _markdown_table(_LIMITS_HEAD, _limits_rows(summary, curves))
+
+
+def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _limits_rows(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> list[tuple[str, ...]]:
+    rows = []
     for name, curve in curves.items():
-        visible = summary["library"] if name == "all effects" else summary["library_by_effect"].get(name, {})
-        at_half, at_most = _limits(curve)
-        lines.append(f"| {name} | {percent(visible.get('right_within_two'))} | {at_half} | {at_most} |")
-    return "\n".join(lines) + "\n"
+        visible = summary["library"] if name == ALL else summary["library_by_effect"].get(name, {})
+        rows.append((name, percent(visible.get("right_within_two")), *_limits(curve)))
+    return rows
 
 
 def _limits(curve: PowerCurve) -> tuple[str, str]:
@@ -123,16 +129,18 @@ def _outcomes_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
 def _html(
     summary: Mapping[str, Any], table: pd.DataFrame, curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]
 ) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+    from plotly.offline import get_plotlyjs
 
     from .figures import confusion_figure, power_figure
 
-    page = Environment(
-        loader=PackageLoader("experiments.trials", "."), undefined=StrictUndefined, autoescape=True
-    ).get_template("report.html")
-    figures = [
-        figure.to_html(full_html=False, include_plotlyjs=i == 0)  # the library once, so that the page works off line
-        for i, figure in enumerate((confusion_figure(table), power_figure(curves, outcomes)))
-    ]
-    effects = [(name, *_limits(curve), f"{curve.right} of {curve.trials}") for name, curve in curves.items()]
-    return page.render(headline=headline(summary), run=summary["run"], figures=figures, effects=effects)
+    loaders = [PackageLoader("experiments.trials", "."), PackageLoader("experiments.report")]
+    pages = Environment(loader=ChoiceLoader(loaders), undefined=StrictUndefined, autoescape=True)
+    return pages.get_template("page.html").render(
+        plotly=get_plotlyjs(),
+        run=summary["run"],
+        headline={"head": ("question", "answer"), "rows": headline(summary), "caption": _INTERVALS},
+        limits={"head": _LIMITS_HEAD, "rows": _limits_rows(summary, curves), "caption": _LIMITS_CAPTION},
+        confusion=confusion_figure(table),
+        power=power_figure(curves, outcomes),
+    )

@@ -20,6 +20,9 @@ SCHEMA = "furuta-trials/1"
 VISIBLE = 1.1
 """Gap ratio from which an effect is called visible; smaller ones are left to the power curves."""
 
+ALL = "all effects"
+"""The name of the power curve of all trials together."""
+
 _NO_NAME = ("none", "unknown", "insufficient", "error")
 
 
@@ -70,9 +73,9 @@ def confusion(outcomes: Iterable[Outcome]) -> pd.DataFrame:
 
 
 def power_curves(outcomes: Iterable[Outcome]) -> dict[str, PowerCurve]:
-    """Effect → curve over its library trials; "all effects" → the curve of all together."""
+    """Effect → curve over its library trials; ALL → the curve of all together."""
     tried = [o for o in outcomes if o.kind == "library" and o.ratio is not None]
-    groups = {"all effects": tried} | {s: [o for o in tried if o.subject == s] for s in _subjects(tried)}
+    groups = {ALL: tried} | {s: [o for o in tried if o.subject == s] for s in _subjects(tried)}
     curves = {name: fit_power([o.ratio or 1.0 for o in some], [o.right for o in some]) for name, some in groups.items()}
     return {name: curve for name, curve in curves.items() if curve is not None}
 
