@@ -28,13 +28,18 @@ _BRISTLES = (0.002, 0.008, 0.03)  # rad, of travel until a bristle slips
 
 @dataclass(frozen=True)
 class Signals:
-    """Motion along a log, N samples: q, v, a (N, 2) [rad, rad/s, rad/s²], u (N,), t (N,) from the log's start [s]."""
+    """Motion along a log, N samples: q, v, a (N, 2) [rad, rad/s, rad/s²], u (N,), t (N,) from the log's start [s].
+
+    expected (N, 2) [rad]: the readings as the filter expects them before it sees them. An error of the reading must be
+    a function of these: q knows the reading's noise, and a function of it would "explain" that noise.
+    """
 
     t: Array
     q: Array
     v: Array
     a: Array
     u: Array
+    expected: Array
 
     @classmethod
     def of(cls, path: FilterPath) -> Signals:
@@ -42,7 +47,7 @@ class Signals:
         t, states = path.record.t, path.about
         a = np.zeros((len(t), 2))
         a[:-1] = (path.carried[1:, 2:4] - states[:-1, 2:4]) / np.diff(t)[:, None]
-        return cls(t, states[:, :2], states[:, 2:4], a, path.record.u[:, 0])
+        return cls(t, states[:, :2], states[:, 2:4], a, path.record.u[:, 0], path.record.y - path.e)
 
 
 @dataclass(frozen=True)
@@ -50,22 +55,37 @@ class Family:
     """m columns of torque (N, 2, m) on the two rows, or of reading error (N, 2, m) [rad], and what they stand for.
 
     channel: arm, pendulum, input, sensor or parameters; variable: what they depend on, in words ("constant": nothing).
+    price [nats]: what was gained by chance when the columns were chosen to suit the data.
     """
 
     channel: str
     variable: str
     torque: Array | None = None
     misreading: Array | None = None
+    price: float = 0.0
 
     @property
     def size(self) -> int:
         return (self.torque if self.torque is not None else self.misreading).shape[2]  # type: ignore[union-attr]
 
 
-def families(signals: Signals, plant: Plant, knots: Knots, frequencies: Sequence[float] = ()) -> list[Family]:
-    """Every family along a log. frequencies [Hz]: of periodic torques worth trying."""
+@dataclass(frozen=True)
+class Peaks:
+    """Frequencies [Hz] of periodic torques worth trying, picked from the data among so many that were looked at."""
+
+    hertz: tuple[float, ...] = ()
+    looked_at: int = 1
+
+    @property
+    def price(self) -> float:
+        """[nats]: the best of n lines of noise gains ln n by being the best."""
+        return len(self.hertz) * math.log(self.looked_at)
+
+
+def families(signals: Signals, plant: Plant, knots: Knots, peaks: Peaks) -> list[Family]:
+    """Every family along a log."""
     s = signals
-    (q1, q2), (v1, v2), u, t = s.q.T, s.v.T, s.u, s.t
+    (q1, q2), (v1, v2), (y1, y2), u, t = s.q.T, s.v.T, s.expected.T, s.u, s.t
     r1, r2 = plant.sharpness
     c1, c2 = np.tanh(r1 * v1), np.tanh(r2 * v2)  # which way friction acts
     T = float(np.median(np.diff(t)))
@@ -87,15 +107,15 @@ def families(signals: Signals, plant: Plant, knots: Knots, frequencies: Sequence
             Family(channel, "pendulum speed", _on(row, *speed2)),
             Family(channel, "memory of the motion", _on(row, *(memory if row == 0 else memory2))),
         ]
-        if frequencies:
-            waves = [w(2 * math.pi * f * t) for f in frequencies for w in (np.sin, np.cos)]
-            found.append(Family(channel, "frequency", _on(row, *waves)))
+        if peaks.hertz:
+            waves = [w(2 * math.pi * f * t) for f in peaks.hertz for w in (np.sin, np.cos)]
+            found.append(Family(channel, "frequency", _on(row, *waves), price=peaks.price))
     found += [
         Family("arm", "arm angle and direction", _on(0, np.sin(q1) * c1, np.cos(q1) * c1)),
         Family("input", "command", _on(0, hats(u, knots.u), u**3)),
         Family("input", "change of the command", _on(0, *late)),
-        Family("sensor", "arm angle", None, _on(0, np.sin(q1), np.cos(q1) - 1.0)),
-        Family("sensor", "pendulum angle", None, _on(1, np.ones_like(q2), np.sin(q2), np.cos(q2) - 1.0)),
+        Family("sensor", "arm angle", None, _on(0, np.sin(y1), np.cos(y1) - 1.0)),
+        Family("sensor", "pendulum angle", None, _on(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
     ]
     stages = [np.clip(1.0 - np.abs(4.0 * t / t[-1] - j), 0.0, None) for j in range(5)]
     torques = parameter_torques(s, plant)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from .answers import Normal, Solution, solve
-from .families import Family, Knots, Signals, families
+from .families import Family, Knots, Peaks, Signals, families
 from .filter_path import FilterPath, along, refilter, smooth
 from .likelihood import innovation_cost, whiten
 from .noise_fit import NoiseFit, fit_noise, likeliest
@@ -43,28 +43,28 @@ class Flexible:
     evidence: float
     torque: Array
     misreading: Array
-    frequencies: tuple[float, ...]
+    peaks: Peaks
 
 
 def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
     """Correct a plant on a record by whatever the data ask for. Raises ValueError if the filter loses the log."""
     plain = fit_noise(plant, record)
-    path, frequencies = plain.path, spectral_peaks(plain.path)
+    path, peaks = plain.path, spectral_peaks(plain.path)
     first, value, best = None, np.inf, np.inf
     none = np.zeros((len(record.t), 2))
-    found = Flexible(plain, path, path, 0.0, none, none, frequencies)
+    found = Flexible(plain, path, path, 0.0, none, none, peaks)
     for _ in range(rounds):
         smoothed = smooth(path)
         tangent = along(path, smoothed.mean, smoothed.variance[:, 2:4])
         if tangent is None:
             break
         signals = Signals.of(tangent)
-        columns = families(signals, plant, Knots.of([signals]), frequencies)
+        columns = families(signals, plant, Knots.of([signals]), peaks)
         solution = solve(Normal.of(tangent, columns))
         first = solution.evidence if first is None else first
         if solution.evidence < _BELIEVED:
             if found.path is plain.path:
-                found = Flexible(plain, tangent, tangent, first, none, none, frequencies)
+                found = Flexible(plain, tangent, tangent, first, none, none, peaks)
             break
         torque, misreading = combined(columns, solution.coefficients)
         corrected = refilter(tangent, tangent.noise, torque=torque, misreading=misreading)
@@ -73,23 +73,24 @@ def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
         before, value = value, innovation_cost(path.e, path.S)
         if value < best:
             best = value
-            found = Flexible(plain, path, refilter(tangent, noise), first, torque, misreading, frequencies)
+            found = Flexible(plain, path, refilter(tangent, noise), first, torque, misreading, peaks)
         if abs(before - value) < _CONVERGED:
             break
     return found
 
 
-def spectral_peaks(path: FilterPath, most: int = 2) -> tuple[float, ...]:
-    """Frequencies [Hz] of the largest peaks in the periodogram of the whitened innovations, up to 25 Hz."""
+def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
+    """The largest peaks in the periodogram of the whitened innovations, up to 25 Hz."""
     w = whiten(path.e, path.S)[path.used]
     f = np.fft.rfftfreq(len(w), float(np.median(np.diff(path.record.t[path.used]))))
     power = np.sum(np.abs(np.fft.rfft(w - w.mean(axis=0), axis=0)) ** 2, axis=1)
-    power[(f < 3.0 / path.record.t[-1]) | (f > 25.0)] = 0.0
-    peaks = []
+    inside = (f >= 3.0 / path.record.t[-1]) & (f <= 25.0)
+    power[~inside] = 0.0
+    hertz: list[float] = []
     for _ in range(most):
-        peaks.append(float(f[int(np.argmax(power))]))
-        power[np.abs(f - peaks[-1]) < 2.5 / path.record.t[-1]] = 0.0
-    return tuple(peaks)
+        hertz.append(float(f[int(np.argmax(power))]))
+        power[np.abs(f - hertz[-1]) < 2.5 / path.record.t[-1]] = 0.0
+    return Peaks(tuple(hertz), max(1, int(inside.sum())))
 
 
 def combined(columns: list[Family], coefficients: Array) -> tuple[Array, Array]:

@@ -39,7 +39,8 @@ class Look:
 
 
 def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: tuple[str, str]) -> float:
-    """Log-likelihood [nats] that a family adds beside free θ, less its price, the noise estimated anew on both sides.
+    """Log-likelihood [nats] that a family adds beside free θ, less its price (of its directions, and of the search for
+    them), the noise estimated anew on both sides.
 
     With the noise held at what the plain model needs, a missing torque passes for torque noise and its evidence
     shrinks tenfold.
@@ -48,7 +49,7 @@ def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: 
     with_it, rank = _refit(looks, own)
     without, _ = _refit(looks, [[] for _ in looks])
     samples = sum(2 * int(look.plain.used.sum()) for look in looks)
-    return without - with_it - 0.5 * rank * math.log(samples)
+    return without - with_it - 0.5 * rank * math.log(samples) - sum(f.price for f in own[0])
 
 
 def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> tuple[float, int]:
@@ -93,16 +94,19 @@ def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]]) -> lis
     left = _apart(total, 9)
     whole = max(_gain(left, np.arange(len(left.right)))[0], 1e-12)
     groups: dict[tuple[str, str], list[int]] = {}
+    searched: dict[tuple[str, str], float] = {}
     at = 0
     for family in columns[0]:
         key = _merged(family)
         groups.setdefault(key, []).extend(range(at, at + family.size))
+        searched[key] = searched.get(key, 0.0) + family.price
         at += family.size
     samples = sum(2 * int(look.plain.used.sum()) for look in looks)
     found = []
     for (channel, variable), which in groups.items():
         gain, rank = _gain(left, np.array(which))
-        suspicion = Suspicion(channel, variable, gain, gain - 0.5 * rank * math.log(samples), gain / whole)
+        price = 0.5 * rank * math.log(samples) + searched[channel, variable]
+        suspicion = Suspicion(channel, variable, gain, gain - price, gain / whole)
         found.append((rank, suspicion))
     found.sort(key=lambda item: -item[1].net)
     top = found[0][1].net

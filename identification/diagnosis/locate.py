@@ -50,8 +50,8 @@ def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD
     if not looks:
         raise ValueError(f"locate needs at least one log of {_SHORTEST:g} s without gaps")
     knots = Knots.of([look.signals for look in looks])
-    hertz = max(looks, key=lambda look: look.signals.t[-1]).flexible.frequencies
-    columns = [families(look.signals, plant, knots, hertz) for look in looks]
+    peaks = max(looks, key=lambda look: look.signals.t[-1]).flexible.peaks
+    columns = [families(look.signals, plant, knots, peaks) for look in looks]
     suspicions = suspicions_of(looks, columns)
     best = suspicions[0]
     evidence = evidence_of(looks, columns, (best.channel, best.variable))

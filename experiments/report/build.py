@@ -1,0 +1,93 @@
+"""The page itself: figures, tables and sentences into one HTML file that needs no network."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from plotly.offline import get_plotlyjs
+
+from furuta_gym.plant import EFFECTS
+
+from . import prediction_figures, search_figures, tables, where_figures
+from .examine import Examination
+from .words import LABEL, MEANING
+
+
+@dataclass(frozen=True)
+class Found:
+    """One effect that was added, in words."""
+
+    name: str
+    equation: str
+    symptom: str
+    values: tuple[str, ...]
+    gain: str
+    confused_with: tuple[str, ...]
+
+
+def build(examination: Examination) -> str:
+    """The report as HTML. Everything is inside it, plotly.js too (4.8 MB; the package has no smaller build)."""
+    pages = Environment(
+        loader=PackageLoader("experiments.report"),
+        autoescape=select_autoescape(default=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return pages.get_template("report.html").render(_contents(examination), plotly=get_plotlyjs())
+
+
+def _contents(x: Examination) -> dict[str, Any]:
+    d = x.diagnosis
+    data = x.to_dict()
+    changed = d.after is not d.before
+    return {
+        "verdict": d.verdict,
+        "label": LABEL[d.verdict],
+        "summary": d.summary[:1].upper() + d.summary[1:],
+        "meaning": MEANING[d.verdict],
+        "effects": [_found(effect) for effect in data["effects"]],
+        "not_visible": data.get("not_visible", []),
+        "changed": changed,
+        "gap": x.gap,
+        "where": x.where,
+        "where_after": x.where_after,
+        "remarks": x.remarks,
+        "predictions": prediction_figures.predictions(x.gap) if x.gap else None,
+        "closed_loop": prediction_figures.closed_loop(x.closed_loop, x.shown) if x.closed_loop else None,
+        "torques": where_figures.torques(x.where, x.where_after) if x.where else [],
+        "maps": where_figures.maps(x.where, x.where_after) if x.where else [],
+        "suspicions": tables.suspicions(x.where) if x.where and x.where.found else None,
+        "rankings": search_figures.rankings(d.naming) if d.naming else [],
+        "parameters": tables.parameters(d.before, d.after) if d.before and d.after else None,
+        "parameter_figure": search_figures.parameters(d.before, d.after) if d.before and d.after and changed else None,
+        "gaps": tables.gaps(x.gap) if x.gap else None,
+        "horizons": prediction_figures.horizons(x.gap) if x.gap else None,
+        "leftovers": tables.leftovers(x.where, x.where_after) if x.where else None,
+        "next_experiment": x.next_experiment,
+        "logs": tables.logs(x.logs, x.held_out),
+        "runtime": data["runtime_s"],
+        "package": version("furuta-gym"),
+    }
+
+
+def _found(effect: dict[str, Any]) -> Found:
+    values = tuple(
+        f"{name} = {_number(p['value'])}" + (f" ± {p['std']:.2g}" if p.get("std") else "") + f" {p['unit']}".rstrip()
+        for name, p in effect["parameters"].items()
+    )
+    return Found(
+        effect["name"],
+        effect["equation"],
+        EFFECTS[effect["name"]].symptom,
+        values,
+        f"{effect['log_likelihood_gain']:.0f}",
+        tuple(effect["confused_with"]),
+    )
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.4g}"

@@ -1,0 +1,93 @@
+"""How every figure of the report looks: colours, bands, sizes, and how it gets into the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+# Okabe & Ito's palette, which colour-blind readers can tell apart; dashes and markers say the same again
+BEFORE, AFTER, MEASURED, FLOOR, MARK = "#D55E00", "#0072B2", "#333333", "#009E73", "rgba(240,228,66,0.35)"
+DASH = {BEFORE: "dot", AFTER: "solid", MEASURED: "solid", FLOOR: "dash"}
+MARKER = {BEFORE: "circle-open", AFTER: "diamond"}
+MOST_POINTS = 2000  # of one trace
+NORMAL_95 = 1.96
+
+_INK, _GRID = "#1a1a1a", "#dddddd"
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure in the page: its name there, Plotly's JSON, what it shows in words, and its height [px]."""
+
+    name: str
+    json: str
+    alt: str
+    caption: str
+    height: int
+    small: bool = False
+
+
+def drawing(name: str, figure: go.Figure, alt: str, caption: str, height: int, small: bool = False) -> Drawing:
+    """Finish a figure: fonts, margins, no template (Plotly's own is 7 kB in every figure)."""
+    figure.update_layout(
+        template=go.layout.Template(),
+        height=height,
+        font={"family": "system-ui, sans-serif", "size": 11 if small else 13, "color": _INK},
+        paper_bgcolor="white",
+        plot_bgcolor="white",
+        margin={"l": 10, "r": 12, "t": 8 if small else 36, "b": 40 if small else 50},
+        legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom", "xanchor": "left"},
+        hoverlabel={"font": {"size": 12}},
+    )
+    line = {"gridcolor": _GRID, "linecolor": _INK, "zerolinecolor": "#999999", "showline": True, "ticks": "outside"}
+    figure.update_xaxes(**line)
+    figure.update_yaxes(**line, automargin=True, title_standoff=6, exponentformat="power")
+    # "<" would let a file's name end the script element that the JSON stands in
+    text = figure.to_json(validate=False) or "{}"
+    return Drawing(name, text.replace("<", "\\u003c"), alt, caption, height, small)
+
+
+def pattern(shape: str) -> dict[str, str]:
+    """White strokes over a bar's colour, which tell bars apart without it."""
+    return {"shape": shape, "fgcolor": "white", "fillmode": "overlay"}
+
+
+def thinned(*arrays: Array) -> tuple[Array, ...]:
+    """Every n-th row of arrays of equal length, in single precision, so that at most `MOST_POINTS` are left."""
+    stride = -(-len(arrays[0]) // MOST_POINTS)
+    return tuple(np.asarray(a[::stride], dtype=np.float32) for a in arrays)
+
+
+def curve(x: Array, y: Array, name: str, colour: str, legend: bool = True, width: float = 1.4) -> go.Scatter:
+    """A line; its legend entry stands for all lines of that name."""
+    x, y = thinned(x, y)
+    style = {"color": colour, "width": width, "dash": DASH.get(colour, "solid")}
+    return go.Scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, mode="lines", line=style)
+
+
+def band(x: Array, low: Array, high: Array, name: str, colour: str, legend: bool = False) -> go.Scatter:
+    """The area between two lines."""
+    x, low, high = thinned(x, low, high)
+    return go.Scatter(
+        x=np.concatenate([x, x[::-1]]),
+        y=np.concatenate([high, low[::-1]]),
+        name=name,
+        legendgroup=name,
+        showlegend=legend,
+        mode="lines",
+        line={"width": 0},
+        fill="toself",
+        fillcolor=faded(colour),
+        hoverinfo="skip",
+    )
+
+
+def faded(colour: str, opacity: float = 0.2) -> str:
+    """A hexadecimal colour made transparent."""
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red},{green},{blue},{opacity})"

@@ -1,0 +1,97 @@
+"""What the report shows and a search alone does not know: where the model fails, the gap, the closed loop run again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from identification.diagnosis.diagnose import Diagnosis
+from identification.diagnosis.locate import locate
+from identification.diagnosis.where import Where
+from identification.logs import Log
+from identification.resimulation import Resimulation, resimulate
+
+from .gap import GapChange, measure_gap
+from .words import NEXT
+
+
+@dataclass(frozen=True)
+class Examination:
+    """A diagnosis with its evidence.
+
+    where, where_after: of the plant without and with the effects found (where_after is None where none was). gap,
+    closed_loop (before, after): None where they could not be had; `remarks` says why, by "where", "gap" and
+    "closed loop". seconds: how long this took, the search not included.
+    """
+
+    diagnosis: Diagnosis
+    logs: tuple[Log, ...]
+    held_out: tuple[Log, ...]
+    where: Where | None
+    where_after: Where | None
+    gap: GapChange | None
+    closed_loop: tuple[Resimulation, ...] | None
+    remarks: dict[str, str]
+    seconds: float
+
+    @property
+    def shown(self) -> Log:
+        """The log whose prediction is drawn: held out where there is one."""
+        return (self.held_out or self.logs)[0]
+
+    @property
+    def next_experiment(self) -> str:
+        return getattr(self.diagnosis, "next_experiment", None) or NEXT[self.diagnosis.verdict]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The whole of diagnosis.json."""
+        found = self.diagnosis.to_dict()
+        found |= {
+            "where": self.where.to_dict() if self.where else None,
+            "where_after": self.where_after.to_dict() if self.where_after else None,
+            "gap": self.gap.to_dict() if self.gap else None,
+            "next_experiment": self.next_experiment,
+            "remarks": self.remarks,
+        }
+        return found | {"runtime_s": self.diagnosis.runtime_s + self.seconds}
+
+
+def examine(
+    diagnosis: Diagnosis,
+    logs: Sequence[Log],
+    held_out: Sequence[Log] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Examination:
+    """Measure everything that the report shows. What cannot be measured on these logs becomes a remark.
+
+    logs: those that were searched. held_out: logs of the same rig that no fit saw; without them, the last part of
+    each log serves. progress is told each step.
+    """
+    began = time.monotonic()
+    tell = progress or (lambda text: None)
+    remarks: dict[str, str] = {}
+
+    def tried(what: str, compute: Callable[[], Any]) -> Any:
+        try:
+            return compute()
+        except ValueError as error:
+            remarks[what] = str(error)
+            return None
+
+    where = where_after = gap = closed_loop = None
+    before, after = diagnosis.before, diagnosis.after
+    if before is not None and after is not None:
+        plants = [before.plant] if after is before else [before.plant, after.plant]
+        tell("locating the gap")
+        where = tried("where", lambda: locate(plants[0], logs))
+        if len(plants) > 1:
+            where_after = tried("where", lambda: locate(plants[1], logs))
+        tell("measuring the gap")
+        gap = tried("gap", lambda: measure_gap(diagnosis, logs, held_out))
+        shown = (tuple(held_out) or tuple(logs))[0]
+        closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
+    return Examination(
+        diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, remarks, time.monotonic() - began
+    )

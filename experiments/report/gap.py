@@ -1,0 +1,130 @@
+"""How much of the gap closes when the effects found are added, on data that no fit has seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+from identification.diagnosis.diagnose import Diagnosis
+from identification.identify import identify
+from identification.logs import Log
+from identification.validation import ClosedFraction, Gap, closed_fraction, validate
+
+TAIL = 0.3  # of each log, held out where there is no other log
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GapChange:
+    """Prediction errors before and after, on the same windows.
+
+    closed: share of the squared gap above the floor that closed; 0 where nothing was added. tail: share of each
+    fitted log that was held out (both plants fitted anew to the rest), or None where whole logs were.
+    """
+
+    before: Gap
+    after: Gap
+    closed: ClosedFraction
+    logs: tuple[Log, ...]
+    tail: float | None
+
+    @property
+    def changed(self) -> bool:
+        return self.after is not self.before
+
+    @property
+    def floor(self) -> Array:
+        """(2,) [rad] at the horizon: the lower of the two, as what a wrong plant misses can only raise it."""
+        return np.minimum(self.before.floor, self.after.floor)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As the "gap" of diagnosis.json, and more."""
+        sides = {
+            side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1]), "ratio_to_floor": gap.ratio_to_floor}
+            for side, gap in (("before", self.before), ("after", self.after))
+        }
+        low, high = self.closed.interval
+        return sides | {
+            "noise_floor": {"rms_q1": float(self.floor[0]), "rms_q2": float(self.floor[1])},
+            "closed_fraction": _finite(self.closed.value),
+            "closed_interval": [_finite(low), _finite(high)],
+            "held_out": self.tail is None,
+            "tail": self.tail,
+            "horizon_s": self.before.horizon,
+            "logs": [log.source for log in self.logs],
+        }
+
+
+def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Log] = ()) -> GapChange:
+    """The gap of the plants before and after on held-out logs or, without any, on the last part of the fitted ones.
+
+    Raises ValueError where there is no plant, the logs are too short, or their first part alone cannot be fitted.
+    """
+    if diagnosis.before is None or diagnosis.after is None:
+        raise ValueError("there is no plant to predict with")
+    plants = [diagnosis.before.plant]
+    if diagnosis.after is not diagnosis.before:
+        plants.append(diagnosis.after.plant)
+    if held_out:
+        gaps = [validate(plant, held_out) for plant in plants]
+    else:
+        heads = [log.split(1.0 - TAIL)[0] for log in logs]
+        gaps = [_of_tails(identify(heads, _as_start(plant)).plant, logs) for plant in plants]
+    before, after = gaps[0], gaps[-1]
+    closed = closed_fraction(before, after) if len(gaps) > 1 else ClosedFraction(0.0, (0.0, 0.0))
+    return GapChange(before, after, closed, tuple(held_out or logs), None if held_out else TAIL)
+
+
+def _as_start(plant: Plant) -> Plant:
+    return plant.replace(covariance=None, checks={}, provenance={})
+
+
+def _of_tails(plant: Plant, logs: Sequence[Log]) -> Gap:
+    """The gap in the windows that lie in the last part of each log. The filter runs from the start, so that what
+    changes with time is predicted at its time."""
+    gap = validate(plant, logs)
+    cut = np.array([log.t[0] + (1.0 - TAIL) * log.duration for log in logs])
+    late = gap.times - gap.horizon >= cut[gap.log]
+    if late.sum() < 10:
+        raise ValueError(f"the last {100 * TAIL:.0f} % of the logs are too short for prediction over {gap.horizon:g} s")
+    errors = gap.errors[late]
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    reading = np.concatenate([readings_at(logs[i], gap.times[late & (gap.log == i)]) for i in range(len(logs))])
+    size = np.maximum(np.sqrt(np.mean((reading - reading.mean(axis=0)) ** 2, axis=0)), 1e-12)
+    return replace(
+        gap,
+        rms=rms,
+        fit_percent=100.0 * (1.0 - rms / size),
+        curve=np.concatenate([[gap.horizon], rms, gap.floor])[None],
+        errors=errors,
+        times=gap.times[late],
+        log=gap.log[late],
+    )
+
+
+def readings_at(log: Log, times: Array) -> Array:
+    """Readings (M, 2) of a log at some of its own stamps (M,)."""
+    return log.angles[np.clip(np.searchsorted(log.t, times - 1e-9), 0, len(log) - 1)]
+
+
+def rms_interval(gap: Gap, seed: int = 0, draws: int = 500, block: float = 1.0) -> Array:
+    """95 % interval (2, 2) [rad], axis by low and high, of the rms error, by a bootstrap over blocks of time [s]."""
+    _, group = np.unique(np.stack([gap.log, np.floor(gap.times / block)]), axis=1, return_inverse=True)
+    group = group.ravel()
+    groups = int(group.max()) + 1
+    columns = (*(gap.errors**2).T, np.ones(len(gap.errors)))
+    sums = np.stack([np.bincount(group, x, groups) for x in columns])
+    picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))
+    drawn = sums[:, picked].sum(axis=2)
+    return np.quantile(np.sqrt(drawn[:2] / drawn[2]), [0.025, 0.975], axis=1).T
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None
