@@ -84,11 +84,13 @@ _INVERSE = """\
 def c_header(controller: Controller, prefix: str | None = None) -> str:
     """The header's text; `prefix` begins its names, by default `furuta_` and the controller's name.
 
-    Raises ValueError for a controller that is not linear (swing-up, learned policies), for a prefix that is no C
-    name, and for plants with effects that the header cannot undo (eccentric encoders, cancelled arm effects).
+    Raises ValueError for a controller that is not linear (learned policies have `export_policy_c`), for a prefix that
+    is no C name, and for plants with effects that the header cannot undo (eccentric encoders, cancelled arm effects).
     """
     if not isinstance(controller, LinearController):
-        raise ValueError(f"{controller.name} is not linear and has no C export; lqr, dlqr, lqg, lqi and the like have")
+        raise ValueError(
+            f"{controller.name} is not linear and has no C export; lqr, dlqr, lqg, lqi and the like have, and policies"
+        )
     prefix = prefix or "furuta_" + re.sub(r"\W", "_", controller.name)
     if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
         raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")

@@ -47,6 +47,7 @@ class LearnedController(Controller):
         reference: Reference = 0.0,
     ) -> None:
         super().__init__(name, sample_time, plant.u_max, reference)
+        self.unit = plant.unit
         self.predict = predict
         self.tasks = tasks
         self.history = history
@@ -54,13 +55,14 @@ class LearnedController(Controller):
         self.scale = plant.u_max if normalized else 1.0
         self.every = every
         self.arm_limit = arm_limit
+        self.velocity_cutoff = velocity_cutoff
         self._velocity = FilteredDifference(velocity_cutoff)
         self._start()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "LearnedController":
         twin = object.__new__(type(self))
         vars(twin).update(vars(self))  # the network is shared; it has no state of its own
-        twin._velocity = FilteredDifference(self._velocity.cutoff)
+        twin._velocity = FilteredDifference(self.velocity_cutoff)
         twin._start()
         return twin
 

@@ -67,7 +67,7 @@ class Training:
                 "--randomize draws plants from the covariance that identification stores, and this plant has none; "
                 "identify it from a log with `furuta identify`, or leave --randomize out"
             )
-        recipe(self.algorithm)
+        recipe(self.algorithm, self.task)
         Setup(Options.of({"plant": self.plant} | self.env))  # refuses what the env would refuse
 
     @property
@@ -143,7 +143,7 @@ class _Run:
 
         from .sb3 import ScaledObservation, ScaledReward
 
-        plan = recipe(training.algorithm)
+        plan = recipe(training.algorithm, training.task)
         env = training.env
         network = {
             "features_extractor_class": ScaledObservation,
@@ -152,7 +152,7 @@ class _Run:
             },
             "net_arch": list(plan.layers),
             "activation_fn": getattr(nn, plan.activation),
-        }
+        } | ({} if plan.log_std is None else {"log_std_init": plan.log_std})
         model = algorithm_class(plan.name)(
             "MlpPolicy",
             VecMonitor(ScaledReward(training.batch(plan.envs), plan.reward_scale)),
@@ -171,7 +171,7 @@ class _Run:
 
         from .sb3 import Report, Then
 
-        steps, plan = self.training.steps, recipe(self.training.algorithm)
+        steps, plan = self.training.steps, recipe(self.training.algorithm, self.training.task)
         trial = VecMonitor(self.training.batch(_EVALUATION_ENVS))
         trial.seed(self.training.seed + _OTHER_SEED)
         evaluation = EvalCallback(
@@ -195,7 +195,7 @@ class _Run:
         """Write the checkpoint. The record comes last: it says that the rest is whole."""
         self.best_return = best_return
         self.model.save(self.folder / "model.zip")
-        if recipe(self.training.algorithm).off_policy:
+        if recipe(self.training.algorithm, self.training.task).off_policy:
             self.model.save_replay_buffer(self.folder / "replay_buffer.pkl")
         state = _identity(self.training) | {"best_return": best_return, "resumed_at": self.resumed_at}
         (self.folder / "state.json").write_text(json.dumps(state), encoding="utf-8")
@@ -205,7 +205,7 @@ class _Run:
         best = self.folder / "best_model.zip"
         if not best.exists():  # too few steps for a single evaluation
             self.model.save(best)
-        plan = recipe(self.training.algorithm)
+        plan = recipe(self.training.algorithm, self.training.task)
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
             policy = Path(folder) / path.name
             shutil.move(best, policy)
@@ -223,6 +223,7 @@ class _Run:
         training = self.training
         setup = Setup(Options.of({"plant": training.plant} | training.env))
         settings = {"gamma": discount(setup.sample_time), "net_arch": list(plan.layers), "activation": plan.activation}
+        settings |= {"log_std_init": plan.log_std, "envs": plan.envs, "reward_scale": plan.reward_scale}
         return _identity(training) | {
             "command": command,
             "env": training.env
@@ -230,7 +231,7 @@ class _Run:
             "seed": training.seed,
             "steps": int(self.model.num_timesteps),
             "resumed_at": self.resumed_at,
-            "settings": {"envs": plan.envs, "reward_scale": plan.reward_scale} | settings | dict(plan.settings),
+            "settings": settings | dict(plan.settings),
             "best_return": None if self.best_return == -np.inf else self.best_return,
             "spent": spent,
             "versions": _versions(),
@@ -271,7 +272,7 @@ def _resumed(training: Training, path: Path, folder: Path) -> _Run:
 
     from .sb3 import ScaledReward
 
-    plan = recipe(training.algorithm)
+    plan = recipe(training.algorithm, training.task)
     env = VecMonitor(ScaledReward(training.batch(plan.envs), plan.reward_scale))
     model = algorithm_class(plan.name).load(file, env=env, device="cpu")
     done = int(model.num_timesteps)
@@ -293,7 +294,7 @@ def _identity(training: Training) -> dict[str, Any]:
     setup = Setup(Options.of({"plant": training.plant} | training.env))
     return {
         "schema": SCHEMA,
-        "algorithm": recipe(training.algorithm).name,
+        "algorithm": recipe(training.algorithm, training.task).name,
         "task": training.task,
         "observation_size": int(np.prod(setup.observation_space.shape)),
         "sample_time": setup.sample_time,

@@ -22,9 +22,9 @@ pytestmark = pytest.mark.filterwarnings("error:Training and eval env")
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A balancer of Table 3's rig after some ten updates: not good, but trained."""
+    """A balancer of the small rig after 18 updates: not good, but trained."""
     path = tmp_path_factory.mktemp("train") / "policy.zip"
-    result = furuta("train", "--plant", "table3", "--steps", 98_304, "--seed", 3, "-o", path, "--json")
+    result = furuta("train", "--plant", "qube", "--steps", 147_456, "--seed", 3, "-o", path, "--json")
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout) == json.loads(path.with_suffix(".json").read_text())
     return path
@@ -33,8 +33,8 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_record_says_how_it_was_made(trained: Path) -> None:
     record = json.loads(trained.with_suffix(".json").read_text())
     assert record["schema"] == "furuta-policy/1"
-    assert (record["algorithm"], record["task"], record["seed"], record["steps"]) == ("PPO", "balance", 3, 98_304)
-    assert record["plant_sha256"] == hashlib.sha256(TABLE_3.to_json().encode()).hexdigest()
+    assert (record["algorithm"], record["task"], record["seed"], record["steps"]) == ("PPO", "balance", 3, 147_456)
+    assert record["plant_sha256"] == hashlib.sha256(QUBE.to_json().encode()).hexdigest()
     assert record["env"]["sample_time"] == 0.02
     assert record["env"]["normalize_action"] is True
     assert record["evaluation"]["trials"] == 200
@@ -44,11 +44,11 @@ def test_the_record_says_how_it_was_made(trained: Path) -> None:
 
 
 def test_it_learns(trained: Path) -> None:
-    """Twelve updates make it last longer than no control does, on other starts than the record's."""
-    starts = balance_starts(TABLE_3, 50, 4.0, np.random.default_rng(5), push=0.0)
-    policy = make_controller(trained, TABLE_3, 0.002)
-    learned = run_trials(TABLE_3, policy, starts, 4.0, 0.002).failed_at
-    nothing = run_trials(TABLE_3, lambda y: 0.0, starts, 4.0, 0.002).failed_at
+    """Eighteen updates make it last longer than no control does, on other starts than the record's."""
+    starts = balance_starts(QUBE, 50, 4.0, np.random.default_rng(5), push=0.0)
+    policy = make_controller(trained, QUBE, 0.004)
+    learned = run_trials(QUBE, policy, starts, 4.0, 0.004).failed_at
+    nothing = run_trials(QUBE, lambda y: 0.0, starts, 4.0, 0.004).failed_at
     assert np.median(learned) > 1.5 * np.median(nothing)
 
 
@@ -56,14 +56,14 @@ def test_a_finished_policy_goes_on(trained: Path, tmp_path: Path) -> None:
     path = tmp_path / "policy.zip"
     path.write_bytes(trained.read_bytes())
     path.with_suffix(".json").write_text(trained.with_suffix(".json").read_text())
-    again = ("train", "--plant", "table3", "--seed", 3, "-o", path, "--resume")
+    again = ("train", "--plant", "qube", "--seed", 3, "-o", path, "--resume")
     refused(furuta(*again, "--steps", 50_000), "has", "steps already", "--steps")
-    refused(furuta(*again, "--steps", 200_000, "--history", 2), "observation_size", "10", "5")
-    refused(furuta(*again, "--steps", 200_000, "--task", "swing_up"), "task", "balance")
-    result = furuta(*again, "--steps", 110_000, "--json")
+    refused(furuta(*again, "--steps", 400_000, "--history", 2), "observation_size", "10", "5")
+    refused(furuta(*again, "--steps", 400_000, "--task", "swing_up"), "task", "balance")
+    result = furuta(*again, "--steps", 160_000, "--json")
     assert result.exit_code == 0, result.output
     record = json.loads(result.stdout)
-    assert record["steps"] >= 110_000
+    assert record["steps"] >= 160_000
     assert len(record["resumed_at"]) == 1
     before = json.loads(trained.with_suffix(".json").read_text())
     assert record["best_return"] >= before["best_return"]
@@ -134,5 +134,5 @@ def test_recipes() -> None:
     assert training_period(QUBE, 0.01) == 0.01
     assert discount(0.01) ** 2 == pytest.approx(discount(0.02))
     assert len(observation_scale(QUBE, 3, True)) == 18
-    assert recipe("sac").off_policy
-    assert not recipe("ppo").off_policy
+    assert recipe("sac", "balance").off_policy
+    assert not recipe("ppo", "balance").off_policy

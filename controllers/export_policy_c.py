@@ -1,0 +1,150 @@
+"""A learned policy as one C99 header: its observation made from readings, its network, its command."""
+
+import math
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .layers import Layer, network_of
+from .learned import SPEED_LIMIT, LearnedController
+
+_HEADER = """\
+/* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h alone; its network is in single precision.
+ *
+ * Call {prefix}_step once every {T:g} s with the encoders' angles and hold the command until the next call:
+ *
+ *     {prefix}_state s;
+ *     {prefix}_reset(&s);
+ *     for (;;) u = {prefix}_step(&s, q1, q2, 0.0);
+ *
+ * q1        arm angle [rad]
+ * q2        pendulum angle [rad], 0 upright, not wrapped
+ * reference arm angle to hold [rad]
+ * returns   command [{unit}], within +-{u_max:g}
+ */
+#ifndef {guard}
+#define {guard}
+
+#include <math.h>
+#include <string.h>
+
+"""
+
+_STEP = """\
+typedef struct {{
+    double q[2], v[2], u; /* last readings, filtered velocities, command */
+    float seen[{size}];   /* the observation, oldest frame first */
+    int started;
+}} {prefix}_state;
+
+static inline void {prefix}_reset({prefix}_state *s)
+{{
+    memset(s, 0, sizeof *s);
+}}
+
+static inline double {prefix}_clip(double x, double limit)
+{{
+    return x < -limit ? -limit : x > limit ? limit : x;
+}}
+
+static inline void {prefix}_layer(const float *weight, const float *bias, int n, int m, const float *x, float *y)
+{{
+    for (int i = 0; i < m; ++i) {{
+        y[i] = bias[i];
+        for (int j = 0; j < n; ++j) y[i] += weight[i * n + j] * x[j];
+    }}
+}}
+
+static inline double {prefix}_step({prefix}_state *s, double q1, double q2, double reference)
+{{
+{arrays}
+    const double q[2] = {{q1, q2}};
+    for (int i = 0; i < 2; ++i) {{
+        if (s->started) s->v[i] += {gain!r} * ((q[i] - s->q[i]) / {T!r} - s->v[i]);
+        s->q[i] = q[i];
+    }}
+    const float frame[{frame}] = {{
+        (float){prefix}_clip(q1 - reference, {arm!r}),
+        (float)sin(q2),
+        (float)cos(q2),
+        (float){prefix}_clip(s->v[0], {speed!r}),
+        (float){prefix}_clip(s->v[1], {speed!r}),
+{command}    }};
+    memmove(s->seen, s->seen + {frame}, sizeof(float) * ({size} - {frame}));
+    for (int i = s->started ? {size} - {frame} : 0; i < {size}; i += {frame}) memcpy(s->seen + i, frame, sizeof frame);
+    s->started = 1;
+    float x0[{size}];
+    for (int i = 0; i < {size}; ++i) x0[i] = s->seen[i] * scale[i];
+{layers}    s->u = {prefix}_clip({unit_per_action!r} * {action}, {u_max!r});
+    return s->u;
+}}
+
+#endif
+"""
+
+
+def policy_c_header(controller: LearnedController, prefix: str | None = None) -> str:
+    """The header's text; `prefix` begins its names, by default `furuta_` and the policy's name.
+
+    Raises ValueError for a prefix that is no C name, and for a network that `layers.network_of` does not know.
+    """
+    prefix = prefix or "furuta_" + re.sub(r"\W", "_", Path(controller.name).stem)
+    if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
+        raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
+    network = network_of(controller.predict.model())
+    period = controller.every * controller.sample_time
+    names = {"prefix": prefix, "T": period, "u_max": float(controller.u_max)}
+    text = _HEADER.format(
+        name=controller.name,
+        task=controller.tasks[-1],
+        unit=controller.unit,
+        guard=prefix.upper() + "_H",
+        **names,
+    )
+    arrays = [_array("scale", network.scale)]
+    layers = []
+    for i, layer in enumerate(network.layers):
+        arrays += [_array(f"weight{i}", layer.weight.ravel()), _array(f"bias{i}", layer.bias)]
+        layers.append(_layer(prefix, i, layer))
+    last = f"x{len(network.layers)}[0]"
+    action = f"{network.limit!r} * tanh({last})" if network.squashed else f"{prefix}_clip({last}, {network.limit!r})"
+    return text + _STEP.format(
+        size=network.size,
+        frame=network.size // controller.history,
+        arrays="".join(arrays),
+        layers="".join(layers),
+        gain=1.0 - math.exp(-controller.velocity_cutoff * period),
+        arm=2.0 * controller.arm_limit,
+        speed=SPEED_LIMIT,
+        command=f"        (float)(s->u / {controller.u_max!r}),\n" if controller.observe_command else "",
+        unit_per_action=float(controller.scale),
+        action=action,
+        **names,
+    )
+
+
+def export_policy_c(controller: LearnedController, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
+    """Write `policy_c_header` to `path`; see there for what is refused."""
+    text = policy_c_header(controller, prefix)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _layer(prefix: str, i: int, layer: Layer) -> str:
+    m, n = layer.weight.shape
+    x = f"x{i + 1}[i]"
+    function = {"Tanh": f"tanhf({x})", "ReLU": f"fmaxf({x}, 0.0f)"}
+    active = f"    for (int i = 0; i < {m}; ++i) {x} = {function[layer.activation]};\n" if layer.activation else ""
+    return f"    float x{i + 1}[{m}];\n    {prefix}_layer(weight{i}, bias{i}, {n}, {m}, x{i}, x{i + 1});\n{active}"
+
+
+def _array(name: str, values: NDArray[np.float32]) -> str:
+    numbers = [f"{float(v):.9g}" for v in values]
+    numbers = [n + ("f" if any(c in n for c in ".en") else ".0f") for n in numbers]
+    lines = "".join("        " + ", ".join(numbers[k : k + 8]) + ",\n" for k in range(0, len(numbers), 8))
+    return f"    static const float {name}[{len(numbers)}] = {{\n{lines}    }};\n"

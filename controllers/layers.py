@@ -1,0 +1,106 @@
+"""A learned policy as plain numbers: the layers of its network, read from stable-baselines3's model."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ACTIVATIONS = {"Tanh": np.tanh, "ReLU": lambda x: np.maximum(x, 0.0)}
+_TOLERANCE = 1e-4  # of the action's range, between these numbers and the model's own answer in float32
+
+
+@dataclass(frozen=True)
+class Layer:
+    """y = activation(W x + b). weight (out, in), bias (out,); activation: "Tanh", "ReLU" or "" for none."""
+
+    weight: NDArray[np.float32]
+    bias: NDArray[np.float32]
+    activation: str
+
+    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        y = x @ self.weight.T.astype(float) + self.bias
+        return ACTIVATIONS[self.activation](y) if self.activation else y
+
+
+@dataclass(frozen=True)
+class Network:
+    """Observation to action: times `scale` (n,), through the layers, then squashed or clipped to ±`limit`.
+
+    squashed: the action is limit · tanh(last layer); else the last layer clipped to ±limit.
+    """
+
+    scale: NDArray[np.float32]
+    layers: tuple[Layer, ...]
+    squashed: bool
+    limit: float
+
+    @property
+    def size(self) -> int:
+        """Entries of an observation."""
+        return self.scale.size
+
+    def __call__(self, observations: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Actions (L, 1) for observations (L, n)."""
+        x = observations * self.scale.astype(float)
+        for layer in self.layers:
+            x = layer(x)
+        return self.limit * np.tanh(x) if self.squashed else np.clip(x, -self.limit, self.limit)
+
+
+def network_of(model: Any) -> Network:
+    """The network of a PPO, A2C, SAC, TQC or TD3 `MlpPolicy` with one action.
+
+    Raises ValueError if the policy is of another kind: what is read is played against `model.predict` on 256 random
+    observations, and any difference means that it was not understood.
+    """
+    policy = model.policy
+    actor = getattr(policy, "actor", None) or policy
+    try:
+        extractor = getattr(actor, "pi_features_extractor", None) or actor.features_extractor
+        if hasattr(policy, "action_net"):
+            modules, squashed = [policy.mlp_extractor.policy_net, policy.action_net], bool(policy.squash_output)
+        elif hasattr(actor, "latent_pi"):
+            modules, squashed = [actor.latent_pi, actor.mu], True
+        else:
+            modules, squashed = [actor.mu], False  # TD3's network ends in a tanh of its own
+        layers = _layers(modules)
+    except AttributeError as error:
+        raise ValueError(f"a policy of the class {type(policy).__name__} cannot be exported ({error})") from error
+    n = int(model.observation_space.shape[0])
+    scale = extractor.scale.numpy() if hasattr(extractor, "scale") else np.ones(n, dtype=np.float32)
+    network = Network(scale, layers, squashed, float(model.action_space.high[0]))
+    _check(network, model)
+    return network
+
+
+def _layers(modules: Iterable[Any]) -> tuple[Layer, ...]:
+    found: list[Layer] = []
+    for module in _flat(modules):
+        kind = type(module).__name__
+        if kind == "Linear":
+            weight, bias = module.weight.detach().numpy(), module.bias.detach().numpy()
+            found.append(Layer(weight.copy(), bias.copy(), ""))
+        elif kind in ACTIVATIONS and found and not found[-1].activation:
+            found[-1] = Layer(found[-1].weight, found[-1].bias, kind)
+        else:
+            raise ValueError(f"layer {kind} cannot be exported; there are Linear, {', '.join(ACTIVATIONS)}")
+    return tuple(found)
+
+
+def _flat(modules: Iterable[Any]) -> Iterable[Any]:
+    for module in modules:
+        if type(module).__name__ == "Sequential":
+            yield from _flat(module)
+        else:
+            yield module
+
+
+def _check(network: Network, model: Any) -> None:
+    rng = np.random.default_rng(0)
+    observations = (rng.standard_normal((256, network.size)) / network.scale).astype(np.float32)
+    expected = model.predict(observations, deterministic=True)[0]
+    error = float(np.max(np.abs(network(observations.astype(float)) - expected)))
+    if not error <= _TOLERANCE * network.limit:
+        raise ValueError(f"this policy's network was not understood: its actions differ by {error:.2g}")

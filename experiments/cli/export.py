@@ -1,0 +1,85 @@
+"""`furuta export`: a controller as C, a policy as ONNX, a plant as MJCF."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options as opt
+from .output import print_json
+
+
+class Format(StrEnum):
+    """Where it is taken: firmware, a network runtime, MuJoCo."""
+
+    c = "c"
+    onnx = "onnx"
+    mjcf = "mjcf"
+
+
+ENDINGS = {Format.c: (".h", ".c"), Format.onnx: (".onnx",), Format.mjcf: (".xml", ".mjcf")}
+
+
+def export_command(
+    plant: Annotated[str, typer.Argument(help="table3, qube, large, or a plant file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .h, .onnx or .xml.")],
+    policy: Annotated[str | None, typer.Argument(help="A learned policy *.zip; the same as --controller.")] = None,
+    controller: Annotated[str | None, typer.Option(help="What to export: lqr, dlqr, lqg, … or a policy *.zip.")] = None,
+    format: Annotated[
+        Format | None, typer.Option(help="c (a controller), onnx (a policy), mjcf (the plant); default: by the ending.")
+    ] = None,
+    sample_time: Annotated[
+        float | None, typer.Option(help="Of the controller, in seconds; default: the plant's, else 0.002.")
+    ] = None,
+    as_json: opt.AsJson = False,
+) -> None:
+    """Take a result elsewhere: a C header for firmware, ONNX for a policy, MuJoCo XML for the plant."""
+    kind = format or _format_of(output)
+    opt.output_file(output, ENDINGS[kind], [Path(name) for name in (plant, policy, controller) if name])
+    if policy is not None and controller is not None:
+        raise ValueError(f"{policy} and --controller {controller}: give one of them")
+    chosen = policy or controller
+    from furuta_gym.plant import Plant
+
+    rig = Plant.resolve(plant)
+    if kind is Format.mjcf:
+        if chosen is not None:
+            raise ValueError(f"MJCF holds the plant alone; leave {chosen} out, or take --format c or onnx")
+        from controllers.export_mjcf import export_mjcf
+
+        export_mjcf(rig, output)
+    elif kind is Format.onnx:
+        if chosen is None or not chosen.endswith(".zip"):
+            raise ValueError(f"ONNX is for learned policies; expected a file *.zip, got {chosen or 'none'}")
+        from controllers.export_onnx import export_onnx
+
+        export_onnx(chosen, rig, output, sample_time)
+    else:
+        if chosen is None:
+            raise ValueError("C is for controllers; expected one such as --controller lqg")
+        from controllers import make_controller
+
+        made = make_controller(chosen, rig, sample_time)
+        if chosen.endswith(".zip"):
+            from controllers.export_policy_c import export_policy_c
+
+            export_policy_c(made, output)  # type: ignore[arg-type]
+        else:
+            from controllers.export_c import export_c
+
+            export_c(made, output)
+    if as_json:
+        print_json({"written": str(output), "format": kind.value, "plant": plant, "controller": chosen})
+    else:
+        typer.echo(f"{output}: {chosen or plant} as {kind.value}")
+
+
+def _format_of(output: Path) -> Format:
+    for kind, endings in ENDINGS.items():
+        if output.suffix.lower() in endings:
+            return kind
+    every = ", ".join(ending for endings in ENDINGS.values() for ending in endings)
+    raise ValueError(f"output {output}: expected a name that ends in {every}, or --format")

@@ -1,0 +1,93 @@
+"""The MuJoCo model moves as the plant does, and says where it cannot."""
+
+import numpy as np
+import pytest
+
+from controllers.export_mjcf import export_mjcf, mjcf
+from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect, Plant
+from furuta_gym.plant.linearization import state_derivative
+from furuta_gym.simulate import open_loop, simulate
+
+mujoco = pytest.importorskip("mujoco", reason="MJCF is tried out in MuJoCo, the extra `mujoco`")
+
+SMOOTH = {
+    "qube": QUBE,
+    "large": LARGE_RIG,
+    "left-handed": LARGE_RIG.replace(theta=LARGE_RIG.theta * [1, 1, -1, 1, 1, 1, 1, 1, 1]),
+    "spring": QUBE.with_effects(QUBE.default_effect("arm_spring")),
+    "saturation": QUBE.with_effects(Effect("input_saturation", {"m": 2.0})),
+}
+
+
+def without_coulomb(plant: Plant) -> Plant:
+    return plant.replace(theta=plant.theta * [1, 1, 1, 1, 1, 1, 1, 0, 0])
+
+
+def accelerations(plant: Plant, x: np.ndarray, u: float) -> tuple[np.ndarray, np.ndarray]:
+    """MuJoCo's and the plant's (2,) [rad/s²]."""
+    model = mujoco.MjModel.from_xml_string(mjcf(plant))
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = x[:2], x[2:], u
+    mujoco.mj_forward(model, data)
+    saturation = plant.effect("input_saturation")
+    m = saturation.parameters["m"] if saturation else np.inf
+    return data.qacc.copy(), state_derivative(plant, x, np.clip(u, -m, m))[2:4]
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_acceleration_is_the_plants(name):
+    """M, C, g, viscous friction and the carried effects: to the share of the inertia that MuJoCo insists on."""
+    plant = without_coulomb(SMOOTH[name])
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        x = rng.standard_normal(4) * [1.0, 2.0, 8.0, 8.0]
+        theirs, ours = accelerations(plant, x, rng.uniform(-1, 1) * plant.u_max)
+        assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-5)
+
+
+@pytest.mark.parametrize("plant", [QUBE, LARGE_RIG], ids=["qube", "large"])
+def test_coulomb_friction_agrees_where_its_tanh_has_turned_over(plant):
+    """At 0.1 rad/s and more, ten times 1/r: to 3 % of what Coulomb friction does."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        x = np.array([*rng.standard_normal(2), *(rng.choice([-1.0, 1.0], 2) * rng.uniform(0.1, 5.0, 2))])
+        u = rng.uniform(-0.5, 0.5) * plant.u_max
+        theirs, ours = accelerations(plant, x, u)
+        share = np.abs(ours - state_derivative(without_coulomb(plant), x, u)[2:4]).max()
+        assert np.abs(theirs - ours).max() < 0.03 * share
+
+
+def test_at_rest_it_sticks_where_the_plant_creeps():
+    """The difference that the file announces: half the dry friction on the arm, and the pendulum hanging."""
+    model = mujoco.MjModel.from_xml_string(mjcf(QUBE))
+    data = mujoco.MjData(model)
+    u = 0.5 * QUBE.theta[7]
+    data.qpos[:], data.ctrl[:] = (0.0, np.pi), u
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+    creep = simulate(QUBE, open_loop(u), 1.0, x0=(0.0, np.pi, 0.0, 0.0)).state[-1, 0]
+    assert 2e-3 < creep < 2e-2  # r = 100: about 0.0055 rad/s
+    assert abs(data.qpos[0]) < 0.2 * creep
+
+
+def test_a_lag_is_the_actuators_filter():
+    lag = 0.05
+    plant = without_coulomb(QUBE).with_effects(Effect("actuator_lag", {"T": lag}))
+    model = mujoco.MjModel.from_xml_string(mjcf(plant))
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = (0.0, np.pi), 1.0
+    states = []
+    for _ in range(600):
+        mujoco.mj_step(model, data)
+        states.append([*data.qpos, *data.qvel])
+    ours = simulate(plant, open_loop(1.0), 0.301, sample_time=0.0005, x0=(0.0, np.pi, 0.0, 0.0)).state[1:601]
+    assert np.abs(np.array(states) - ours).max() < 2e-3 * np.abs(ours).max()
+
+
+def test_refusals(tmp_path):
+    with pytest.raises(ValueError, match=r"θ4 ≥ θ2 is violated.*--physical"):
+        export_mjcf(TABLE_3, tmp_path / "no.xml")
+    late = QUBE.with_effects(Effect("input_delay", {"d": 0.01}))
+    with pytest.raises(ValueError, match="cannot carry input_delay"):
+        export_mjcf(late, tmp_path / "no.xml")
+    assert not list(tmp_path.iterdir())

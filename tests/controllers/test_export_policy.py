@@ -1,0 +1,134 @@
+"""Policies taken elsewhere: ONNX and C say what stable-baselines3 says."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.export_onnx import export_onnx
+from controllers.export_policy_c import export_policy_c
+from controllers.layers import network_of
+from furuta_gym.plant import QUBE
+
+pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+MAIN = """\
+#include <stdio.h>
+#include "policy.h"
+int main(void)
+{
+    policy_state s;
+    double q1, q2, r;
+    policy_reset(&s);
+    while (scanf("%lf %lf %lf", &q1, &q2, &r) == 3) printf("%.17g\\n", policy_step(&s, q1, q2, r));
+    return 0;
+}
+"""
+
+CASES = {
+    "ppo": ("PPO", {"history": 1, "observe_command": False}),
+    "ppo, past and command": ("PPO", {"history": 3, "observe_command": True}),
+    "sac": ("SAC", {"history": 1, "observe_command": True}),
+    "tqc": ("TQC", {"history": 2, "observe_command": False}),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def policy(request, tmp_path_factory):
+    """An untrained policy with its record; the weights of its last layer are large, so that the limits act at times."""
+    import torch
+
+    from controllers.learned import algorithm_class
+    from controllers.recipes import observation_scale
+    from controllers.sb3 import ScaledObservation
+    from furuta_gym.envs.sb3 import FurutaVecEnv
+
+    algorithm, seen = CASES[request.param]
+    options = {"task": "swing_up", "sample_time": 0.02, "normalize_action": True, **seen}
+    kwargs = {
+        "features_extractor_class": ScaledObservation,
+        "features_extractor_kwargs": {"scale": observation_scale(QUBE, **seen)},
+        "net_arch": [16, 8],
+    }
+    env = FurutaVecEnv(1, plant=QUBE, **options)
+    model = algorithm_class(algorithm)("MlpPolicy", env, policy_kwargs=kwargs, seed=1, device="cpu")
+    actor = getattr(model.policy, "actor", None)
+    last = actor.mu if actor is not None else model.policy.action_net
+    with torch.no_grad():
+        last.weight.mul_(20.0 if actor is not None else 300.0)
+        last.bias.fill_(0.1)
+    path = tmp_path_factory.mktemp("policy") / "policy.zip"
+    model.save(path)
+    path.with_suffix(".json").write_text(json.dumps({"algorithm": algorithm, "env": options}))
+    return path, model
+
+
+def observations(model, n=500):
+    rng = np.random.default_rng(3)
+    angle = rng.uniform(-np.pi, np.pi, n)
+    size = model.observation_space.shape[0]
+    seen = rng.standard_normal((n, size)) * 3.0
+    seen[:, 1], seen[:, 2], seen[:, 3:5] = np.sin(angle), np.cos(angle), rng.standard_normal((n, 2)) * 15.0
+    return seen.astype(np.float32)
+
+
+def test_onnx_agrees_with_predict(policy, tmp_path):
+    """`action` is stable-baselines3's deterministic action, the scaling of observations included."""
+    onnxruntime = pytest.importorskip("onnxruntime")
+    path, model = policy
+    session = onnxruntime.InferenceSession(export_onnx(path, QUBE, tmp_path / "policy.onnx"))
+    seen = observations(model)
+    action, command = session.run(["action", "command"], {"observation": seen})
+    expected = model.predict(seen, deterministic=True)[0]
+    assert 0.02 < np.mean(np.abs(expected) > 0.99) < 0.98
+    assert action == pytest.approx(expected, abs=2e-5)
+    assert command == pytest.approx(QUBE.u_max * expected, abs=2e-4)
+    about = session.get_modelmeta().custom_metadata_map
+    assert float(about["sample_time"]) == 0.02
+    assert about["task"] == "swing_up"
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")
+def test_compiled_header_gives_the_same_commands(policy, tmp_path):
+    path, _ = policy
+    controller = make_controller(path, QUBE, 0.02)
+    export_policy_c(controller, tmp_path / "policy.h", prefix="policy")
+    (tmp_path / "main.c").write_text(MAIN)
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    program = tmp_path / "main"
+    subprocess.run([str(COMPILER), *flags, "-o", program, tmp_path / "main.c", "-lm"], check=True, timeout=60)
+    rng = np.random.default_rng(4)
+    y = 0.1 * rng.standard_normal((300, 2)).cumsum(axis=0) + [0.1, np.pi]
+    reference = np.where(np.arange(300) < 150, 0.0, 0.4)
+    text = "\n".join(f"{a!r} {b!r} {r!r}" for (a, b), r in zip(y.tolist(), reference.tolist(), strict=True))
+    answer = subprocess.run([program], input=text, capture_output=True, text=True, check=True, timeout=60)
+    from_c = np.array([float(line) for line in answer.stdout.split()])
+    controller.reference = lambda t: reference[min(round(t / 0.02), 299)]
+    controller.reset()
+    from_python = np.array([controller(step) for step in y])
+    assert np.ptp(from_python) > 0.2 * QUBE.u_max
+    assert from_c == pytest.approx(from_python, abs=1e-4 * QUBE.u_max)
+
+
+def test_an_unknown_network_is_refused():
+    from stable_baselines3 import PPO
+    from torch import nn
+
+    from furuta_gym.envs.sb3 import FurutaVecEnv
+
+    env = FurutaVecEnv(1, plant=QUBE)
+    with pytest.raises(ValueError, match="ELU cannot be exported"):
+        network_of(PPO("MlpPolicy", env, policy_kwargs={"activation_fn": nn.ELU}, device="cpu"))
+
+    class Doubled(PPO):
+        def predict(self, *args, **kwargs):
+            action, state = super().predict(*args, **kwargs)
+            return 2 * action, state
+
+    with pytest.raises(ValueError, match="not understood"):
+        network_of(Doubled("MlpPolicy", env, device="cpu"))

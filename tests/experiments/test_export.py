@@ -1,0 +1,46 @@
+"""`furuta export`: each format to its file, and refusals that write nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.test_cli import furuta, refused
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name", "words"),
+    [
+        (("--controller", "lqg"), "lqg.h", ("furuta_lqg_step", "#ifndef")),
+        (("lqr", "--format", "c", "--sample-time", "0.005"), "lqr.c", ("once every 0.005 s",)),
+        (("--format", "mjcf"), "rig.xml", ("<mujoco", "frictionloss")),
+    ],
+)
+def test_exports(arguments: tuple[str, ...], name: str, words: tuple[str, ...], tmp_path: Path) -> None:
+    result = furuta("export", "qube", *arguments, "-o", tmp_path / name, "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["written"] == str(tmp_path / name)
+    text = (tmp_path / name).read_text(encoding="utf-8")
+    assert all(word in text for word in words)
+
+
+REFUSED = {
+    "inconsistent": (("table3",), "rig.xml", ("θ4 ≥ θ2",)),
+    "controller in MJCF": (("qube", "lqr"), "rig.xml", ("MJCF", "lqr")),
+    "no controller": (("qube",), "lqr.h", ("--controller",)),
+    "not a policy": (("qube", "lqr"), "lqr.onnx", ("*.zip", "lqr")),
+    "no policy": (("qube", "none.zip"), "none.onnx", ("no policy at none.zip",)),
+    "two": (("qube", "lqr", "--controller", "lqg"), "lqr.h", ("one of them",)),
+    "ending": (("qube",), "rig.txt", (".onnx", "--format")),
+    "other ending": (("qube", "--format", "mjcf"), "rig.h", (".xml",)),
+    "swing-up": (("qube", "swing-up"), "up.h", ("no C export",)),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_write_nothing(case: str, tmp_path: Path) -> None:
+    arguments, name, words = REFUSED[case]
+    refused(furuta("export", *arguments, "-o", tmp_path / name), *words)
+    assert list(tmp_path.iterdir()) == []
