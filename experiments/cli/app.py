@@ -12,10 +12,11 @@ from .demo import demo_command
 from .diagnose import diagnose_command
 from .errors import explained
 from .excite import excite_command
+from .export import export_command
 from .identify import identify_command
 from .simulate import simulate_command
-from .trials import trials_command
 from .train import train_command
+from .trials import trials_command
 from .validate import validate_command
 
 
@@ -54,6 +55,7 @@ app.command("simulate")(simulate_command)
 app.command("compare")(compare_command)
 app.command("trials")(trials_command)
 app.command("train")(train_command)
+app.command("export")(export_command)
 
 
 @app.command(
