@@ -1,21 +1,32 @@
-"""`furuta diagnose`: which effect the model misses, if any."""
+"""`furuta diagnose`: which effect the model misses, if any, and a report that shows it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import options as opt
-from .output import busy, print_json, whole_folder, write_json
+from .output import errors, print_json, whole_folder, write_json
+
+if TYPE_CHECKING:
+    from experiments.report import Examination
+    from identification.logs import Log
 
 
 def diagnose_command(
     logs: opt.Logs,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json and plant.json.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json and report.html.")
+    ],
     held_out: Annotated[
-        list[Path] | None, typer.Option(help="Log that is not fitted, to show the gap shrink; repeat it for more.")
+        list[Path] | None,
+        typer.Option(
+            help="Log that is not fitted, to show the gap shrink; repeat it for more. Default: the last 30 % of each "
+            "log, with plants fitted to the rest."
+        ),
     ] = None,
     plant: Annotated[str | None, typer.Option(help="Plant to start from; default: from the logs.")] = None,
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 3,
@@ -27,57 +38,65 @@ def diagnose_command(
     input_unit: opt.InputUnit = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """Search the library of effects for what model (5) misses in logs of one rig, and add it to the plant."""
+    """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
+    from experiments.report import build, examine, require_extra
     from furuta_gym.plant import Plant
     from identification.logs import read_logs
 
+    require_extra()
     if plant is not None:
         Plant.resolve(plant)
     mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit)
     read = read_logs(logs, **mapping)
-    held = read_logs(held_out, **mapping) if held_out else ()
+    held = read_logs(held_out, constant_command="warn", **mapping) if held_out else ()
+    _check_apart(read, held)
     from identification.diagnosis.diagnose import diagnose
 
-    with busy("diagnosing …"):
-        found = diagnose(read, plant, max_effects)
-        gap = _gap(found, held) if found.after else None
-    result = found.to_dict() | ({"gap": gap} if gap else {})
-    with whole_folder(output) as folder:
+    with whole_folder(output) as folder, errors.status("diagnosing …") as status:
+
+        def tell(text: str) -> None:
+            status.update(f"{text} …")
+
+        found = diagnose(read, plant, max_effects, progress=tell)
+        examination = examine(found, read, held, progress=tell)
+        result = examination.to_dict()
         write_json(folder / "diagnosis.json", result)
         if found.plant is not None:
             found.plant.save(folder / "plant.json")
+        (folder / "report.html").write_text(build(examination), encoding="utf-8")
     if as_json:
         print_json(result)
         return
     typer.echo(str(found))
-    if gap:
-        low, high = gap["closed_interval"]
-        typer.echo(
-            f"  held-out gap closed: {100 * gap['closed_fraction']:.0f} % (95 %: {100 * low:.0f} … {100 * high:.0f} %)"
+    for line in _evidence(examination):
+        typer.echo(f"  {line}")
+    written = ("diagnosis.json", "plant.json", "report.html") if found.plant else ("diagnosis.json", "report.html")
+    typer.echo("Written: " + ", ".join(str(output / name) for name in written))
+
+
+def _check_apart(fitted: Sequence[Log], held: Sequence[Log]) -> None:
+    """Held-out logs must be others, of the same command. Raises ValueError."""
+    if both := {log.sha256 for log in fitted} & {log.sha256 for log in held}:
+        names = ", ".join(log.source for log in held if log.sha256 in both)
+        raise ValueError(f"{names} is searched and held out at once; hold out a log that is not fitted")
+    if units := {log.input_unit for log in held} - {fitted[0].input_unit}:
+        raise ValueError(
+            f"the held-out logs' command is in {', '.join(sorted(units))}, the others' in {fitted[0].input_unit}; "
+            "they must agree (--input-unit)"
         )
-        typer.echo(
-            f"  held-out error over reading noise: {gap['ratio_before']:.2f} before, {gap['ratio_after']:.2f} after"
-        )
-    typer.echo(f"Written: {output}/diagnosis.json" + (f", {output}/plant.json" if found.plant is not None else ""))
 
 
-def _gap(found: Any, held: Any) -> dict[str, Any] | None:
-    """The gap on held-out logs before and after, as diagnosis.json has it."""
-    if not held:
-        return None
-    from identification.validation import closed_fraction, validate
-
-    before, after = validate(found.before.plant, held), validate(found.after.plant, held)
-    closed = closed_fraction(before, after)
-    sides = {
-        side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1])}
-        for side, gap in (("before", before), ("after", after))
-    }
-    return sides | {
-        "noise_floor": {"rms_q1": float(before.floor[0]), "rms_q2": float(before.floor[1])},
-        "ratio_before": before.ratio_to_floor,
-        "ratio_after": after.ratio_to_floor,
-        "closed_fraction": closed.value,
-        "closed_interval": list(closed.interval),
-        "held_out": True,
-    }
+def _evidence(x: Examination) -> list[str]:
+    """Where the model fails, what the gap does, and what to do next, a line each."""
+    lines = [f"where: {x.where.sentence}" if x.where else f"where: {x.remarks.get('where', 'not known')}"]
+    if x.gap:
+        data = "held-out logs" if x.gap.tail is None else f"the last {100 * x.gap.tail:.0f} % of the logs, not fitted"
+        ratios = " before, ".join(f"{gap.ratio_to_floor:.2f}" for _, gap in x.gap.sides)
+        ending = " after" if x.gap.changed else ""
+        lines.append(f"gap: {ratios}{ending} times the noise floor on {data}")
+        if x.gap.changed:
+            low, high = (100 * end for end in x.gap.closed.interval)
+            lines.append(f"gap closed: {100 * x.gap.closed.value:.0f} % (95 %: {low:.0f} … {high:.0f} %)")
+    elif "gap" in x.remarks:
+        lines.append(f"gap: {x.remarks['gap']}")
+    return [*lines, f"next: {x.next_experiment}"]

@@ -6,8 +6,8 @@ Path("report.html").write_text(build(examination), encoding="utf-8")
 ```
 """
 
-from .build import build
-from .examine import Examination, examine
+from .examination import Examination, examine
 from .gap import GapChange, measure_gap
+from .page import build, require_extra
 
-__all__ = ["Examination", "GapChange", "build", "examine", "measure_gap"]
+__all__ = ["Examination", "GapChange", "build", "examine", "measure_gap", "require_extra"]

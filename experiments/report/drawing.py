@@ -57,7 +57,7 @@ def pattern(shape: str) -> dict[str, str]:
     return {"shape": shape, "fgcolor": "white", "fillmode": "overlay"}
 
 
-def thinned(*arrays: Array) -> tuple[Array, ...]:
+def thinned(*arrays: Array) -> tuple[NDArray[np.float32], ...]:
     """Every n-th row of arrays of equal length, in single precision, so that at most `MOST_POINTS` are left."""
     stride = -(-len(arrays[0]) // MOST_POINTS)
     return tuple(np.asarray(a[::stride], dtype=np.float32) for a in arrays)
@@ -65,17 +65,18 @@ def thinned(*arrays: Array) -> tuple[Array, ...]:
 
 def curve(x: Array, y: Array, name: str, colour: str, legend: bool = True, width: float = 1.4) -> go.Scatter:
     """A line; its legend entry stands for all lines of that name."""
-    x, y = thinned(x, y)
+    shown_x, shown_y = thinned(x, y)
     style = {"color": colour, "width": width, "dash": DASH.get(colour, "solid")}
-    return go.Scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, mode="lines", line=style)
+    entry = {"name": name, "legendgroup": name, "showlegend": legend}
+    return go.Scatter(x=shown_x, y=shown_y, mode="lines", line=style, **entry)
 
 
 def band(x: Array, low: Array, high: Array, name: str, colour: str, legend: bool = False) -> go.Scatter:
     """The area between two lines."""
-    x, low, high = thinned(x, low, high)
+    along, bottom, top = thinned(x, low, high)
     return go.Scatter(
-        x=np.concatenate([x, x[::-1]]),
-        y=np.concatenate([high, low[::-1]]),
+        x=np.concatenate([along, along[::-1]]),
+        y=np.concatenate([top, bottom[::-1]]),
         name=name,
         legendgroup=name,
         showlegend=legend,

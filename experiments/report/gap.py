@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,6 +15,7 @@ from identification.identify import identify
 from identification.logs import Log
 from identification.validation import ClosedFraction, Gap, closed_fraction, validate
 
+AXES = ("arm q1", "pendulum q2")
 TAIL = 0.3  # of each log, held out where there is no other log
 
 Array = NDArray[np.float64]
@@ -40,6 +40,11 @@ class GapChange:
         return self.after is not self.before
 
     @property
+    def sides(self) -> tuple[tuple[str, Gap], ...]:
+        """What there is to compare, with names."""
+        return (("before", self.before), ("after", self.after)) if self.changed else (("model (5)", self.before),)
+
+    @property
     def floor(self) -> Array:
         """(2,) [rad] at the horizon: the lower of the two, as what a wrong plant misses can only raise it."""
         return np.minimum(self.before.floor, self.after.floor)
@@ -50,11 +55,10 @@ class GapChange:
             side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1]), "ratio_to_floor": gap.ratio_to_floor}
             for side, gap in (("before", self.before), ("after", self.after))
         }
-        low, high = self.closed.interval
         return sides | {
             "noise_floor": {"rms_q1": float(self.floor[0]), "rms_q2": float(self.floor[1])},
-            "closed_fraction": _finite(self.closed.value),
-            "closed_interval": [_finite(low), _finite(high)],
+            "closed_fraction": self.closed.value,
+            "closed_interval": list(self.closed.interval),
             "held_out": self.tail is None,
             "tail": self.tail,
             "horizon_s": self.before.horizon,
@@ -124,7 +128,3 @@ def rms_interval(gap: Gap, seed: int = 0, draws: int = 500, block: float = 1.0) 
     picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))
     drawn = sums[:, picked].sum(axis=2)
     return np.quantile(np.sqrt(drawn[:2] / drawn[2]), [0.025, 0.975], axis=1).T
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None

@@ -11,17 +11,14 @@ from identification.resimulation import Resimulation
 from identification.validation import Gap
 
 from .drawing import AFTER, BEFORE, FLOOR, MEASURED, NORMAL_95, Array, Drawing, band, curve, drawing, pattern
-from .gap import GapChange, readings_at, rms_interval
+from .gap import AXES, GapChange, readings_at, rms_interval
 
-AXES = ("arm q1", "pendulum q2")
 _SPAN = 5.0  # s that are shown at first, those with the largest errors
 
 
-def sides(change: GapChange) -> list[tuple[str, Gap, str]]:
+def _coloured(change: GapChange) -> list[tuple[str, Gap, str]]:
     """(name, gap, colour) of what is to be compared."""
-    if not change.changed:
-        return [("model (5)", change.before, AFTER)]
-    return [("before", change.before, BEFORE), ("after", change.after, AFTER)]
+    return [(name, gap, BEFORE if name == "before" else AFTER) for name, gap in change.sides]
 
 
 def predictions(change: GapChange) -> Drawing:
@@ -40,20 +37,20 @@ def predictions(change: GapChange) -> Drawing:
         t_read, angle = log.t, log.angles[:, axis]
         near = (t_read >= t[0]) & (t_read <= t[-1])
         figure.add_trace(curve(t_read[near], angle[near], "measured", MEASURED, legend=first), row, 1)
-        for side, gap, colour in sides(change):
+        for side, gap, colour in _coloured(change):
             error = gap.errors[at, axis]
             predicted = reading[:, axis] - error
             figure.add_trace(band(t, predicted - noise, predicted + noise, side, colour), row, 1)
             figure.add_trace(curve(t, predicted, side, colour, legend=first), row, 1)
             figure.add_trace(curve(t, 1e3 * error, side, colour, legend=False), row + 1, 1)
         inside = (t >= shown[0]) & (t <= shown[1])
-        largest = max(float(np.abs(gap.errors[at, axis][inside]).max()) for _, gap, _ in sides(change))
+        largest = max(float(np.abs(gap.errors[at, axis][inside]).max()) for _, gap, _ in _coloured(change))
         reach = 1.1e3 * max(float(noise), largest)
         figure.update_yaxes(title_text=f"{name} [rad]", row=row)
         figure.update_yaxes(title_text=f"error of {name[-2:]} [mrad]", range=[-reach, reach], row=row + 1)
     figure.update_xaxes(range=list(shown))
     figure.update_xaxes(title_text="t [s]", row=4)
-    compared = " and ".join(side for side, _, _ in sides(change))
+    compared = " and ".join(side for side, _ in change.sides)
     return drawing(
         "predictions",
         figure,
@@ -123,7 +120,7 @@ def horizons(change: GapChange) -> Drawing:
         figure.add_trace(bar, 1, axis + 1)
 
     for axis, label in enumerate(AXES):
-        for name, gap, colour in sides(change):
+        for name, gap, colour in _coloured(change):
             rms = 1e3 * gap.curve[:, 1 + axis]
             low, high = 1e3 * rms_interval(gap)[axis]
             ends = {"array": [*rest, high - rms[-1]], "arrayminus": [*rest, rms[-1] - low]}

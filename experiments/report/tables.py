@@ -13,9 +13,7 @@ from identification.diagnosis.where import Where
 from identification.estimate import Estimate, rounded, unit_of
 from identification.logs import Log
 
-from .gap import GapChange, rms_interval
-from .prediction_figures import AXES
-from .prediction_figures import sides as gap_sides
+from .gap import AXES, GapChange, rms_interval
 
 # What a right model left on simulated logs lies well below these; each is a hint, and the likelihood decides
 _R2, _FISHER, _P = 0.15, 0.2, 1e-3
@@ -73,7 +71,7 @@ def gaps(change: GapChange) -> Table:
     rows = []
     for axis, name in enumerate(AXES):
         count = change.before.counts[axis]
-        for side, gap, _ in gap_sides(change):
+        for side, gap in change.sides:
             low, high = 1e3 * rms_interval(gap)[axis]
             rows.append(
                 (

@@ -11,11 +11,13 @@ from identification.diagnosis.where import Where
 
 from .drawing import AFTER, BEFORE, MARK, MARKER, NORMAL_95, Drawing, band, curve, drawing
 
-_SYMBOLS = dict(zip(VARIABLES, ("q1 [rad]", "q̇1 [rad/s]", "q2 [rad]", "q̇2 [rad/s]", "u [{u}]", "t [s]"), strict=True))
+_SYMBOLS: dict[str, str] = dict(
+    zip(VARIABLES, ("q1 [rad]", "q̇1 [rad/s]", "q2 [rad]", "q̇2 [rad/s]", "u [{u}]", "t [s]"), strict=True)
+)
 MOST_LOGS = 3
 
 
-def sides(where: Where, after: Where | None) -> list[tuple[str, Where, str]]:
+def _sides(where: Where, after: Where | None) -> list[tuple[str, Where, str]]:
     """(name, where, colour) of what is to be compared."""
     if after is None:
         return [("model (5)", where, AFTER)]
@@ -32,7 +34,7 @@ def _torque(where: Where, after: Where | None, log: int) -> Drawing:
     reach = 0.0
     for a, row in enumerate(ROWS):
         reach = 0.01 * reach  # a row that lacks nothing has a band of hardly any width: not to be blown up
-        for name, side, colour in sides(where, after):
+        for name, side, colour in _sides(where, after):
             torque = side.torques[log]
             m, s = torque.mean[:, a], NORMAL_95 * torque.std[:, a]
             figure.add_trace(band(torque.t, m - s, m + s, name, colour), a + 1, 1)
@@ -41,7 +43,7 @@ def _torque(where: Where, after: Where | None, log: int) -> Drawing:
             reach = max(reach, float(np.max(np.abs(m[inner]) + s[inner])))
         figure.update_yaxes(title_text=f"on the {row} [{where.unit}]", range=[-1.05 * reach, 1.05 * reach], row=a + 1)
         for start, stop in where.intervals_s[log]:
-            figure.add_vrect(x0=start, x1=stop, fillcolor=MARK, line_width=0, layer="below", row=a + 1, col=1)
+            figure.add_vrect(x0=start, x1=stop, fillcolor=MARK, line_width=0, layer="below", row=a + 1, col=1)  # type: ignore[arg-type]
     figure.update_xaxes(title_text="t [s]", row=2)
     source = where.torques[log].source
     shaded = " Shaded: where it stands out of its band." if where.intervals_s[log] else ""
@@ -59,7 +61,7 @@ def maps(where: Where, after: Where | None) -> list[Drawing]:
     """Mean missing torque against each variable, one small figure each, arm first."""
     drawn = []
     for row in ROWS:
-        every = [m for _, side, _ in sides(where, after) for m in side.maps if m.row == row]
+        every = [m for _, side, _ in _sides(where, after) for m in side.maps if m.row == row]
         reach = 1.05 * max(float(np.max(np.abs(m.mean) + NORMAL_95 * m.std)) for m in every)
         for found in (m for m in where.maps if m.row == row):
             drawn.append(_map(found, where, after, reach))
@@ -68,7 +70,7 @@ def maps(where: Where, after: Where | None) -> list[Drawing]:
 
 def _map(found: Map, where: Where, after: Where | None, reach: float) -> Drawing:
     figure = go.Figure()
-    for name, side, colour in sides(where, after):
+    for name, side, colour in _sides(where, after):
         m = next(m for m in side.maps if (m.row, m.variable) == (found.row, found.variable))
         centre = 0.5 * (m.edges[1:] + m.edges[:-1])
         figure.add_trace(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -46,7 +47,7 @@ class Examination:
         return getattr(self.diagnosis, "next_experiment", None) or NEXT[self.diagnosis.verdict]
 
     def to_dict(self) -> dict[str, Any]:
-        """The whole of diagnosis.json."""
+        """The whole of diagnosis.json; what is not a finite number is null there."""
         found = self.diagnosis.to_dict()
         found |= {
             "where": self.where.to_dict() if self.where else None,
@@ -55,7 +56,7 @@ class Examination:
             "next_experiment": self.next_experiment,
             "remarks": self.remarks,
         }
-        return found | {"runtime_s": self.diagnosis.runtime_s + self.seconds}
+        return _plain(found | {"runtime_s": self.diagnosis.runtime_s + self.seconds})
 
 
 def examine(
@@ -95,3 +96,12 @@ def examine(
     return Examination(
         diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, remarks, time.monotonic() - began
     )
+
+
+def _plain(data: Any) -> Any:
+    """The same with None for NaN and infinities, which JSON does not know."""
+    if isinstance(data, dict):
+        return {key: _plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_plain(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data

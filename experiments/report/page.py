@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from typing import Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-from plotly.offline import get_plotlyjs
 
 from furuta_gym.plant import EFFECTS
 
-from . import prediction_figures, search_figures, tables, where_figures
-from .examine import Examination
+from . import tables
+from .examination import Examination
 from .words import LABEL, MEANING
 
 
@@ -28,8 +26,20 @@ class Found:
     confused_with: tuple[str, ...]
 
 
+def require_extra() -> None:
+    """Raises ValueError without the libraries that the page is made with, to be called before long work."""
+    if lacking := [name for name in ("jinja2", "plotly") if find_spec(name) is None]:
+        raise ValueError(f"report.html needs {' and '.join(lacking)}: pip install 'furuta-gym[report]'")
+
+
 def build(examination: Examination) -> str:
-    """The report as HTML. Everything is inside it, plotly.js too (4.8 MB; the package has no smaller build)."""
+    """The report as HTML. Everything is inside it, plotly.js too (4.8 MB; the package has no smaller build).
+
+    Needs the extra "report" (see `require_extra`).
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+    from plotly.offline import get_plotlyjs
+
     pages = Environment(
         loader=PackageLoader("experiments.report"),
         autoescape=select_autoescape(default=True),
@@ -41,6 +51,8 @@ def build(examination: Examination) -> str:
 
 
 def _contents(x: Examination) -> dict[str, Any]:
+    from . import prediction_figures, search_figures, where_figures
+
     d = x.diagnosis
     data = x.to_dict()
     changed = d.after is not d.before
