@@ -171,6 +171,34 @@ class Multisine(Signal):
         return each * np.sin(angles).sum(axis=-1)
 
 
+@dataclass(frozen=True)
+class Sines(Signal):
+    """Σ amplitude · sin(2π frequency t + 2π phase): frequencies in Hz, phases in periods."""
+
+    amplitudes: tuple[float, ...]
+    frequencies: tuple[float, ...]
+    phases: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.amplitudes) == len(self.frequencies) == len(self.phases) > 0:
+            raise ValueError("sines: expected as many amplitudes as frequencies and phases, at least one")
+
+    def __call__(self, t: Any) -> Any:
+        cycles = np.multiply.outer(np.asarray(t, dtype=float), self.frequencies) + np.asarray(self.phases)
+        return np.sin(2 * np.pi * cycles) @ np.asarray(self.amplitudes)
+
+
+@dataclass(frozen=True)
+class Scaled(Signal):
+    """A signal times a factor."""
+
+    signal: Signal
+    factor: float
+
+    def __call__(self, t: Any) -> Any:
+        return self.factor * self.signal(t)
+
+
 def paper_signal(phases: Sequence[float] = (0.0, 0.0, 0.0), scale: float = 1.0) -> Signal:
     """d = d1 + d2 + d3 of (24), d3 with its printed times (0.1667 of 0.3333 s).
 

@@ -1,0 +1,132 @@
+"""`furuta excite`: a plant in; the experiment that will say most about it, or about two suspects, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import options as opt
+from .output import busy, print_json
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Plant
+    from identification.excitation_between import Separation
+    from identification.excitation_design import Design
+
+
+def excite_command(
+    plant: Annotated[str, typer.Option(help="table3, qube, large, or a plant file.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Command file to write: .csv, .parquet, .npz or .mat.")
+    ],
+    between: Annotated[
+        str | None, typer.Option(help="Tell these effects apart instead: EFFECT,EFFECT.", metavar="EFFECT,EFFECT")
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(help="The loop: paper-lqr, lqr, …; none hangs. Default: paper-lqr where it applies, else lqr."),
+    ] = None,
+    limits: Annotated[
+        str | None,
+        typer.Option(help="Largest |q1|, |q2| [rad], command and its change a second: q1=1.2,q2=0.3,u=8,u_rate=2000."),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="In seconds. Default: 20, or 10 with --between.")] = None,
+    sample_time: Annotated[float | None, typer.Option(help="In seconds; default: the plant's, else 0.002.")] = None,
+    seed: opt.Seed = 0,
+    as_json: opt.AsJson = False,
+) -> None:
+    """Design an experiment: D-optimal for θ, or the one that tells effects apart, with the precision to expect."""
+    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"], [Path(plant)])
+    if duration is not None and not 0 < duration <= 600:
+        raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
+    if sample_time is not None and not 0 < sample_time <= 1:
+        raise ValueError(f"--sample-time {sample_time}: expected seconds, above 0 and at most 1")
+    given = _limits(limits)
+    names = None if between is None else [name.strip() for name in between.split(",")]
+    from furuta_gym.plant import Plant
+
+    rig = Plant.resolve(plant)
+    policy = _policy(controller, rig, sample_time)
+    with busy("designing …"):
+        if names is None:
+            result = _design(rig, policy, given, duration or 20.0, sample_time, seed)
+        else:
+            result = _between(rig, names, policy, given, duration or 10.0, sample_time, seed)
+    column = "u" if result.whole_command else "d"
+    _write(output, result, column, {"plant": plant, "controller": getattr(policy, "name", "none")})
+    if as_json:
+        print_json(result.to_dict() | {"file": str(output), "column": column})
+        return
+    typer.echo(str(result))
+    what = "u is the whole command" if result.whole_command else "add d to the command of the controller"
+    typer.echo(f"Written: {output} (columns t, {column}: {what})")
+
+
+def _limits(text: str | None) -> dict[str, float]:
+    """`q1=1.2,q2=0.3` as {name: limit}. Raises ValueError."""
+    names = ("q1", "q2", "u", "u_rate")
+    found = {}
+    for part in (text or "").split(",") if text else ():
+        name, equals, value = (s.strip() for s in part.partition("="))
+        if name not in names or not equals:
+            raise ValueError(f"--limits {part!r}: expected {', '.join(names)} with a number each, as q1=1.2,q2=0.3")
+        found[name] = opt.numbers(f"--limits {name}", value, (1,))[0]
+        if found[name] <= 0:
+            raise ValueError(f"--limits {part!r}: expected a positive number")
+    return found
+
+
+def _policy(name: str | None, rig: Plant, sample_time: float | None) -> Any:
+    """The controller of the loop, or None for a hanging pendulum."""
+    if name == "none":
+        return None
+    from controllers import make_controller
+    from controllers.base import DesignError
+
+    if name is not None:
+        policy = make_controller(name, rig, sample_time)
+        if "balance" not in policy.tasks:
+            raise ValueError(f"--controller {name}: expected one that balances, or none for a hanging pendulum")
+        return policy
+    try:
+        return make_controller("paper-lqr", rig, sample_time)
+    except DesignError:
+        return make_controller("lqr", rig, sample_time)
+
+
+def _design(
+    rig: Plant, policy: Any, given: dict[str, float], duration: float, sample_time: float | None, seed: int
+) -> Design:
+    from dataclasses import replace
+
+    from identification.excitation_design import design
+    from identification.experiment import Setup
+
+    setup = Setup.of(rig, policy, duration, sample_time)
+    return design(setup, replace(setup.usual_limits, **given), seed)
+
+
+def _between(
+    rig: Plant,
+    names: list[str],
+    policy: Any,
+    given: dict[str, float],
+    duration: float,
+    sample_time: float | None,
+    seed: int,
+) -> Separation:
+    from identification.excitation_between import between
+    from identification.experiment import Limits
+
+    limits = Limits(**given) if given else None
+    return between(rig, names, policy, limits, duration=duration, sample_time=sample_time, seed=seed)
+
+
+def _write(path: Path, result: Design | Separation, column: str, facts: dict[str, str]) -> None:
+    from identification.readers import write_table
+
+    t, d = result.samples()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_table(path, {"t": t, column: d}, facts | result.facts)

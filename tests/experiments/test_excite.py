@@ -1,0 +1,67 @@
+"""`furuta excite`: the command file, its facts, and errors as sentences."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli.app import app
+
+SHORT = ["--plant", "table3", "--sample-time", "0.005", "--duration", "3"]
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["excite", *arguments])
+
+
+def test_a_design_is_written_with_what_it_promises(tmp_path: Path) -> None:
+    path = tmp_path / "u.csv"
+    result = run(*SHORT, "--limits", "q1=0.8,q2=0.2", "-o", str(path), "--json")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    assert answer["column"] == "d"
+    assert answer["gain"] >= 1.0
+    assert answer["largest"]["q2"] <= 0.2
+    lines = path.read_text(encoding="utf-8").splitlines()
+    facts = dict(line[2:].split(": ", 1) for line in lines if line.startswith("#"))
+    assert facts["controller"] == "paper-lqr"
+    assert float(facts["predicted_std_theta1"]) == pytest.approx(answer["predicted"]["theta1"]["std"], rel=1e-3)
+    header = next(i for i, line in enumerate(lines) if line == "t,d")
+    table = np.loadtxt(lines[header + 1 :], delimiter=",")
+    assert table.shape == (600, 2)
+    assert np.diff(table[:, 0]) == pytest.approx(0.005)
+
+
+def test_an_experiment_between_two_effects_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "u.csv"
+    result = run(*SHORT, "--controller", "none", "--between", "arm_spring,input_offset", "-o", str(path))
+    assert result.exit_code == 0, result.output
+    assert "arm_spring" in result.stdout
+    assert "nats" in result.stdout
+    assert "t,u" in path.read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--limits", "q3=1"], "q1, q2, u, u_rate"),
+        (["--limits", "q1=-1"], "positive"),
+        (["--limits", "q1=0.001"], "without any excitation"),
+        (["--between", "input_delay"], "two or more"),
+        (["--between", "input_delay,gremlin"], "gremlin"),
+        (["--duration", "-3"], "--duration"),
+        (["--controller", "magic"], "magic"),
+        (["-o", "u.txt"], "u.txt"),
+    ],
+)
+def test_bad_input_is_a_sentence_and_exit_code_2(tmp_path: Path, arguments: list[str], word: str) -> None:
+    path = tmp_path / "u.csv"
+    result = run(*SHORT, "-o", str(path), *arguments)
+    assert result.exit_code == 2
+    assert word in result.stderr
+    assert "Traceback" not in result.output
+    assert not list(tmp_path.iterdir())
