@@ -133,10 +133,12 @@ def _checked_prior(name: str, prior: tuple[float, float] | None) -> tuple[float,
     return float(mean), float(std)
 
 
-def noise_coordinates() -> list[Coordinate]:
-    """Torque noise intensities of the two rows, and scale factors on the variances of the two readings."""
+def noise_coordinates(least: Sequence[float] | NDArray[np.float64] = (1e-22, 1e-22)) -> list[Coordinate]:
+    """Torque noise intensities of the two rows, at least `least`, and scale factors on the variances of the readings."""
     return [
-        Coordinate(name, i, log=True, low=1e-22 if i < 2 else 0.05, high=1e6 if i < 2 else 1e4, step=1e-3, noise=True)
+        Coordinate(
+            name, i, log=True, low=least[i] if i < 2 else 0.05, high=1e6 if i < 2 else 1e4, step=1e-3, noise=True
+        )
         for i, name in enumerate(NOISE_NAMES)
     ]
 

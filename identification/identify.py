@@ -23,7 +23,7 @@ from .coordinates import R_ROWS, Coordinate, fill, filled_plant, noise_coordinat
 from .estimate import Estimate, Noise
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
 from .logs import Log
-from .prediction_error import Optimum, PredictionError, Record, minimise
+from .prediction_error import Optimum, PredictionError, Record, minimise, quietest
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
 
@@ -44,6 +44,7 @@ def identify(
     sharpness: float | None = None,
     negative_friction: bool = False,
     iterations: int = 60,
+    noise: NDArray[np.float64] | None = None,
 ) -> Estimate:
     """Estimate θ (and r, and effect parameters) from one log or several of one rig, jointly.
 
@@ -51,7 +52,8 @@ def identify(
     fixed: {name: value} of what is known, None for the start plant's value. priors: {name: (mean, std)}.
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
-    below zero (a sign that something is missing). method: one of `METHODS`; only "prediction-error" uses the options.
+    below zero (a sign that something is missing). noise: (4,) torque intensities and factors on the readings' variances
+    of an earlier fit, whose plant is `start`: the fit goes on from there and no other start is tried. method: one of `METHODS`; only "prediction-error" uses the options.
 
     Logs may differ in sensors, sample time and experiment; uneven stamps are used as they are, gaps cut a log.
     Raises ValueError for bad arguments and NotIdentifiable (a ValueError) where the logs cannot tell a parameter.
@@ -72,15 +74,18 @@ def identify(
     records = [Record.from_log(piece) for piece in pieces]
     template = _template(logs, start)
     known = {n: v for n, v in fixed.items() if v is not None}
-    starts = candidates(pieces, template, known | {n: m for n, (m, _) in priors.items()})
-    if start is not None:
-        starts = [Start(template, _restless(template)), *starts]
-    starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
 
     def free(plant: Plant) -> list[Coordinate]:
-        return _coordinates(plant, fixed, priors, negative_friction)
+        return _coordinates(plant, fixed, priors, negative_friction, records)
 
-    winner, _ = race(records, starts, free(starts[0].plant), physical=physical)
+    if start is not None and noise is not None:
+        winner = Start(_with_known(template, known), noise)
+    else:
+        starts = candidates(pieces, template, known | {n: m for n, (m, _) in priors.items()})
+        if start is not None:
+            starts = [Start(template, _restless(template)), *starts]
+        starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
+        winner, _ = race(records, starts, free(starts[0].plant), physical=physical)
     plant = winner.plant.with_effects(*_started(winner.plant, effects))
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical)
     optimum = minimise(problem, problem.start(), iterations)
@@ -164,13 +169,17 @@ def _started(plant: Plant, effects: Iterable[str | Effect]) -> list[Effect]:
 
 
 def _coordinates(
-    plant: Plant, fixed: Iterable[str], priors: Mapping[str, tuple[float, float]], negative_friction: bool
+    plant: Plant,
+    fixed: Iterable[str],
+    priors: Mapping[str, tuple[float, float]],
+    negative_friction: bool,
+    records: Sequence[Record],
 ) -> list[Coordinate]:
     found = plant_coordinates(plant, fixed, priors, negative_friction=negative_friction)
     limited = [
         replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=_R_PRIOR) if c.name in R_ROWS else c for c in found
     ]
-    return limited + noise_coordinates()
+    return limited + noise_coordinates(quietest(plant, records))
 
 
 def _estimate(

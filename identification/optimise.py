@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,7 +48,7 @@ def minimise(
     if not math.isfinite(expansion.value):
         return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
     for iteration in range(1, iterations + 1):
-        trial, value, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance)
+        trial, there, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance, polishing)
         if trial is None:  # nothing lower on the way the derivatives show
             done = predicted < 10.0 * tolerance  # closer than that the quadratic model itself is not
             if polishing or not exact:
@@ -57,23 +57,30 @@ def minimise(
             polishing, damping = True, 1e-3
         else:
             z = trial
-            polishing = exact and (polishing or expansion.value - value < _POLISH)
-        expansion = problem.expand(z, exact=polishing, scores=polishing)
+            assert there is not None
+            polishing = exact and (polishing or expansion.value - there.value < _POLISH)
+        if polishing or there is None:
+            there = problem.expand(z, exact=polishing, scores=polishing)
+        expansion = there
     return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
 
 
 _RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
 
 
-def _descend(problem, z, expansion, free, damping, tolerance):
-    """One step that lowers V: (trial, V there, predicted decrease, damping); trial is None if there is none."""
+def _descend(problem, z, expansion, free, damping, tolerance, polishing):
+    """One step that lowers V: (trial, expansion there, promised decrease, damping); trial is None if there is none.
+
+    Most steps with frozen gains succeed, and their expansion costs little more than V alone; exact ones are dear, so
+    V alone decides there (`expansion.information` of such a trial is not to be used).
+    """
     g, H = expansion.gradient, expansion.information
     held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
     move = np.array([i for i in free if not held[i]], dtype=int)
     hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
     if hoped < tolerance:
-        return None, expansion.value, hoped, damping
-    for _ in range(12):
+        return None, None, hoped, damping
+    for tries in range(12):
         moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high)
         predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
         # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
@@ -81,12 +88,13 @@ def _descend(problem, z, expansion, free, damping, tolerance):
         largest = np.abs(moved[~problem.noisy]).max(initial=1.0)
         moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
         trial = np.clip(z + moved, problem.low, problem.high)
-        value = problem.value(trial)
-        if value < expansion.value:
-            gained = expansion.value - value > 0.5 * predicted
-            return trial, value, hoped, damping / 10.0 if gained else damping * 2.0
+        there = replace(expansion, value=problem.value(trial)) if polishing else problem.expand(trial)
+        if there.value < expansion.value:
+            gained = expansion.value - there.value > 0.5 * predicted
+            easier = 1.0 if tries else 0.1  # not at once back to what has just failed
+            return trial, there, hoped, damping * easier if gained else damping * 2.0
         damping = max(10.0 * damping, 1e-4)
-    return None, expansion.value, hoped, damping
+    return None, None, hoped, damping
 
 
 def _bounded_step(z, g, H, move, damping, low, high):

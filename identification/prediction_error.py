@@ -29,6 +29,7 @@ from .record import Record
 __all__ = ["Expansion", "Optimum", "PredictionError", "Record", "minimise", "whiten"]
 
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
+_BANDWIDTH = 3.0  # rad/s
 _EXACT_STEP = 0.1  # of a coordinate's step: differences of V itself are one-sided, and V is sharp
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
@@ -68,7 +69,7 @@ class PredictionError:
         self.records, self.coordinates, self.noise = list(records), list(coordinates), np.asarray(noise, dtype=float)
         self.longest_step = longest_step
         self.sharp = _sharpness_rows(self.codes)
-        self.physical = physical
+        self.physical, self.parallel = physical, parallel
         self._map = _THREADS.map if parallel else map
         bounds = np.array([c.z_bounds for c in self.coordinates])
         self.low, self.high = bounds[:, 0], bounds[:, 1]
@@ -152,7 +153,8 @@ class PredictionError:
         bank[np.arange(1, n + 1), order] += steps[order]
         rows = [np.empty((len(r.t), 5, n)) for r in self.records]
         all_scores = [np.empty((len(r.t), n)) for r in self.records]
-        jobs = [(i, part) for i in range(len(self.records)) for part in _halves(len(noisy), n, len(self.records))]
+        parts = _halves(len(noisy), n) if self.parallel and len(self.records) == 1 else [np.arange(n)]
+        jobs = [(i, part) for i in range(len(self.records)) for part in parts]
 
         def work(job: tuple[int, NDArray[np.int64]]) -> float:
             i, part = job
@@ -213,6 +215,17 @@ class PredictionError:
         return [(float(r[k]), slopes[k]) for k in range(2) if r[k] > 0]
 
 
+def quietest(plant: Plant, records: Sequence[Record]) -> NDArray[np.float64]:
+    """(2,) torque noise [{u}² s] below which none is told from some: what keeps a filter's bandwidth at `_BANDWIDTH`.
+
+    Without torque noise the filter forgets nothing, and V is as rough as a free run of the unstable plant over the
+    whole log: no descent gets through. With this much it forgets within a fraction of a second, which costs next to
+    no precision.
+    """
+    density = np.max([r.variance * float(np.median(np.diff(r.t))) for r in records], axis=0)
+    return (plant.theta[[0, 3]] * _BANDWIDTH**2) ** 2 * density
+
+
 def _before_rounding(total: NDArray[np.float64], quantum: NDArray[np.float64]) -> NDArray[np.float64]:
     """Variance of readings before they are rounded, from the total one: less quantum²/12, softly above zero."""
     rounding = quantum**2 / 12.0
@@ -226,10 +239,8 @@ def _sharpness_rows(codes: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.array([(9, 2), (10, 3), *((o + i, 2 + i) for o in own for i in range(2))], dtype=np.int64)
 
 
-def _halves(leaders: int, n: int, records: int) -> list[NDArray[np.int64]]:
-    """Positions of a bank dealt to two threads where one record alone would leave a core idle."""
-    if records > 1:
-        return [np.arange(n)]
+def _halves(leaders: int, n: int) -> list[NDArray[np.int64]]:
+    """Positions of a bank dealt to two threads, as one record alone would leave a core idle."""
     cost = np.cumsum(np.where(np.arange(n) < leaders, 2.0, 1.0))
     cut = int(np.searchsorted(cost, cost[-1] / 2.0))
     return [np.arange(cut), np.arange(cut, n)]

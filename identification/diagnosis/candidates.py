@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ..coordinates import Coordinate, noise_coordinates, plant_coordinates
-from ..prediction_error import Optimum, PredictionError, Record, minimise, whiten
+from ..prediction_error import Optimum, PredictionError, Record, minimise, quietest, whiten
 from .probes import Cell, cells
 
 ANCHOR_STD = 0.5
 _CHUNK = 48  # probes in one pass of the bank
+_COARSE_STEP = 2e-3  # s
 
 
 @dataclass(frozen=True)
@@ -58,13 +59,19 @@ def fit(
     anchor: Plant | None = None,
     iterations: int = 40,
     tolerance: float = 0.05,
+    coarse: bool = False,
 ) -> Fit:
-    """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`."""
-    coordinates = plant_coordinates(plant, free_sharpness=False, priors=priors) + noise_coordinates()
+    """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
+
+    coarse: with longer integration steps and frozen gains, on one thread: within a nat or so, for a race of many.
+    """
+    coordinates = plant_coordinates(plant, free_sharpness=False, priors=priors)
+    coordinates += noise_coordinates(quietest(anchor or plant, records))
     if anchor is not None:
         coordinates = [anchored(c, anchor) for c in coordinates]
-    problem = PredictionError(plant, records, coordinates, noise)
-    optimum = minimise(problem, problem.start(), iterations, tolerance)
+    step = _COARSE_STEP if coarse else 1e-3
+    problem = PredictionError(plant, records, coordinates, noise, longest_step=step, parallel=not coarse)
+    optimum = minimise(problem, problem.start(), iterations, tolerance, exact=not coarse)
     return Fit(*_values(plant, coordinates, optimum.z, noise), tuple(coordinates), optimum, tuple(records))
 
 
@@ -109,7 +116,7 @@ class Score:
 def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.0) -> dict[str, Score]:
     """Score of every effect not yet in the model. `quieter` divides the torque noise (power for slow effects)."""
     noise = nominal.noise.copy()
-    noise[:2] /= quieter
+    noise[:2] = np.maximum(noise[:2] / quieter, quietest(nominal.plant, nominal.records))
     taken = {e.name for e in nominal.plant.effects}
     peak = max(float(np.abs(r.u).max()) for r in nominal.records)
     duration = max(float(r.t[-1]) for r in nominal.records)
@@ -239,8 +246,3 @@ def _probe_answers(plant: Plant, noise, record: Record, effect: str, probes) -> 
     bank = np.array([neutral, *[[p[n] for n in names] for p in probes]])
     result = problem.run(record, bank, 1)
     return None if result is None else result[0][:, :, 1:] - result[0][:, :, :1]
-
-
-def penalty(fitted: Fit) -> float:
-    """Half the Bayesian information criterion's price [nats] of a fit's coordinates."""
-    return 0.5 * fitted.size * math.log(fitted.samples)

@@ -123,7 +123,7 @@ def diagnose(
     after = before
     if naming.accepted:
         tell("estimating all parameters together")
-        after = identify(logs, naming.final.plant)
+        after = identify(logs, naming.final.plant, noise=naming.final.noise)
     left = math.sqrt(naming.final.noise[0] / 0.1)
     verdict, summary = _verdict(naming, left, rms, before.plant.unit)
     return Diagnosis(verdict, summary, before, after, naming, left, rms, time.monotonic() - began)

@@ -8,20 +8,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from .candidates import Fit, Score, fit, scores
+
+Array = NDArray[np.float64]
 
 THRESHOLD = 10.0  # nats, net of the price of the parameters: what an effect must gain to be believed
 EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
 _SHORTLIST = 8
 _DRAGGED = 0.3  # log of a factor
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
-_HEAT, _FINALISTS = 8, 4  # iterations that every suspect gets, and how many of them are then finished
+_HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
+_CATCHES_UP = 3.0  # rounds at its last pace within which a suspect must reach the best to go on
+_FINALISTS, _REACH = 4, 25.0  # suspects that are finished at most, and how near [nats] to the best they must be
+_CHASERS = 2  # of those that are no look-alikes
+_RESTART = 10.0  # factor on the noise
+_WORKERS = ThreadPoolExecutor(2)
 
 
 @dataclass(frozen=True)
@@ -78,50 +87,110 @@ def name_effects(
     return Naming(nominal, current, tuple(accepted), tuple(equals), tuple(rankings), absorbed)
 
 
-def shortlist(table: dict[str, Score]) -> list[str]:
-    """The best by score and everything that the best few are mistaken for (equal to first order, apart in a refit)."""
-    ranked = sorted((s for s in table.values() if s.start is not None and s.gain > 1.0), key=lambda s: -s.gain)
-    names = [s.effect for s in ranked[:_SHORTLIST]]
+def shortlist(table: dict[str, Score], samples: int) -> list[str]:
+    """Effects worth a refit: the best by score and what the best few are mistaken for (equal to first order, apart in
+    a refit), as long as the score promises more than the effect's parameters cost."""
+    promising = {name: s for name, s in table.items() if s.start is not None and s.gain > price(name, samples)}
+    ranked = sorted(promising, key=lambda name: -promising[name].gain)
+    names = ranked[:_SHORTLIST]
     for name in names[:3]:
-        names += [n for n in EFFECTS[name].mistaken_for if n in table and table[n].start is not None and n not in names]
+        names += [n for n in EFFECTS[name].mistaken_for if n in promising and n not in names]
     return names
 
 
+def price(name: str, samples: int) -> float:
+    """Half the Bayesian information criterion's price [nats] of an effect's parameters."""
+    return 0.5 * len(EFFECTS[name].parameters) * math.log(samples)
+
+
 def _refits(current: Fit, table: dict[str, Score], anchor: Plant, tell) -> tuple[Fit, list[Suspect]]:
-    """Every suspect refitted; the model without it is refitted from the best one's θ, so that neither stopped early."""
-    fits: dict[str, Fit] = {}
-    for name in shortlist(table):
-        tell(f"refitting with {name}")
-        fits[name] = _with_effect(current, table[name].start, anchor, iterations=_HEAT)
-    # a race: most suspects fall behind within a few iterations, and only the leaders are worth finishing
-    leaders = sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]
-    for name in leaders:
-        if not fits[name].optimum.converged:
+    """Suspects refitted; the model without any is refitted from the best one's θ, so that neither stopped early."""
+    names = shortlist(table, current.samples)
+    if not names:
+        return current, []
+    tell(f"racing {', '.join(names)}")
+    fits = _race({name: _with_effect(current, table[name].start, anchor) for name in names}, current, anchor)
+    leader = min(fits, key=lambda name: fits[name].value)
+    # from the leader's θ, which is near the truth if its name is nearly right, the others find their best soon
+    rivals = {
+        name: (_without(fits[leader], current).with_effects(fitted.plant.effects[-1]), _between(fits[leader], current))
+        for name, fitted in fits.items()
+        if name != leader and name in _rivals(leader, fits)
+    }
+    tell(f"chasing {leader} with {', '.join(rivals) or 'none'}")
+    for name, chaser in _race(rivals, current, anchor, ahead=fits[leader].value).items():
+        if chaser.value < fits[name].value:
+            fits[name] = chaser
+    best = min(f.value for f in fits.values())
+    for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
+        if fits[name].value < best + _REACH:
             tell(f"finishing {name}")
             fits[name] = fit(fits[name].plant, fits[name].noise, current.records, anchor=anchor)
-    if fits:
-        best = min(fits.values(), key=lambda f: f.value)
-        again = fit(_without(best, current), current.noise, current.records, anchor=anchor)
-        if again.value < current.value:
-            current = again
+    tell("refitting the model without it")
+    best = min(fits.values(), key=lambda f: f.value)
+    again = fit(_without(best, current), current.noise, current.records, anchor=anchor)
+    if again.value < current.value:
+        current = again
     suspects = []
     for name, fitted in fits.items():
         gain = current.value - fitted.value
-        extra = len(EFFECTS[name].parameters)
-        price = 0.5 * extra * math.log(fitted.samples)
-        suspects.append(Suspect(name, gain, gain - price, fitted, table[name].gain))
+        suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, table[name].gain))
     return current, sorted(suspects, key=lambda s: -s.net)
 
 
-def _with_effect(current: Fit, start: Effect | None, anchor: Plant, iterations: int) -> Fit:
-    """`current` with an effect added. Where the missing effect has dragged the scale of the pendulum's row away, the
-    way back leads along a narrow valley: starting at the anchor's θ is shorter."""
+def _race(
+    entries: dict[str, tuple[Plant, Array]], current: Fit, anchor: Plant, ahead: float = math.inf
+) -> dict[str, Fit]:
+    """Coarse fits from plants and noise, a few iterations at a time; who cannot catch up any more stops.
+
+    `ahead`: value of a fit that runs before them. Without one, the field is halved after each round.
+    """
+    fits: dict[str, Fit] = {}
+    for turn in range(_ROUNDS):
+        if not entries:
+            break
+        results = _WORKERS.map(lambda entry: _round(current, entry, anchor), entries.values())
+        pace = {}
+        for name, result in zip(list(entries), results, strict=True):
+            pace[name] = fits[name].value - result.value if name in fits else math.inf
+            fits[name] = result
+        best = min(ahead, *(f.value for f in fits.values()))
+        on = [name for name in sorted(entries, key=lambda name: fits[name].value) if not fits[name].optimum.converged]
+        if math.isinf(ahead):
+            on = on[: max(2, len(fits) >> (turn + 1))]
+        entries = {
+            name: (fits[name].plant, fits[name].noise)
+            for name in on
+            if fits[name].value - _CATCHES_UP * pace[name] < best + _REACH
+        }
+    return fits
+
+
+def _round(current: Fit, entry: tuple[Plant, Array], anchor: Plant) -> Fit:
+    plant, noise = entry
+    return fit(plant, noise, current.records, anchor=anchor, iterations=_HEAT, coarse=True)
+
+
+def _rivals(leader: str, fits: dict[str, Fit]) -> list[str]:
+    """What might be mistaken for the leader: its look-alikes, and the next in the race."""
+    alike = {n for n in fits if n in EFFECTS[leader].mistaken_for or leader in EFFECTS[n].mistaken_for}
+    return [*alike, *[n for n in sorted(fits, key=lambda n: fits[n].value) if n not in alike][: 1 + _CHASERS]]
+
+
+def _between(leader: Fit, current: Fit) -> Array:
+    """Noise for a rival at the leader's θ: half way, in the logarithm, back to what the model without it needs."""
+    return np.sqrt(leader.noise * np.maximum(current.noise, leader.noise))
+
+
+def _with_effect(current: Fit, start: Effect | None, anchor: Plant) -> tuple[Plant, Array]:
+    """Plant and noise to start from, with an effect added. Where the missing effect has dragged the scale of the
+    pendulum's row away, the way back leads along a narrow valley: starting at the anchor's θ is shorter."""
     assert start is not None
     plant, noise = current.plant, current.noise
     dragged = np.abs(np.log(np.maximum(plant.theta[2:5], 1e-12) / anchor.theta[2:5])).max()
     if dragged > _DRAGGED:
-        plant, noise = plant.replace(theta=anchor.theta), np.maximum(noise, START_NOISE)
-    return fit(plant.with_effects(start), noise, current.records, anchor=anchor, iterations=iterations)
+        plant, noise = plant.replace(theta=anchor.theta), noise * np.array([_RESTART, _RESTART, 1.0, 1.0])
+    return plant.with_effects(start), noise
 
 
 def _without(fitted: Fit, current: Fit):
@@ -136,8 +205,7 @@ def _backward(current: Fit, accepted, equals, anchor: Plant, tell):
         tell(f"checking that {suspect.name} is still needed")
         reduced_plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != suspect.name))
         reduced = fit(reduced_plant, current.noise, current.records, anchor=anchor)
-        price = 0.5 * len(EFFECTS[suspect.name].parameters) * math.log(current.samples)
-        if reduced.value - current.value - price < THRESHOLD:
+        if reduced.value - current.value - price(suspect.name, current.samples) < THRESHOLD:
             at = [s.name for s in accepted].index(suspect.name)
             accepted, equals = accepted[:at] + accepted[at + 1 :], equals[:at] + equals[at + 1 :]
             current = reduced
