@@ -30,5 +30,5 @@ def _diagnosed(folder: Path) -> dict[str, Any]:
     answer = found.to_dict()
     try:
         return answer | {"gap": measure_gap(found, logs, held_out).to_dict()}
-    except ValueError:  # nothing to predict with, or no window in which the held-out run can be predicted
-        return answer
+    except ValueError as error:  # nothing to predict with, or a held-out log that cannot be predicted
+        return answer | {"gap_missing": str(error)}

@@ -43,25 +43,38 @@ def percent(share: Mapping[str, Any] | None) -> str:
 
 
 def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """(question, answer) of the main results."""
-    library, two = summary["library"], summary["two"]
+    """(question, answer) of the main results; questions that no trial asked are left out."""
+    library, nothing = summary["library"], ("none", "torque_noise", "absorbed")
+
+    def share(kinds: Sequence[str], *results: str) -> str:
+        of = sum(summary["trials"][kind] for kind in kinds)
+        count = sum(summary[kind][result]["count"] for kind in kinds for result in results if result in summary[kind])
+        return percent(rate([True] * count + [False] * (of - count)))
+
+    def of_library(result: str) -> str:
+        right = library["right_alone"]
+        return percent(library["results"].get(result) or (right and rate([False] * right["of"])))
+
     rows = [
         (f"library effect (gap ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
-        ("… right, alone or in a set of two equals", percent(library["right_within_two"])),
+        ("… named right, alone or in a set of two equals", percent(library["right_within_two"])),
         ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
-        *((f"… {name.replace('_', ' ')}", percent(library["results"].get(name))) for name in _SHORTCOMINGS),
+        *((f"… {said}", of_library(result)) for result, said in _SHORTCOMINGS.items()),
         ("nothing to name: false alarms", percent(summary["false_alarms"])),
-        *((f"… {kind.replace('_', ' ')}", percent(summary[kind].get("false_alarm"))) for kind in _NOTHING),
-        ("… said “unknown” although nothing is hidden", _over(summary, _NOTHING, "unknown")),
-        ("outside the library: recognised as unknown", percent(summary["outside"].get("right"))),
-        ("… given a name instead", percent(summary["outside"].get("wrong"))),
-        ("two effects: both right, alone or in sets of two", _added(two, ("right", "pair"))),
-        ("… one of the two", percent(two.get("half"))),
-        ("hard friction alone: named friction_sharpness", _added(summary["hard"], ("right", "pair"))),
+        *((f"… of these: {said}", share([kind], "false_alarm")) for kind, said in _NOTHING.items()),
+        ("nothing to name: called unknown", share(nothing, "unknown")),
+        ("outside the library: recognised as unknown", share(["outside"], "right")),
+        ("outside the library: given a name", share(["outside"], "wrong")),
+        ("two effects: both named right, alone or in sets of two", share(["two"], "right", "pair")),
+        ("two effects: one of them", share(["two"], "half")),
+        ("hard friction alone: named friction_sharpness", share(["hard"], "right", "pair")),
         ("parameters: 95 % intervals that hold the truth", percent(summary["coverage_95"])),
         ("held-out gap closed by right names, median", _quantile(summary["closed_fraction"], "median")),
-        ("held-out error after, over the noise floor, median", _quantile(summary["after_over_floor"], "median")),
-        ("time of one diagnosis, median / 95 % [s]", _times(summary["runtime_s"])),
+        (
+            "held-out error after right names over the noise floor, median",
+            _quantile(summary["after_over_floor"], "median"),
+        ),
+        ("time of one diagnosis [s]: median / 95 %", _times(summary["runtime_s"])),
     ]
     return [row for row in rows if row[1] != "–"]
 
@@ -69,8 +82,19 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 _INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
 _LIMITS_HEAD = ("effect", f"right within two, gap ratio ≥ {VISIBLE}", "half are named at a ratio of", "95 % at")
 _LIMITS_CAPTION = "Gap ratios from the logistic regression, with its 95 % interval; 1 is invisible."
-_SHORTCOMINGS = ("extra", "wrong", "missed", "unknown", "insufficient", "error")
-_NOTHING = ("none", "torque_noise", "absorbed")
+_SHORTCOMINGS = {
+    "extra": "right, with a false one beside it",
+    "wrong": "wrong name",
+    "missed": "nothing named",
+    "unknown": "called unknown",
+    "insufficient": "called insufficient excitation",
+    "error": "error",
+}
+_NOTHING = {
+    "none": "nothing hidden",
+    "torque_noise": "random torque",
+    "absorbed": "what θ takes in (back-EMF, gain)",
+}
 
 
 def markdown(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> str:
@@ -99,18 +123,6 @@ def _limits(curve: PowerCurve) -> tuple[str, str]:
         return f"above {curve.tried[1]:.2f} (none was named)", "–"
     low, high = curve.interval50
     return f"{curve.ratio50:.3f} ({low:.3f} … {high:.3f})", f"{curve.ratio95:.2f}"
-
-
-def _added(results: Mapping[str, Any], names: Sequence[str]) -> str:
-    total = next((r["of"] for r in results.values()), 0)
-    count = sum(results[name]["count"] for name in names if name in results)
-    return percent(rate([True] * count + [False] * (total - count)))
-
-
-def _over(summary: Mapping[str, Any], kinds: Sequence[str], result: str) -> str:
-    total = sum(summary["trials"][kind] for kind in kinds)
-    count = sum(summary[kind][result]["count"] for kind in kinds if result in summary[kind])
-    return percent(rate([True] * count + [False] * (total - count)))
 
 
 def _quantile(quantiles: Mapping[str, float] | None, name: str) -> str:

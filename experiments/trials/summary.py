@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -61,15 +60,19 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def confusion(outcomes: Iterable[Outcome]) -> pd.DataFrame:
-    """Trials counted by what was hidden (rows) and what was named first (columns); pairs of effects are left out."""
-    rows = [(_row(o), _answered(o)) for o in outcomes if o.kind != "two"]
+    """Trials counted by what was hidden (rows) and what was named first (columns); pairs of effects are left out.
+
+    Library effects first, then what is outside it, then the trials with nothing to name."""
+    shown = [o for o in outcomes if o.kind != "two"]
+    outside = {o.subject for o in shown if o.kind == "outside"}
     table = pd.crosstab(
-        pd.Series([r for r, _ in rows], name="hidden", dtype=object),
-        pd.Series([c for _, c in rows], name="named", dtype=object),
+        pd.Series([_row(o) for o in shown], name="hidden", dtype=object),
+        pd.Series([_answered(o) for o in shown], name="named", dtype=object),
     )
-    names = [c for c in table.index if c in table.columns]
+    rows = sorted(table.index, key=lambda name: (name.startswith("("), name in outside, name))
+    names = [name for name in rows if name in table.columns]
     names += [c for c in table.columns if c not in names and c not in _NO_NAME]
-    return table.reindex(columns=[*names, *_NO_NAME], fill_value=0)
+    return table.reindex(index=rows, columns=[*names, *_NO_NAME], fill_value=0)
 
 
 def power_curves(outcomes: Iterable[Outcome]) -> dict[str, PowerCurve]:
@@ -82,15 +85,21 @@ def power_curves(outcomes: Iterable[Outcome]) -> dict[str, PowerCurve]:
 
 def power_table(curves: dict[str, PowerCurve]) -> pd.DataFrame:
     """One row per effect, as power.csv has it."""
-    rows = []
-    for name, curve in curves.items():
-        about = asdict(curve)
-        low, high = about.pop("interval50")
-        smallest, largest = about.pop("tried")
-        rows.append(
-            {"effect": name, **about, "ratio50_low": low, "ratio50_high": high}
-            | {"smallest_tried": smallest, "largest_tried": largest}
-        )
+    rows = [
+        {
+            "effect": name,
+            "trials": curve.trials,
+            "named_right": curve.right,
+            "ratio50": curve.ratio50,
+            "ratio50_low": curve.interval50[0],
+            "ratio50_high": curve.interval50[1],
+            "ratio95": curve.ratio95,
+            "limit": curve.limit,
+            "smallest_tried": curve.tried[0],
+            "largest_tried": curve.tried[1],
+        }
+        for name, curve in curves.items()
+    ]
     return pd.DataFrame(rows)
 
 

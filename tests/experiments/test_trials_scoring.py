@@ -11,6 +11,7 @@ from scipy.special import expit
 from scipy.stats import beta
 
 from experiments.trials.power import fit_power
+from experiments.trials.report import headline
 from experiments.trials.scoring import Outcome, score
 from experiments.trials.summary import confusion, power_curves, rate, summarize
 
@@ -238,10 +239,17 @@ def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     assert summary["closed_fraction"] is None
     assert power_curves(outcomes)["arm_spring"].trials == 3
 
+    lines = dict(headline(summary))
+    assert lines["nothing to name: false alarms"] == "1 of 2 = 50 % (1 … 99 %)"
+    assert lines["outside the library: given a name"] == "0 of 1 = 0 % (0 … 98 %)"
+    assert lines["… called unknown"].startswith("0 of 3")
+    assert "hard friction alone: named friction_sharpness" not in lines, "no such trial"
+
     table = confusion(outcomes)
     assert table.loc["arm_spring", "arm_spring"] == 2
     assert table.loc["arm_spring", "none"] == 1
     assert table.loc["input_delay", "actuator_lag"] == 1
     assert table.loc["(none)", "arm_spring"] == 1
     assert table.loc["stick_slip", "unknown"] == 1
+    assert list(table.index) == ["arm_spring", "input_delay", "stick_slip", "(none)"]
     assert int(table.to_numpy().sum()) == 7
