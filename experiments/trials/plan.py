@@ -11,7 +11,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations, groupby
+from itertools import combinations, groupby, zip_longest
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ TWINS = (
     {"arm_friction_drift", "arm_viscous_drift"},
     {"base_tilt", "pendulum_encoder_offset"},
     {"arm_presliding", "arm_backlash"},
+    {"arm_presliding", "friction_sharpness"},
 )
 """Pairs of effects that are equal to first order or exclude each other: not hidden together."""
 
@@ -251,12 +252,6 @@ def _part(trials: list[Trial], share: float) -> list[Trial]:
     for _, group in groupby(sorted(trials, key=stratum), stratum):
         members = list(group)
         by_rig = [sorted((t for t in members if t.rig == rig), key=lambda t: t.id) for rig in SETS]
-        rounds = [sorted(filter(None, row), key=lambda t: t.id) for row in _rows(by_rig)]
-        ordered = [t for row in rounds for t in row]
+        ordered = [t for row in zip_longest(*by_rig) for t in sorted(filter(None, row), key=lambda t: t.id)]
         kept += ordered[: math.ceil(share * len(ordered))]
     return sorted(kept, key=lambda t: t.id)
-
-
-def _rows(columns: list[list[Trial]]) -> list[list[Trial | None]]:
-    longest = max(map(len, columns))
-    return [[c[i] if i < len(c) else None for c in columns] for i in range(longest)]

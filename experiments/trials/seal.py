@@ -26,8 +26,8 @@ def seal(trial: Trial) -> dict[str, Any]:
     """Everything about the trial that its logs must not tell, for JSON.
 
     `strengths` and `ratios` (measured on this rig and experiment, None where none was asked) in the order of
-    `trial.hidden`; `held_out` [experiment, seed]; `truth` as the bench tells it. If the pendulum falls whatever is
-    tried, `problem` says so, and there is no truth.
+    `trial.hidden`; `hard_ratio`, that of hard friction where it is the subject; `held_out` [experiment, seed]; `truth`
+    as the bench tells it. If the pendulum falls whatever is tried, `problem` says so, and there is no truth.
     """
     found = [_sized(trial, hidden) for hidden in trial.hidden]
     strengths = [strength for strength, _ in found]
@@ -43,6 +43,8 @@ def seal(trial: Trial) -> dict[str, Any]:
             ratios = [_measured(trial, h, s) if h.ratio else None for h, s in zip(trial.hidden, strengths, strict=True)]
             continue
         more = {"strengths": strengths, "ratios": ratios, "held_out": held_out, "truth": rig.truth()}
+        if trial.kind == "hard":
+            more["hard_ratio"] = effect_size(rig, trial.experiment, trial.seed, DURATION).ratio
         return sealed | more
     return sealed | {"problem": "the pendulum is lost"}
 
