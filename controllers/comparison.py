@@ -33,7 +33,7 @@ UNITS = {
 class Comparison:
     """scores[controller][condition][figure] is an `Interval`; groups[condition] is the group it belongs to.
 
-    skipped[controller]: why it was left out.
+    skipped[controller]: why it was left out. policies[controller]: the controller itself; files do not keep it.
     """
 
     plant: Plant
@@ -41,6 +41,7 @@ class Comparison:
     groups: Mapping[str, str]
     scores: Scores
     skipped: Mapping[str, str] = field(default_factory=dict)
+    policies: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         return {

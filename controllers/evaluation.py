@@ -49,9 +49,8 @@ def compare(
     controllers: names (see `CONTROLLERS`), policy files `*.zip`, `Controller`s, or any policy with a `name`.
     design_plant: what named controllers are designed from, default `plant`; the two differ to see what a wrong model
     costs. trials: of the groups balance and swing_up; small_trials (default: a quarter, at least 10) of each other
-    condition. sample_time [s]: default is the plant's, else a whole fraction
-    of the first policy file's, at most 2 ms, else 2 ms. sensors: default
-    is what the plant file says, else 4096 counts. jobs: processes.
+    condition. sample_time [s]: default is the plant's, else a whole fraction of the first policy file's, at most 2 ms,
+    else 2 ms. sensors: default is what the plant file says, else 4096 counts. jobs: processes.
     progress(done, of): called after each condition. A controller that does not apply to the plant is left out, with
     the reason. Raises ValueError on an unknown name, group or effect, and when nothing is left to compare.
     """
@@ -86,7 +85,7 @@ def compare(
         "u_max": plant.u_max,
         "designed_for_this_plant": design == plant,
     }
-    return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped)
+    return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped, policies)
 
 
 def _sample_time(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from . import options as opt
-from .output import print_json, progress_bar, whole_folder
+from .output import busy, print_json, progress_bar, whole_folder
+
+if TYPE_CHECKING:
+    from controllers.comparison import Comparison
 
 
 def compare_command(
@@ -29,6 +32,10 @@ def compare_command(
             help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, or all."
         ),
     ] = "balance,push,parameters,delay",
+    sample_time: Annotated[
+        float | None, typer.Option(help="Of the controllers, in seconds; default: the plant's, else 0.002.")
+    ] = None,
+    gif: Annotated[bool, typer.Option("--gif", help="Film every controller at work: CONTROLLER.gif.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
@@ -52,15 +59,34 @@ def compare_command(
                 design_plant=design_plant,
                 trials=trials,
                 duration=duration,
+                sample_time=sample_time,
                 groups=chosen,
                 seed=seed,
                 jobs=jobs,
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )
         written = [path.name for path in result.save(folder)]
+        if gif:
+            with busy("filming …"):
+                written += _films(result, "swing_up" in chosen, folder, seed)
     if as_json:
         print_json(result.to_dict())
         return
     console = Console()
     (console if console.is_terminal else Console(width=120)).print(result.table())
     typer.echo(f"Written in {output}: {', '.join(written)}")
+
+
+def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[str]:
+    """A film of each controller; those that can swing up do so where that was compared."""
+    from controllers.film import film
+    from furuta_gym.sensors import Sensors
+
+    sensors = Sensors.from_dict(result.settings["sensors"])
+    names = []
+    for name, policy in result.policies.items():
+        task = "swing_up" if swing_up and "swing_up" in getattr(policy, "tasks", ()) else "balance"
+        path = folder / (Path(name).stem.replace(" ", "-") + ".gif")
+        film(result.plant, policy, result.settings["sample_time"], sensors, path, task=task, seed=seed)
+        names.append(path.name)
+    return names

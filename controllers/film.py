@@ -1,0 +1,69 @@
+"""A controller at work as an animated GIF, drawn by the environment."""
+
+import copy
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furuta_gym.plant import Plant
+from furuta_gym.sensors import Sensors
+
+PICTURES = 20  # per second
+SIZE = (480, 320)  # pixels
+LEAN = (0.5, 0.1, 0.0, 0.0)  # q1, q2, q̇1, q̇2; where a balancing film starts
+
+
+def film(
+    plant: Plant,
+    policy: Any,
+    sample_time: float,
+    sensors: Sensors,
+    path: str | os.PathLike[str],
+    *,
+    task: str = "balance",
+    seconds: float = 6.0,
+    seed: int = 0,
+) -> Path:
+    """Play `policy` (readings in, command out) on `plant` and write a GIF, in real time.
+
+    task: "balance" starts leaning, "swing_up" hanging. The film ends early if the pendulum falls or the arm winds up.
+    Raises ValueError without imageio and pygame.
+    """
+    try:
+        import imageio.v3 as imageio
+        import pygame  # noqa: F401  (the environment draws with it)
+        from PIL import Image
+    except ImportError as error:
+        raise ValueError(f"a film needs imageio and pygame ({error}): pip install 'furuta-gym[report]'") from error
+    from furuta_gym.envs import FurutaEnv
+
+    env = FurutaEnv(
+        plant,
+        task,
+        render_mode="rgb_array",
+        sample_time=sample_time,
+        encoder_counts=sensors.encoder_counts,
+        noise_std=sensors.noise_std,
+        encoder_offset=sensors.offset,
+    )
+    player = copy.deepcopy(policy)
+    if hasattr(player, "reset"):
+        player.reset()
+    _, info = env.reset(seed=seed, options={"state": LEAN} if task == "balance" else None)
+    pictures = []
+    for k in range(round(seconds / sample_time) + 1):
+        if k * sample_time * PICTURES >= len(pictures):
+            picture = env.render()
+            assert picture is not None
+            pictures.append(np.asarray(Image.fromarray(picture).resize(SIZE, Image.Resampling.LANCZOS)))
+        u = float(player(info["measured_state"][:2]))
+        _, _, over, _, info = env.step(np.array([u], dtype=np.float32))
+        if over:
+            break
+    env.close()
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    imageio.imwrite(path, np.stack(pictures), duration=1000 / PICTURES, loop=0)
+    return path
