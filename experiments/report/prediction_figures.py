@@ -101,7 +101,7 @@ def closed_loop(runs: tuple[Resimulation, ...], log: Log) -> Drawing:
 
 def horizons(change: GapChange) -> Drawing:
     """Rms error at each horizon, before and after, beside the floor."""
-    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
+    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.2)
     floor = np.minimum(change.before.curve, change.after.curve)
     labels = [f"{h:.2g} s" for h in floor[:, 0]]
     rest = [None] * (len(labels) - 1)  # intervals are known at the last horizon only
@@ -126,7 +126,7 @@ def horizons(change: GapChange) -> Drawing:
             ends = {"array": [*rest, high - rms[-1]], "arrayminus": [*rest, rms[-1] - low]}
             bars(axis, rms, name, colour, "/" if colour == BEFORE else "", {"color": MEASURED, **ends})
         bars(axis, 1e3 * floor[:, 3 + axis], "noise floor", FLOOR, ".")
-        figure.update_yaxes(title_text=f"error of {label}, rms [mrad]", col=axis + 1)
+        figure.update_yaxes(title_text=f"error of {label[-2:]} [mrad]", col=axis + 1)
     figure.update_layout(barmode="group")
     figure.update_xaxes(title_text="horizon")
     return drawing(

@@ -23,31 +23,34 @@ def _ranking(naming: Naming, step: int) -> Drawing:
     shown = naming.rankings[step][:_MOST]
     accepted = {s.name for s in naming.accepted}
     equals = set(naming.equals[step]) if step < len(naming.accepted) else set()
+    labels = {s.name: f"{s.name}  {s.net:+.0f}" for s in shown}
     figure = go.Figure()
     for label, colour, shape, chosen in (
         ("added", AFTER, "", [s for s in shown if s.name in accepted]),
         ("cannot be told from it", BEFORE, "/", [s for s in shown if s.name in equals - accepted]),
         ("others", _OTHER, "", [s for s in shown if s.name not in equals | accepted]),
     ):
+        bars = go.Bar(
+            x=[s.net for s in chosen],
+            y=[labels[s.name] for s in chosen],
+            name=label,
+            orientation="h",
+            marker={"color": colour, "pattern": pattern(shape)},
+            hovertemplate="%{y} nats<extra></extra>",
+        )
         if chosen:
-            figure.add_trace(
-                go.Bar(
-                    x=[s.net for s in chosen], y=[s.name for s in chosen], name=label, orientation="h",
-                    marker={"color": colour, "pattern": pattern(shape)},
-                    text=[f"{s.net:+.0f}" for s in chosen], textposition="auto",
-                    hovertemplate="%{y}: %{x:.1f} nats<extra></extra>",
-                )
-            )  # fmt: skip
-    figure.update_yaxes(categoryorder="array", categoryarray=[s.name for s in reversed(shown)], automargin=True)
-    figure.update_xaxes(title_text="log-likelihood gained, less the price of the parameters [nats]")
-    figure.update_layout(bargap=0.35, barmode="overlay")
+            figure.add_trace(bars)
+    order = [labels[s.name] for s in reversed(shown)]
+    figure.update_yaxes(categoryorder="array", categoryarray=order)
+    figure.update_xaxes(title_text="net gain [nats]")
+    figure.update_layout(bargap=0.35, barmode="overlay", showlegend=True)
     best = ", ".join(f"{s.name} {s.net:+.0f}" for s in shown[:3])
     return drawing(
         f"ranking-{step + 1}",
         figure,
         f"Horizontal bars of the nats that each suspect gains in step {step + 1}: {best}.",
         f"Step {step + 1}: each suspect was fitted together with all other parameters and the noise. "
-        "Below zero an effect does not pay for its own parameters.",
+        "Bars: the log-likelihood that it gains, less the price of its own parameters.",
         120 + 30 * len(shown),
     )
 
@@ -72,7 +75,7 @@ def parameters(before: Estimate, after: Estimate) -> Drawing:
             )
         )  # fmt: skip
     figure.update_yaxes(categoryorder="array", categoryarray=shown[::-1])
-    figure.update_xaxes(title_text="difference from the value before [%]")
+    figure.update_xaxes(title_text="change [%]")
     return drawing(
         "parameters",
         figure,

@@ -31,6 +31,9 @@ def torques(where: Where, after: Where | None) -> list[Drawing]:
 
 def _torque(where: Where, after: Where | None, log: int) -> Drawing:
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    t = where.torques[log].t
+    always = any(stop - start >= 0.99 * (t[-1] - t[0]) for start, stop in where.intervals_s[log])
+    shaded = () if always else where.intervals_s[log]
     reach = 0.0
     for a, row in enumerate(ROWS):
         reach = 0.01 * reach  # a row that lacks nothing has a band of hardly any width: not to be blown up
@@ -42,17 +45,18 @@ def _torque(where: Where, after: Where | None, log: int) -> Drawing:
             inner = slice(len(m) // 50, None)  # the bands are wide where the filter has just begun
             reach = max(reach, float(np.max(np.abs(m[inner]) + s[inner])))
         figure.update_yaxes(title_text=f"on the {row} [{where.unit}]", range=[-1.05 * reach, 1.05 * reach], row=a + 1)
-        for start, stop in where.intervals_s[log]:
+        for start, stop in shaded:
             figure.add_vrect(x0=start, x1=stop, fillcolor=MARK, line_width=0, layer="below", row=a + 1, col=1)  # type: ignore[arg-type]
     figure.update_xaxes(title_text="t [s]", row=2)
     source = where.torques[log].source
-    shaded = " Shaded: where it stands out of its band." if where.intervals_s[log] else ""
+    remark = " It stands out of its band all along." if always else ""
+    remark += " Shaded: where it stands out of its band." if shaded else ""
     return drawing(
         f"torque-{log}",
         figure,
         "Two panels against time: the smoothed torque that the model lacks on the arm's and on the pendulum's row.",
         f"{source}: the torque that would have to be added to each row of the model to explain the log, smoothed, with "
-        f"95 % bands.{shaded} Zero all along is what a complete model gives.",
+        f"95 % bands.{remark} Zero all along is what a complete model gives.",
         520,
     )
 
