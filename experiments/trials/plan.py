@@ -186,8 +186,9 @@ class _Maker:
         )
         return replace(trial, id=hashlib.blake2b(repr(trial).encode(), digest_size=6).hexdigest())
 
-    def _hidden(self, rng: np.random.Generator, name: str, form: str, ratios: tuple[float, float]) -> Hidden:
+    def _hidden(self, rng: np.random.Generator, name: str, rig: str, form: str, ratios: tuple[float, float]) -> Hidden:
         low, high = ratios
+        high = max(low, min(high, sizes.reach(name, rig, experiment_for(name, rig))))
         ratio = math.exp(rng.uniform(math.log(low), math.log(high)))
         return Hidden(name, form, self._number(rng), ratio=ratio)
 
@@ -199,20 +200,20 @@ class _Maker:
             ratio = 1.0 + math.exp(rng.uniform(math.log(low - 1.0), math.log(high - 1.0)))
             hidden = Hidden(name, form, self._number(rng), ratio=ratio)
         else:
-            hidden = self._hidden(rng, name, form, RATIOS)
+            hidden = self._hidden(rng, name, rig, form, RATIOS)
         hard = form == "bench" and name not in _NO_HARD_FRICTION and rng.uniform() < 0.25
         friction = "hard" if hard else "smooth"
         return self._trial(rng, "library", rig, experiment_for(name, rig), hidden=(hidden,), friction=friction)
 
     def outside(self, name: str, rig: str, k: int) -> Trial:
         rng = self._rng("outside", name, rig, k)
-        hidden = self._hidden(rng, name, "bench", RATIOS_OUTSIDE)
+        hidden = self._hidden(rng, name, rig, "bench", RATIOS_OUTSIDE)
         return self._trial(rng, "outside", rig, experiment_for(name, rig), hidden=(hidden,))
 
     def two(self, pairs: Sequence[tuple[str, str]], rig: str, k: int) -> Trial:
         rng = self._rng("two", rig, k)
         pair = pairs[int(rng.integers(len(pairs)))]
-        hidden = tuple(self._hidden(rng, name, str(rng.choice(["table", "bench"])), RATIOS_TWO) for name in pair)
+        hidden = tuple(self._hidden(rng, name, rig, str(rng.choice(["table", "bench"])), RATIOS_TWO) for name in pair)
         found = [experiment_for(name, rig) for name in pair]
         experiment = next((e for e in found if e != "paper"), "paper")
         return self._trial(rng, "two", rig, experiment, hidden=hidden)

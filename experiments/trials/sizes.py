@@ -1,7 +1,8 @@
 """How plain each effect is on each kind of rig: one measured point (strength, gap ratio) per experiment.
 
 The gap grows about in proportion to the strength, so a point is enough to guess the strength for a wanted ratio; `seal`
-measures what the guess is worth on the rig itself. `python -m experiments.trials.sizes` measures all points again.
+measures what the guess is worth on the rig itself. A point that is null was not measured, or the pendulum fell at every
+strength; the guess is then strength 1. `python -m experiments.trials.sizes` measures all points again.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def _table() -> dict[str, dict[str, dict[str, list[float] | None]]]:
 def first_guess(effect: str, kind: str, experiment: str, ratio: float) -> float:
     """Strength at which `effect` has about this gap ratio on a rig of this kind, at most LARGEST.
 
-    1 where the point was not measured or shows no gap.
+    1 where the table has no point.
     """
     strength, seen = _table().get(effect, {}).get(experiment, {}).get(kind) or (1.0, 1.0)
     return min(LARGEST, scaled(strength, seen, ratio))
@@ -62,6 +63,12 @@ def gaps(effect: str, kind: str) -> dict[str, float]:
     """For each experiment tried: the gap at strength 1, √(ratio² − 1), by proportion."""
     points = {experiment: rigs[kind] for experiment, rigs in _table()[effect].items()}
     return {name: math.sqrt(p[1] ** 2 - 1.0) / p[0] if p else 0.0 for name, p in points.items()}
+
+
+def reach(effect: str, kind: str, experiment: str) -> float:
+    """Largest gap ratio to ask for: that of strength LARGEST, by proportion; infinite where the table has no point."""
+    gap = gaps(effect, kind).get(experiment, 0.0)
+    return math.sqrt(1.0 + (LARGEST * gap) ** 2) if gap else math.inf
 
 
 def scaled(strength: float, seen: float, wanted: float) -> float:
