@@ -40,7 +40,7 @@ class Condition:
         """Play `policy` and sum up: success rate, and the other figures over the successful trials."""
         if self.kind == "push":
             return {"largest_push": typical(self._largest_push(policy, sample_time, seed), seed=seed)}
-        outcome = self.play(policy, self._starts(seed), sample_time, seed)
+        outcome = self.play(policy, self.starts(seed), sample_time, seed)
         figures = {"success": success_rate(outcome.success)}
         return figures | {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
 
@@ -56,7 +56,8 @@ class Condition:
             seed=seed,
         )
 
-    def _starts(self, seed: int) -> Starts:
+    def starts(self, seed: int) -> Starts:
+        """How its trials begin; the same for every policy."""
         rng = np.random.default_rng([seed, 1])
         one = self.plants if isinstance(self.plants, Plant) else self.plants[0]
         if self.kind == "swing_up":
@@ -66,7 +67,7 @@ class Condition:
     def _largest_push(self, policy: Any, sample_time: float, seed: int) -> NDArray[np.float64]:
         """The largest survived push (trials,) [rad/s] up to 3 `pace`, by bisection in all trials side by side."""
         assert isinstance(self.plants, Plant)
-        starts = self._starts(seed)
+        starts = self.starts(seed)
         side = np.sign(starts.push)
         low, high = np.zeros(self.trials), np.full(self.trials, 3.0 * pace(self.plants))
         for _ in range(_HALVINGS):

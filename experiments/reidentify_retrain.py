@@ -50,7 +50,7 @@ class Arguments:
     duration: float = 10.0
     policies: int = 3
     steps: int = 500_000
-    recording: float = 20.0
+    recording: float = 10.0
     experiments: tuple[str, ...] = ("paper", "wide")
     seed: int = 0
 
@@ -80,7 +80,7 @@ def tell_story(name: str, arguments: Arguments, folder: Path, say: Callable[[str
     """Record, diagnose, make controllers for both plants, run them; policies are kept in `folder`."""
     rig = RIGS[name]
     say(f"{name}: recording and diagnosing")
-    found = diagnose(_recorded(rig, arguments))
+    found = diagnose(recorded(rig, arguments))
     (hidden,) = rig.truth()["effects"]
     values = ", ".join(f"{k} = {v['value']:.3g} {v['unit']}" for k, v in hidden["parameters"].items())
     story = Story(name, f"{hidden['name']} ({values})", found.verdict, [])
@@ -107,7 +107,7 @@ def tell_story(name: str, arguments: Arguments, folder: Path, say: Callable[[str
     return story
 
 
-def _recorded(rig: Rig, arguments: Arguments) -> list[Log]:
+def recorded(rig: Rig, arguments: Arguments) -> list[Log]:
     """The logs as files tell them, and nothing else."""
     logs = []
     with tempfile.TemporaryDirectory() as folder:

@@ -67,6 +67,8 @@ def train_command(
                 command="furuta " + shlex.join(sys.argv[1:]),
                 progress=lambda done, of: bar.update(row, completed=done, total=of),
             )
+    except ImportError as error:
+        raise ValueError(str(error)) from error
     except KeyboardInterrupt:
         if output.with_suffix(".checkpoint").exists():
             typer.echo("Interrupted; the same command with --resume goes on from the last checkpoint.", err=True)

@@ -101,3 +101,20 @@ def test_the_experiment_in_small(tmp_path: Path) -> None:
     assert table(story).row_count == 4
     with pytest.raises(ValueError, match="exists"):
         run(Arguments.quick(), tmp_path)
+
+
+@pytest.mark.timeout(300)
+def test_randomized_training_in_small(tmp_path: Path) -> None:
+    from experiments.randomized_training import KINDS, Size, run
+
+    pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    scores = run(Size.quick(), tmp_path, say=lambda text: None)
+    assert set(scores) == set(KINDS)
+    for kind, rows in scores.items():
+        assert set(rows) == {"drawn plants", "θ ±20 %", "the rig"}
+        assert rows["drawn plants"]["success"].n == 5
+        record = json.loads((tmp_path / f"{kind.replace(', ', '-').replace(' ', '-')}-0.json").read_text())
+        assert record["env"]["randomize"] is (kind != "nominal")
+        assert (record["env"]["effect_probabilities"] != {}) is (kind == "drawn, with effects")
+    with pytest.raises(ValueError, match="earlier run"):
+        run(Size.quick(), tmp_path)

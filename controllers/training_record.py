@@ -1,0 +1,71 @@
+"""The record beside a policy: how it was made, and what it can do."""
+
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from .evaluation import compare
+from .recipes import discount
+from .training_setup import Training
+
+TRIALS = 200  # of the evaluation
+OTHER_SEED = 1_000_000  # episodes that judge a network are not those that train it
+
+
+def record_of(
+    training: Training,
+    *,
+    command: str | None,
+    steps: int,
+    resumed_at: list[int],
+    best_return: float | None,
+    spent: Mapping[str, float],
+) -> dict[str, Any]:
+    """Everything but the evaluation. steps: done in all; resumed_at: steps at which a run was gone on with; spent: wall
+    and CPU seconds of the last sitting; best_return: mean return that chose the network."""
+    plan, setup = training.recipe, training.setup
+    return training.identity | {
+        "command": command,
+        "env": training.env | {"velocity_cutoff": setup.sensors.velocity_cutoff, "arm_limit": setup.options.arm_limit},
+        "seed": training.seed,
+        "steps": steps,
+        "resumed_at": resumed_at,
+        "settings": {
+            "envs": plan.envs,
+            "reward_scale": plan.reward_scale,
+            "net_arch": list(plan.layers),
+            "activation": plan.activation,
+            "log_std_init": plan.log_std,
+            "gamma": discount(setup.sample_time),
+        }
+        | dict(plan.settings),
+        "best_return": best_return,
+        "spent": dict(spent),
+        "versions": versions(),
+        "plant": training.plant.to_dict(),
+    }
+
+
+def evaluate(policy: Path, training: Training) -> dict[str, Any]:
+    """Figures with intervals of `TRIALS` trials of the task on the nominal plant, as `furuta compare` plays them."""
+    seed = training.seed + OTHER_SEED
+    result = compare(training.plant, [str(policy)], trials=TRIALS, duration=10.0, groups=(training.task,), seed=seed)
+    (rows,) = result.scores.values()
+    (figures,) = rows.values()
+    settings = {key: result.settings[key] for key in ("trials", "sample_time", "seed")}
+    return settings | {name: interval.to_dict() for name, interval in figures.items()}
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages that a training run depends on."""
+    packages = ("furuta-gym", "stable-baselines3", "sb3-contrib", "torch", "gymnasium", "numpy")
+    return {"python": platform.python_version()} | {package: version(package) for package in packages}
+
+
+def write_record(path: Path, record: Mapping[str, Any]) -> None:
+    """Write it as JSON."""
+    text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    path.write_text(text, encoding="utf-8")

@@ -1,0 +1,94 @@
+"""What is to be learned, and on what: everything that a training run must know before it starts."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from furuta_gym.envs.options import TASKS, Options, Setup
+from furuta_gym.plant import Plant
+
+from .recipes import EPISODE, Recipe, recipe, training_period
+
+SCHEMA = "furuta-policy/1"
+
+
+@dataclass(frozen=True)
+class Training:
+    """One training run.
+
+    plant: rig. task: "balance" or "swing_up". algorithm: "ppo", "sac" or "tqc". steps: env steps in all.
+    randomize: a plant from its covariance for each episode; effect_probabilities: effects that come and go, as in
+    `FurutaEnv`. sample_time [s], history, observe_command: as in `FurutaEnv`; see `recipes.training_period`.
+    Raises ValueError where the env would, or if the algorithm is unknown or steps < 1.
+    """
+
+    plant: Plant
+    task: str = "balance"
+    algorithm: str = "ppo"
+    steps: int = 1_000_000
+    seed: int = 0
+    randomize: bool = False
+    effect_probabilities: Mapping[str, float] = field(default_factory=dict)
+    sample_time: float | None = None
+    history: int = 1
+    observe_command: bool = False
+
+    def __post_init__(self) -> None:
+        if self.task not in TASKS:
+            raise ValueError(f"--task {self.task!r}: expected one of {', '.join(TASKS)}")
+        if self.steps < 1:
+            raise ValueError(f"--steps {self.steps}: expected at least 1")
+        if self.seed < 0:
+            raise ValueError(f"--seed {self.seed}: expected a whole number of at least 0")
+        if self.randomize and self.plant.covariance is None:
+            raise ValueError(
+                "--randomize draws plants from the covariance that identification stores, and this plant has none; "
+                "identify it from a log with `furuta identify`, or leave --randomize out"
+            )
+        _ = self.recipe, self.setup  # both refuse what they cannot do
+
+    @property
+    def env(self) -> dict[str, Any]:
+        """The options of `FurutaID-v0`, the plant apart."""
+        return {
+            "task": self.task,
+            "sample_time": training_period(self.plant, self.sample_time),
+            "normalize_action": True,
+            "history": self.history,
+            "observe_command": self.observe_command,
+            "randomize": self.randomize,
+            "effect_probabilities": dict(self.effect_probabilities),
+        }
+
+    @cached_property
+    def setup(self) -> Setup:
+        """These options as the env understands them."""
+        return Setup(Options.of({"plant": self.plant} | self.env))
+
+    @cached_property
+    def recipe(self) -> Recipe:
+        """How the algorithm is set up for the task."""
+        return recipe(self.algorithm, self.task)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What a run and its continuation must have in common."""
+        return {
+            "schema": SCHEMA,
+            "algorithm": self.recipe.name,
+            "task": self.task,
+            "observation_size": int(np.prod(self.setup.observation_space.shape)),
+            "sample_time": self.setup.sample_time,
+            "plant_sha256": hashlib.sha256(self.plant.to_json().encode()).hexdigest(),
+        }
+
+    def batch(self, envs: int) -> Any:
+        """A `VecEnv` of so many rigs, with episodes of `recipes.EPISODE` seconds."""
+        from furuta_gym.envs.sb3 import FurutaVecEnv
+
+        longest = round(EPISODE / self.setup.sample_time)
+        return FurutaVecEnv(envs, plant=self.plant, max_episode_steps=longest, **self.env)

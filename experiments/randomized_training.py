@@ -1,0 +1,140 @@
+"""Does it pay to train on drawn plants? `python -m experiments.randomized_training`.
+
+A rig of the bench is recorded and identified as model (5), which misses that its command is late. Policies are trained
+on that plant alone, on plants drawn from its covariance, and on drawn plants with effects that come and go; all see
+the same observations. They balance 200 plants drawn from the covariance, the same with θ off by 20 %, and the rig.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from controllers import make_controller
+from controllers.conditions import conditions
+from controllers.design import choose_sensors
+from controllers.statistics import Interval, success_rate, typical
+from controllers.training import Training, train
+from experiments.bench_trials import run_on_bench
+from experiments.reidentify_retrain import RIGS, Arguments, recorded
+from furuta_gym.plant import Plant
+from identification.identify import identify
+
+SCHEMA = "furuta-randomized-training/1"
+CHANCES = {"input_delay": 0.3, "input_dead_zone": 0.3, "arm_spring": 0.3}
+KINDS: dict[str, dict[str, Any]] = {
+    "nominal": {},
+    "drawn": {"randomize": True},
+    "drawn, with effects": {"randomize": True, "effect_probabilities": CHANCES},
+}
+SEED = 40_000  # of the trials; training has seeds 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Size:
+    """policies of `steps` env steps for each kind; trials on drawn plants, runs of `duration` seconds on the rig."""
+
+    rig: str = "late"
+    policies: int = 3
+    steps: int = 500_000
+    trials: int = 200
+    runs: int = 10
+    duration: float = 8.0
+
+    @classmethod
+    def quick(cls) -> Size:
+        """Small enough for a test."""
+        return cls(policies=1, steps=30_000, trials=5, runs=1, duration=1.0)
+
+
+def run(size: Size, out: Path, say: Callable[[str], None] = print) -> dict[str, dict[str, dict[str, Interval]]]:
+    """scores[kind][where][figure]; where: "drawn plants", "θ ±20 %", "the rig". Policies and results.json go to `out`.
+
+    Raises ValueError if `out` holds a plant file already.
+    """
+    if (out / "rig.json").exists():
+        raise ValueError(f"{out} holds an earlier run; remove it or choose another --out")
+    rig = RIGS[size.rig]
+    say("recording and identifying")
+    plant = identify(recorded(rig, Arguments(recording=10.0, experiments=("paper",)))).plant
+    plant = plant.replace(u_max=rig.kind.u_max, sample_time=rig.period)
+    out.mkdir(parents=True, exist_ok=True)
+    plant.save(out / "rig.json")
+    scores = {}
+    for kind, options in KINDS.items():
+        policies = []
+        for seed in range(size.policies):
+            say(f"{kind}: training policy {seed + 1} of {size.policies}")
+            path = out / f"{kind.replace(', ', '-').replace(' ', '-')}-{seed}.zip"
+            train(Training(plant, steps=size.steps, seed=seed, history=3, observe_command=True, **options), path)
+            policies.append(make_controller(path, plant))
+        say(f"{kind}: trials")
+        scores[kind] = _on_plants(plant, policies, size)
+        runs = [run_on_bench(rig, p, SEED + i, size.duration) for p in policies for i in range(size.runs)]
+        won = [r.rms_q2 for r in runs if r.success]
+        scores[kind]["the rig"] = {"success": success_rate([r.success for r in runs]), "rms_q2": typical(won)}
+    result = {
+        kind: {where: {figure: x.to_dict() for figure, x in figures.items()} for where, figures in rows.items()}
+        for kind, rows in scores.items()
+    }
+    text = json.dumps({"schema": SCHEMA, "size": asdict(size), "scores": result}, ensure_ascii=False, indent=2)
+    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    return scores
+
+
+def _on_plants(plant: Plant, policies: list[Any], size: Size) -> dict[str, dict[str, Interval]]:
+    """The trials of `furuta compare --groups parameters`, all policies of a kind together."""
+    T = plant.sample_time
+    assert T is not None
+    sensors = choose_sensors(plant, None)
+    rows = conditions(plant, sensors, size.trials, size.trials, size.duration, ("parameters",), seed=SEED)
+    names = {"θ as uncertain as identified": "drawn plants", "θ ±20 %": "θ ±20 %"}
+    found = {}
+    for row in rows:
+        if row.name in names:
+            outcomes = [row.play(policy, row.starts(SEED), T, SEED) for policy in policies]
+            success = np.concatenate([o.success for o in outcomes])
+            rms = np.concatenate([o.rms_q2 for o in outcomes])
+            found[names[row.name]] = {"success": success_rate(success), "rms_q2": typical(rms[success])}
+    return found
+
+
+def main(
+    out: Annotated[Path, typer.Option(help="Folder for plant, policies and results.json.")] = Path(
+        "out/randomized_training"
+    ),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="One short training each; for a look at what it does.")
+    ] = False,
+) -> None:
+    """Nominal against randomised training, on drawn plants and on a rig that hides something."""
+    began = time.perf_counter()
+    scores = run(Size.quick() if quick else Size(), out, Console(stderr=True).print)
+    table = Table(title="95 % intervals in brackets; rms q2 [rad] of the successful trials")
+    table.add_column("trained on")
+    for where in next(iter(scores.values())):
+        table.add_column(f"{where}\nsuccess [%]", justify="right")
+        table.add_column(f"{where}\nrms q2", justify="right")
+    for kind, rows in scores.items():
+        cells = []
+        for figures in rows.values():
+            s = figures["success"]
+            cells += [f"{100 * s.value:.3g} [{100 * s.low:.0f}, {100 * s.high:.0f}]", str(figures["rms_q2"])]
+        table.add_row(kind, *cells)
+    console = Console()
+    console = console if console.is_terminal else Console(width=160)
+    console.print(table)
+    console.print(f"{time.perf_counter() - began:.0f} s. Look at: {out / 'results.json'}", highlight=False)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,31 @@
+"""`furuta compare --gif --sample-time`: films beside the figures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.test_cli import furuta
+
+
+def test_films_lie_beside_the_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import controllers.film
+
+    filmed = []
+    whole = controllers.film.film
+
+    def short(*arguments: object, **options: object) -> Path:
+        filmed.append((arguments[1].name, arguments[2], options["task"]))  # type: ignore[attr-defined]
+        return whole(*arguments, **options, seconds=0.2)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(controllers.film, "film", short)
+    common = ("--controllers", "swing-up,lqr", "--groups", "balance,swing_up", "--trials", 2, "--duration", 1)
+    result = furuta(
+        "compare", "--plant", "large", *common, "--sample-time", 0.004, "--gif", "-o", tmp_path / "c", "--json"
+    )
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["settings"]["sample_time"] == 0.004
+    assert filmed == [("swing-up", 0.004, "swing_up"), ("lqr", 0.004, "balance")]
+    assert {"swing-up.gif", "lqr.gif", "comparison.json"} <= {file.name for file in (tmp_path / "c").iterdir()}
