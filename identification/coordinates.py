@@ -134,7 +134,7 @@ def _checked_prior(name: str, prior: tuple[float, float] | None) -> tuple[float,
 
 
 def noise_coordinates(least: Sequence[float] | NDArray[np.float64] = (1e-22, 1e-22)) -> list[Coordinate]:
-    """Torque noise intensities of the two rows, at least `least`, and scale factors on the variances of the readings."""
+    """Torque noise intensities of the rows, at least `least`, and factors on the variances of the readings."""
     return [
         Coordinate(
             name, i, log=True, low=least[i] if i < 2 else 0.05, high=1e6 if i < 2 else 1e4, step=1e-3, noise=True

@@ -53,7 +53,8 @@ def identify(
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
     below zero (a sign that something is missing). noise: (4,) torque intensities and factors on the readings' variances
-    of an earlier fit, whose plant is `start`: the fit goes on from there and no other start is tried. method: one of `METHODS`; only "prediction-error" uses the options.
+    of an earlier fit, whose plant is `start`: the fit goes on from there and no other start is tried. method: one of
+    `METHODS`; only "prediction-error" uses the options.
 
     Logs may differ in sensors, sample time and experiment; uneven stamps are used as they are, gaps cut a log.
     Raises ValueError for bad arguments and NotIdentifiable (a ValueError) where the logs cannot tell a parameter.
@@ -321,7 +322,7 @@ def _warnings(
         if advice := signs.advice("upright", ()):
             yield f"{log.source}: {advice}"
     if failures := physical_consistency(plant.theta).failures:
-        yield "; ".join(failures) + ". With weak parameters this happens by chance; physical=True keeps it out"
+        yield "; ".join(failures) + ". With weak parameters this happens by chance; physical=True (--physical) keeps it out"
     # what the torque noise adds up to over a tenth of a second, against the command's size
     missing = math.sqrt(noise[0] / 0.1)
     command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))

@@ -39,11 +39,11 @@ def minimise(
 
     Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum. Stops
     when the decrease of V that the quadratic model promises (a log-likelihood: absolute, in nats) is below
-    `tolerance`. With `exact` the expansion returned is exact and holds the scores.
+    `tolerance`, or two steps in a row brought less. With `exact` the expansion returned is exact and holds the scores.
     """
     free = np.arange(len(z)) if free is None else np.asarray(free)
     z = np.clip(z, problem.low, problem.high)
-    damping, polishing = 1e-3, False
+    damping, polishing, small = 1e-3, False, 0
     expansion = problem.expand(z)
     if not math.isfinite(expansion.value):
         return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
@@ -58,10 +58,13 @@ def minimise(
         else:
             z = trial
             assert there is not None
+            small = small + 1 if expansion.value - there.value < tolerance else 0
             polishing = exact and (polishing or expansion.value - there.value < _POLISH)
         if polishing or there is None:
             there = problem.expand(z, exact=polishing, scores=polishing)
         expansion = there
+        if small >= 2 and (polishing or not exact):
+            return Optimum(z, expansion.value, expansion, iteration, True, "converged")
     return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
 
 

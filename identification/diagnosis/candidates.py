@@ -113,10 +113,9 @@ class Score:
     absorbed: float
 
 
-def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.0) -> dict[str, Score]:
-    """Score of every effect not yet in the model. `quieter` divides the torque noise (power for slow effects)."""
-    noise = nominal.noise.copy()
-    noise[:2] = np.maximum(noise[:2] / quieter, quietest(nominal.plant, nominal.records))
+def scores(nominal: Fit, names: Sequence[str] | None = None) -> dict[str, Score]:
+    """Score of every effect not yet in the model."""
+    noise = nominal.noise
     taken = {e.name for e in nominal.plant.effects}
     peak = max(float(np.abs(r.u).max()) for r in nominal.records)
     duration = max(float(r.t[-1]) for r in nominal.records)

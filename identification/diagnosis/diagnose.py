@@ -18,7 +18,9 @@ from ..identify import identify
 from ..logs import Log
 from ..prediction_error import Record
 from .candidates import fit
+from .locate import locate
 from .naming import START_NOISE, Naming, Suspect, name_effects
+from .where import Where
 
 SCHEMA = "furuta-diagnosis/1"
 SHARPNESS = 100.0  # s/rad; what model (5) is taken to have, so that another r is itself a finding
@@ -39,6 +41,7 @@ class Diagnosis:
     before: Estimate | None = field(repr=False)
     after: Estimate | None = field(repr=False)
     naming: Naming | None = field(repr=False)
+    rest: Where | None = field(repr=False)
     left_over: float
     command_rms: float
     runtime_s: float
@@ -60,6 +63,9 @@ class Diagnosis:
             "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
             "not_visible": sorted(n for n, share in naming.absorbed.items() if share > _ABSORBED) if naming else [],
             "left_over_torque": self.left_over,
+            "rest": self.rest.to_dict() if self.rest else None,
+            "noise": naming.final.noise.tolist() if naming else None,
+            "rms": self.command_rms,
             "runtime_s": self.runtime_s,
         }
 
@@ -115,7 +121,9 @@ def diagnose(
         before = identify(logs, start)
     except NotIdentifiable as error:
         text = f"{error} — nothing can be said about missing effects"
-        return Diagnosis("insufficient_excitation", text, None, None, None, math.nan, rms, time.monotonic() - began)
+        return Diagnosis(
+            "insufficient_excitation", text, None, None, None, None, math.nan, rms, time.monotonic() - began
+        )
     anchor = _anchor(before.plant)
     records = [Record.from_log(piece) for log in logs for piece in log.pieces() if len(piece) >= 20]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor)
@@ -124,9 +132,11 @@ def diagnose(
     if naming.accepted:
         tell("estimating all parameters together")
         after = identify(logs, naming.final.plant, noise=naming.final.noise)
+    tell("looking at what is left")
+    rest = locate(after.plant, logs)
     left = math.sqrt(naming.final.noise[0] / 0.1)
     verdict, summary = _verdict(naming, left, rms, before.plant.unit)
-    return Diagnosis(verdict, summary, before, after, naming, left, rms, time.monotonic() - began)
+    return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, time.monotonic() - began)
 
 
 def _anchor(plant: Plant) -> Plant:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 THRESHOLD = 10.0  # nats, net of the price of the parameters: what an effect must gain to be believed
 EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
-_SHORTLIST = 8
+_SHORTLIST, _NEAR, _FAINT = 6, 0.15, 0.5  # effects, share of the best score, share of the price
 _DRAGGED = 0.3  # log of a factor
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
 _HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
@@ -69,7 +69,7 @@ def name_effects(
     absorbed: dict[str, float] = {}
     for step in range(most):
         tell(f"scoring the library (step {step + 1})")
-        table = scores(current, only, quieter=100.0)
+        table = scores(current, only)
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
         current, ranking = _refits(current, table, anchor, tell)
@@ -88,11 +88,12 @@ def name_effects(
 
 
 def shortlist(table: dict[str, Score], samples: int) -> list[str]:
-    """Effects worth a refit: the best by score and what the best few are mistaken for (equal to first order, apart in
-    a refit), as long as the score promises more than the effect's parameters cost."""
-    promising = {name: s for name, s in table.items() if s.start is not None and s.gain > price(name, samples)}
+    """Effects worth a refit: those whose score comes near the best one's, and what the best few are mistaken for (equal
+    to first order, apart in a refit), unless the score is below what the effect's parameters cost: with the noise
+    estimated anew a gain grows manifold, but nothing grows from nothing."""
+    promising = {n: s for n, s in table.items() if s.start is not None and s.gain > _FAINT * price(n, samples)}
     ranked = sorted(promising, key=lambda name: -promising[name].gain)
-    names = ranked[:_SHORTLIST]
+    names = [n for n in ranked[:_SHORTLIST] if promising[n].gain > _NEAR * promising[ranked[0]].gain]
     for name in names[:3]:
         names += [n for n in EFFECTS[name].mistaken_for if n in promising and n not in names]
     return names
