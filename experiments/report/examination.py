@@ -44,7 +44,13 @@ class Examination:
 
     @property
     def next_experiment(self) -> str:
-        return getattr(self.diagnosis, "next_experiment", None) or NEXT[self.diagnosis.verdict]
+        """The search's own advice, else what its verdict asks for."""
+        if advice := getattr(self.diagnosis, "next_experiment", None):
+            return advice
+        naming = self.diagnosis.naming
+        equals = zip(naming.accepted, naming.equals, strict=True) if naming else ()
+        pair = next((f"{suspect.name},{others[0]}" for suspect, others in equals if others), "EFFECT,EFFECT")
+        return NEXT[self.diagnosis.verdict].format(pair=pair)
 
     def to_dict(self) -> dict[str, Any]:
         """The whole of diagnosis.json; what is not a finite number is null there."""
@@ -86,9 +92,9 @@ def examine(
     if before is not None and after is not None:
         plants = [before.plant] if after is before else [before.plant, after.plant]
         tell("locating the gap")
-        where = tried("where", lambda: locate(plants[0], logs))
+        where = rest = getattr(diagnosis, "rest", None) or tried("where", lambda: locate(plants[-1], logs))
         if len(plants) > 1:
-            where_after = tried("where", lambda: locate(plants[1], logs))
+            where, where_after = tried("where", lambda: locate(plants[0], logs)), rest
         tell("measuring the gap")
         gap = tried("gap", lambda: measure_gap(diagnosis, logs, held_out))
         shown = (tuple(held_out) or tuple(logs))[0]

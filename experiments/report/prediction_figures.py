@@ -124,7 +124,7 @@ def horizons(change: GapChange) -> Drawing:
             rms = 1e3 * gap.curve[:, 1 + axis]
             low, high = 1e3 * rms_interval(gap)[axis]
             ends = {"array": [*rest, high - rms[-1]], "arrayminus": [*rest, rms[-1] - low]}
-            bars(axis, rms, name, colour, "/" if colour == BEFORE else "", {"color": MEASURED, **ends})
+            bars(axis, rms, name, colour, "/" if colour == BEFORE else "", {"color": MEASURED, "width": 0, **ends})
         bars(axis, 1e3 * floor[:, 3 + axis], "noise floor", FLOOR, ".")
         figure.update_yaxes(title_text=f"error of {label[-2:]} [mrad]", col=axis + 1)
     figure.update_layout(barmode="group")

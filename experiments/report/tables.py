@@ -63,7 +63,8 @@ def _value(estimate: Estimate, name: str) -> str:
 def _shift(before: Estimate, after: Estimate, name: str) -> str:
     if name not in before.names or name not in after.names or not before.value(name):
         return "new" if name not in (*before.names, *before.fixed) else ""
-    return f"{100 * (after.value(name) - before.value(name)) / abs(before.value(name)):+.2g} %"
+    percent = 100 * (after.value(name) - before.value(name)) / abs(before.value(name))
+    return (f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.2g}") + "\u00a0%"
 
 
 def gaps(change: GapChange) -> Table:
@@ -78,7 +79,7 @@ def gaps(change: GapChange) -> Table:
                     f"{name}, {side}",
                     f"{1e3 * gap.rms[axis]:.3g} ({low:.3g} … {high:.3g})",
                     _counts(gap.rms[axis], count),
-                    f"{gap.rms[axis] / change.floor[axis]:.2f}",
+                    f"{gap.rms[axis] / change.floor[axis]:.3g}",
                 )
             )
         rows.append(

@@ -32,8 +32,9 @@ NEXT = {
         "`furuta validate plant.json` on it: the error should stay near the noise floor."
     ),
     "ambiguous": (
-        "Record a log that tells the look-alikes apart, and diagnose all logs together. A slow, wide sweep of the arm "
-        "does it for most pairs, because the arm then spends time near zero speed at many angles."
+        "Record a log that tells the look-alikes apart, and diagnose all logs together: "
+        "`furuta excite --plant plant.json --between {pair} -o u.csv` designs the command. A slow, wide sweep of the "
+        "arm does it for most pairs, because the arm then spends time near zero speed at many angles."
     ),
     "none": (
         "Nothing needs doing. If the simulator fails in a motion that these logs do not contain, record that motion "

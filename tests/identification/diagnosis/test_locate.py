@@ -8,11 +8,15 @@ import warnings
 import numpy as np
 import pytest
 
+from experiments.bench import Rig, record
 from furuta_gym.plant import QUBE, TABLE_3
 from identification.diagnosis.constancy import constancy, tail
 from identification.diagnosis.leftover import largest_line, predictable
 from identification.diagnosis.locate import locate
+from identification.families import Knots, Signals, families
+from identification.flexible import flexible
 from identification.logs import read_log
+from identification.record import Record
 
 from ..loops import loop_log
 
@@ -37,6 +41,27 @@ def test_nothing_is_left_of_a_right_model(seed):
     assert "Nothing is left" in found.sentence
     assert found.predictable.max() < 0.15
     assert found.constancy.joint_p > 1e-3
+
+
+@pytest.mark.parametrize("seed", [11, 303])
+def test_nothing_is_left_on_logs_of_another_simulator(seed, tmp_path):
+    """Logs on which chance looked like a finding: 11, an error of the reading that was a function of its own noise;
+    303, the best two of some hundred frequencies at the price of two."""
+    record(Rig("table3", torque_noise=(2e-6, 1e-8)), "paper", seed=seed).write(tmp_path / "log.csv")
+    found = locate(TABLE_3, read_log(tmp_path / "log.csv"))
+    assert not found.found
+    assert found.evidence < 4
+
+
+def test_a_search_for_frequencies_is_paid_for():
+    log, plant = loop_log()
+    found = flexible(plant, Record.from_log(log))
+    assert found.peaks.looked_at == pytest.approx(25 * log.duration, rel=0.05)
+    assert found.peaks.price == pytest.approx(2 * np.log(found.peaks.looked_at))
+    signals = Signals.of(found.uncorrected)
+    columns = families(signals, plant, Knots.of([signals]), found.peaks)
+    assert {f.price for f in columns if f.variable == "frequency"} == {found.peaks.price}
+    assert {f.price for f in columns if f.variable != "frequency"} == {0.0}
 
 
 def test_a_spring_is_a_torque_on_the_arm_against_its_angle(spring):

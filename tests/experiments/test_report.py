@@ -1,0 +1,266 @@
+"""The report of a diagnosis: its numbers are those of the files, its page stands alone and draws in a real browser."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+pytest.importorskip("plotly", reason="the report needs the extra 'report'")
+pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
+
+from experiments.cli import app
+from experiments.report import Examination, build, examine, measure_gap
+from experiments.report.drawing import MOST_POINTS
+from experiments.report.gap import TAIL, rms_interval
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.diagnose import diagnose
+from identification.logs import Log, read_log, write_log
+from identification.validation import closed_fraction, validate
+from tests.identification.loops import loop_log
+
+
+@pytest.fixture(scope="module")
+def logs() -> tuple[Log, Log]:
+    """A log of a rig with a spring at the arm, and another run of it."""
+    return loop_log("arm_spring", duration=8.0)[0], loop_log("arm_spring", duration=6.0, seed=1)[0]
+
+
+@pytest.fixture(scope="module")
+def examined(logs) -> Examination:
+    found = diagnose([logs[0]], TABLE_3, most=1, only=["arm_spring", "arm_viscous_drift"])
+    return examine(found, [logs[0]], [logs[1]])
+
+
+@pytest.fixture(scope="module")
+def page(examined) -> str:
+    return build(examined)
+
+
+class Page(HTMLParser):
+    """What a test asks of a page: ids, figures' JSON, labels, addresses, text."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.figures: dict[str, dict] = {}
+        self.unlabelled: list[str] = []
+        self.addresses: list[str] = []
+        self.tags: list[str] = []
+        self.headings: list[str] = []
+        self.inside = ""
+        self.heading = False
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.tags.append(tag)
+        self.ids += [found["id"]] if "id" in found else []
+        self.addresses += [v for k, v in attrs if k in ("src", "href", "srcset", "action")]
+        if found.get("class") == "plot" and not (found.get("role") == "img" and found.get("aria-label")):
+            self.unlabelled.append(str(found))
+        self.inside = found.get("data-for", "") if tag == "script" else ""
+        self.heading = tag == "h2"
+
+    def handle_data(self, data):
+        if self.inside:
+            self.figures[self.inside] = json.loads(data)
+            self.inside = ""
+        if self.heading:
+            self.headings.append(data.strip())
+            self.heading = False
+
+
+def size_of(data) -> int:
+    """Number of entries of one of a trace's arrays, as Plotly writes them."""
+    if isinstance(data, dict) and "bdata" in data:
+        width = {"f4": 4, "f8": 8}.get(data["dtype"], 1)
+        return len(data["bdata"]) * 3 // 4 // width
+    return len(data) if isinstance(data, list) else 0
+
+
+def test_the_json_keeps_the_contract(examined):
+    found = json.loads(json.dumps(examined.to_dict(), allow_nan=False))
+    assert {"verdict", "effects", "ranking", "where", "gap", "next_experiment", "runtime_s"} <= set(found)
+    assert {"channel", "intervals_s", "variable", "map"} <= set(found["where"])
+    names = {"before", "after", "noise_floor", "closed_fraction", "closed_interval", "held_out"}
+    assert names <= set(found["gap"])
+    for side in ("before", "after", "noise_floor"):
+        assert {"rms_q1", "rms_q2"} <= set(found["gap"][side])
+    assert found["gap"]["held_out"] is True
+    assert found["next_experiment"]
+
+
+def test_the_gap_is_that_of_the_validation(examined, logs):
+    change = examined.gap
+    before, after = (validate(e.plant, [logs[1]]) for e in (examined.diagnosis.before, examined.diagnosis.after))
+    assert change.before.rms == pytest.approx(before.rms)
+    assert change.closed == closed_fraction(before, after)
+    assert change.closed.value > 0.9
+    assert change.to_dict()["before"]["rms_q1"] == pytest.approx(float(before.rms[0]))
+
+
+def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
+    log = logs[0]
+    change = measure_gap(examined.diagnosis, [log])
+    assert change.tail == TAIL
+    assert change.to_dict()["held_out"] is False
+    starts = change.before.times - change.before.horizon
+    assert starts.min() >= log.t[0] + (1 - TAIL) * log.duration - 1e-9
+    assert change.before.rms == pytest.approx(np.sqrt(np.mean(change.before.errors**2, axis=0)))
+    assert change.closed.value > 0.8
+    rest = log.slice(stop=float(log.t[0]) + (1 - TAIL) * log.duration)  # what the plants may know
+    moved = replace(log, q1=np.where(log.t > rest.t[-1], log.q1 + 0.05, log.q1))
+    assert measure_gap(examined.diagnosis, [moved]).before.rms[0] > change.before.rms[0]
+
+
+def test_intervals_of_the_rms_cover_it(examined):
+    low, high = rms_interval(examined.gap.after).T
+    assert np.all((low < examined.gap.after.rms) & (examined.gap.after.rms < high))
+
+
+def test_the_page_stands_alone_and_reads_from_top_to_bottom(page):
+    found = Page(page)
+    assert [heading[0] for heading in found.headings] == list("1234567")
+    assert not found.addresses
+    assert not {"link", "iframe", "img", "object"} & set(found.tags)
+    assert "cdn.plot.ly" not in re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    assert not found.unlabelled
+    assert len(set(found.ids)) == len(found.ids)
+    assert {f"plot-{name}" for name in found.figures} <= set(found.ids)
+    assert {
+        "predictions",
+        "closed-loop",
+        "torque-0",
+        "map-arm-arm-angle",
+        "ranking-1",
+        "parameters",
+        "horizons",
+    } <= set(found.figures)
+
+
+def test_axes_have_titles_and_traces_are_thinned(page):
+    for name, figure in Page(page).figures.items():
+        axes = [axis for key, axis in figure["layout"].items() if key.startswith("yaxis")]
+        assert any("title" in axis for axis in axes) or name.startswith(("ranking", "parameters")), name
+        assert any("title" in axis for key, axis in figure["layout"].items() if key.startswith("xaxis")), name
+        for trace in figure["data"]:
+            assert size_of(trace["x"]) <= 2 * MOST_POINTS + 2, name  # a band goes there and back
+
+
+def test_the_page_says_what_was_found(page, examined):
+    k = examined.diagnosis.after.plant.effect("arm_spring").parameters["k"]
+    assert f"k = {k:.4g}" in page
+    assert "arm_spring" in page
+    assert f"<strong>{100 * examined.gap.closed.value:.1f} %</strong>" in page
+    assert examined.where.sentence.split(":")[0].replace("'", "&#39;") in page
+
+
+@pytest.mark.parametrize("verdict", ["none", "unknown", "insufficient_excitation"])
+def test_other_verdicts_have_a_page_too(examined, verdict):
+    d = examined.diagnosis
+    if verdict == "insufficient_excitation":
+        nothing = replace(d, verdict=verdict, before=None, after=None, naming=None, left_over=math.nan)
+        x = examine(nothing, examined.logs)
+        assert x.where is None
+        assert x.gap is None
+    else:
+        naming = replace(d.naming, accepted=(), equals=())
+        d = replace(d, verdict=verdict, after=d.before, naming=naming)
+        x = replace(examined, diagnosis=d, where_after=None, gap=None, closed_loop=examined.closed_loop[:1])
+    json.dumps(x.to_dict(), allow_nan=False)
+    found = Page(build(x))
+    assert len(found.headings) == 7
+    for figure in found.figures.values():
+        assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
+
+
+def test_a_file_name_cannot_write_into_the_page(examined):
+    evil = '</script><img src=x onerror="alert(1)">.csv'
+    log = replace(examined.logs[0], source=evil)
+    torques = tuple(replace(torque, source=evil) for torque in examined.where.torques)
+    x = replace(
+        examined,
+        logs=(log,),
+        held_out=(replace(examined.held_out[0], source=evil),),
+        where=replace(examined.where, torques=torques),
+        gap=replace(examined.gap, logs=(log,)),
+        remarks={"closed loop": evil},
+        closed_loop=None,
+    )
+    assert "img" not in Page(build(x)).tags
+
+
+def test_what_could_not_be_measured_is_said(examined):
+    plain = Log(examined.logs[0].t, examined.logs[0].q1, examined.logs[0].q2, examined.logs[0].u)
+    short = plain.slice(stop=0.9)
+    x = examine(examined.diagnosis, [short], [short])
+    assert {"where", "gap", "closed loop"} <= set(x.remarks)
+    html = build(x)
+    assert "Not available" in html
+    assert "controller_gain" in html
+
+
+def test_a_browser_draws_every_figure(page, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no Chromium on PATH: nothing to draw the page with")
+    path = tmp_path / "report.html"
+    path.write_text(page, encoding="utf-8")
+    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=30000")
+    offline = ("--host-resolver-rules=MAP * ~NOTFOUND",)
+    run = subprocess.run(
+        [browser, *flags, *offline, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", path.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    body = run.stdout[run.stdout.index("<main>") :]
+    drawn = re.findall(r'<div class="plot js-plotly-plot" id="plot-([^"]+)"', body)
+    assert sorted(drawn) == sorted(Page(page).figures)
+    assert len(re.findall(r'<svg class="main-svg"', body)) >= len(drawn)
+    assert "CONSOLE" not in run.stderr, run.stderr
+
+
+@pytest.fixture
+def files(logs, tmp_path, monkeypatch, examined) -> tuple[Path, Path]:
+    """Both logs as files; the search, which is tested elsewhere, answers at once."""
+    import identification.diagnosis.diagnose as search
+
+    monkeypatch.setattr(search, "diagnose", lambda *args, **options: examined.diagnosis)
+    paths = tmp_path / "fitted.csv", tmp_path / "other.csv"
+    for path, log in zip(paths, logs, strict=True):
+        write_log(path, log)
+    return paths
+
+
+def test_the_command_writes_all_three_files(files, tmp_path):
+    out = tmp_path / "out"
+    arguments = ["diagnose", files[0], "--held-out", files[1], "-o", out]
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    assert result.exit_code == 0, result.output
+    assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "plant.json", "report.html"]
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert found["gap"]["held_out"] is True
+    assert "gap closed" in result.stdout
+    assert "other.csv" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize("case", ["same log", "output is a file"])
+def test_bad_input_is_refused_before_the_search(files, tmp_path, case):
+    out = files[1] if case == "output is a file" else tmp_path / "out"
+    held = files[0] if case == "same log" else files[1]
+    result = CliRunner().invoke(app, ["diagnose", str(files[0]), "--held-out", str(held), "-o", str(out)])
+    assert result.exit_code == 2
+    assert {"same log": "hold out a log", "output is a file": "is a file"}[case] in result.stderr
+    assert not (tmp_path / "out").exists()
+    assert read_log(files[1])
