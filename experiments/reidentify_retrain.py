@@ -46,9 +46,9 @@ class Arguments:
     env steps for each plant; recording [s] of each of the two logs, made by `experiments`."""
 
     rigs: tuple[str, ...] = tuple(RIGS)
-    runs: int = 20
+    runs: int = 12
     duration: float = 10.0
-    policies: int = 3
+    policies: int = 2
     steps: int = 500_000
     recording: float = 10.0
     experiments: tuple[str, ...] = ("paper", "wide")
@@ -182,8 +182,8 @@ def run(arguments: Arguments, out: Path, say: Callable[[str], None] = print) -> 
             raise ValueError(f"{folder} exists; remove it or choose another --out")
         folder.mkdir(parents=True)
         stories.append(tell_story(name, arguments, folder, say))
-    text = json.dumps(to_dict(arguments, stories), ensure_ascii=False, indent=2)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+        text = json.dumps(to_dict(arguments, stories), ensure_ascii=False, indent=2)  # a later rig may take long
+        (out / "results.json").write_text(text + "\n", encoding="utf-8")
     return stories
 
 
