@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +61,10 @@ def test_a_finished_policy_goes_on(trained: Path, tmp_path: Path) -> None:
     refused(furuta(*again, "--steps", 50_000), "has", "steps already", "--steps")
     refused(furuta(*again, "--steps", 400_000, "--history", 2), "observation_size", "10", "5")
     refused(furuta(*again, "--steps", 400_000, "--task", "swing_up"), "task", "balance")
-    result = furuta(*again, "--steps", 160_000, "--json")
+    pytest.importorskip("tensorboard")
+    result = furuta(*again, "--steps", 160_000, "--tensorboard", tmp_path / "logs", "--json")
     assert result.exit_code == 0, result.output
+    assert list((tmp_path / "logs").glob("balance-ppo*/events*"))
     record = json.loads(result.stdout)
     assert record["steps"] >= 160_000
     assert len(record["resumed_at"]) == 1
@@ -125,6 +128,13 @@ def test_an_early_stop_leaves_nothing(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         train(Training(LARGE_RIG), tmp_path / "policy.zip", progress=stop)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_stable_baselines3_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    refused(furuta("train", "--plant", "large", "-o", tmp_path / "policy.zip"), "pip install 'furuta-gym[rl]'")
     assert list(tmp_path.iterdir()) == []
 
 
