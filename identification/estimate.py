@@ -17,6 +17,7 @@ from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
 from .identifiability import Identifiability, spoken
 from .prediction_error import Optimum, PredictionError
+from .uncertainty import Profile, profile
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,20 @@ class Estimate:
         if name in self.fixed:
             return float(self.fixed[name])
         raise KeyError(f"{name} is neither estimated ({', '.join(self.names)}) nor fixed ({', '.join(self.fixed)})")
+
+    def profile(self, name: str) -> Profile:
+        """Profile likelihood of one estimated parameter: an interval that need not be symmetric.
+
+        Everything else is fitted anew at each value tried, some dozens of short fits. Raises ValueError for a name
+        that was not estimated, or a method without a likelihood.
+        """
+        if self.problem is None or self.optimum is None:
+            raise ValueError(f"{self.method} has no likelihood to profile; use --method prediction-error")
+        if name not in self.names:
+            raise ValueError(f"{name} was not estimated; a profile can be had of {', '.join(self.names)}")
+        i = [c.name for c in self.problem.coordinates].index(name)
+        slope = self.problem.coordinates[i].slope(self.optimum.z[i])
+        return profile(self.problem, self.optimum.z, name, float(self.std[self.names.index(name)] / abs(slope)))
 
     def to_plant(self) -> Plant:
         return self.plant

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,16 @@ class Profile:
     values: NDArray[np.float64]
     deviance: NDArray[np.float64]
     interval: tuple[float, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "interval": list(self.interval),
+            "values": self.values.tolist(),
+            "deviance": self.deviance.tolist(),
+        }
+
+    def __str__(self) -> str:
+        return f"Profile of {self.name}: 95 % interval {self.interval[0]:.4g} to {self.interval[1]:.4g}"
 
 
 def profile(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +39,12 @@ def identify_command(
     start: Annotated[
         str | None, typer.Option(help="Plant to start from: table3, qube, large or a file; default: from the logs.")
     ] = None,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Profile likelihood of a parameter, theta2; repeat it, or use commas.")
+    ] = None,
+    u_max: Annotated[
+        float | None, typer.Option(help="Largest command of the rig; default: guessed from the logs.")
+    ] = None,
     columns: opt.Columns = None,
     unit: opt.Unit = None,
     pendulum_zero: opt.PendulumZero = None,
@@ -48,8 +56,12 @@ def identify_command(
     """Estimate θ1 … θ9 and r, with uncertainty, from logs of one rig (several are fitted jointly)."""
     opt.output_file(output, [".json"], logs)
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
-    if method is not Method.prediction_error and (fixed or priors or physical):
-        raise ValueError(f"--fix, --prior and --physical work with --method prediction-error, not with {method}")
+    profiled = [n.strip() for text in profile or () for n in text.split(",") if n.strip()]
+    if method is not Method.prediction_error and (fixed or priors or physical or profiled):
+        raise ValueError(
+            f"--fix, --prior, --physical and --profile work with --method prediction-error, not with {method}"
+        )
+    _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
     from identification.logs import read_logs
 
@@ -57,6 +69,8 @@ def identify_command(
         Plant.resolve(start)  # a wrong name is told before the logs are read
 
     read = read_logs(logs, **opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit))
+    if u_max is not None and not u_max >= (largest := max(float(abs(log.u).max()) for log in read)):
+        raise ValueError(f"--u-max {u_max:g}: the logs' command reaches {largest:g}; expected at least that")
     from identification.identify import identify
 
     if not as_json:
@@ -64,10 +78,33 @@ def identify_command(
             typer.echo(str(log))
     with busy("fitting …"):
         estimate = identify(read, start, str(method), fixed=fixed, priors=priors, physical=physical)
+    if u_max is not None:
+        plant = estimate.plant
+        known = plant.replace(u_max=u_max, provenance=dict(plant.provenance) | {"u_max": "given"})
+        estimate = replace(estimate, plant=known)
+    with busy("profiling …"):
+        profiles = [estimate.profile(name) for name in profiled]
     estimate.save(output)
     if as_json:
-        print_json(estimate.to_dict() | {"plant": str(output)})
+        found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
+        print_json(estimate.to_dict() | found | {"plant": str(output)})
         return
     typer.echo(str(estimate))
+    for p in profiles:
+        std = float(estimate.std[estimate.names.index(p.name)])
+        typer.echo(f"{p}; ± 1.96 standard deviations: {_interval(estimate.value(p.name), std)}")
     typer.echo(f"Written: {output}")
     typer.echo(f"Next: furuta validate {output} LOG   (a log that was not fitted, with the same mapping options)")
+
+
+def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:
+    """Before the fit: a name that cannot be profiled. Raises ValueError."""
+    from furuta_gym.plant import THETA_NAMES
+
+    known = [n for n in (*THETA_NAMES, "r") if n not in set(fixed)]
+    if strange := [n for n in names if n not in known]:
+        raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(known)}")
+
+
+def _interval(value: float, std: float) -> str:
+    return f"{value - 1.96 * std:.4g} to {value + 1.96 * std:.4g}"

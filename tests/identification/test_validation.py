@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from furuta_gym.simulate import open_loop, simulate
 from identification.filter_bank import _add_torque_noise
 from identification.filter_path import follow, informative, smooth
 from identification.free_run import Windows, free_run
+from identification.identify import identify
 from identification.logs import Log, read_log
 from identification.noise_fit import fit_noise
 from identification.record import Record
@@ -183,3 +185,30 @@ def test_measured_repeats_and_swing_ups(real_data):
     assert gap.repeats
     assert gap.ratio_to_floor > 2  # a plant of the right size, not of this rig
     assert np.isfinite(validate(QUBE, swing).rms).all()
+
+
+def test_a_floor_of_torque_noise_is_not_taken_for_a_good_plant():
+    """What the plant misses can raise its own floor; then a small ratio is no praise, and the verdict says so."""
+    log, plant = loop_log()
+    gap = validate(plant, log)
+    assert np.all(gap.torque_share < 0.85)
+    assert "nothing of size" in gap.verdict
+    raised = replace(gap, floor=10.0 * gap.reading_floor, rms=12.0 * gap.reading_floor)
+    assert raised.ratio_to_floor == pytest.approx(1.2)
+    assert "says little" in raised.verdict
+    assert "12 times too large" in raised.verdict
+    assert f"readings alone {1e3 * gap.reading_floor[0]:.3g}" in str(raised)
+    assert "says little" not in replace(raised, repeats=True).verdict  # the spread of runs is a floor to trust
+    assert raised.to_dict()["gap"]["torque_noise_share_q1"] == pytest.approx(0.99)
+
+
+def test_the_verdict_on_a_measured_balancing_run(real_data):
+    """McGill's rig has a spring and a delay that model (5) lacks; most of the floor is what they leave as torques."""
+    files = sorted((real_data / "qube_mcgill").glob("*.csv"))
+    if len(files) < 2:
+        pytest.skip("no balancing runs among the measured logs")
+    read = [read_log(f, pendulum_zero="hanging", flip="q2", encoder_counts=2048) for f in files[:2]]
+    fitted, held_out = (log.slice(float(log.t[0]) + 1.0) for log in read)  # the first second is the hand-over
+    gap = validate(identify(fitted).plant, held_out)
+    assert gap.torque_share.max() > 0.95
+    assert "passes for torque noise" in gap.verdict
