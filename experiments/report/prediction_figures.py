@@ -23,25 +23,26 @@ def _coloured(change: GapChange) -> list[tuple[str, Gap, str]]:
 
 def predictions(change: GapChange) -> Drawing:
     """Readings and predictions of the first log, and their differences with the band that noise explains."""
-    log, at = change.logs[0], change.before.log == 0
+    first = int(change.before.log[0])  # the first log that was long enough
+    log, at = change.logs[first], change.before.log == first
     t = change.before.times[at]
     reading = readings_at(log, t)
     horizon = change.before.horizon
     shown = _worst(t, change.before.errors[at] / change.floor)
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
     for axis, name in enumerate(AXES):
-        row, first = 2 * axis + 1, axis == 0
+        row, legend = 2 * axis + 1, axis == 0
         noise = NORMAL_95 * change.floor[axis]
         size = np.full(len(t), 1e3 * noise)
-        figure.add_trace(band(t, -size, size, "noise alone, 95 %", FLOOR, legend=first), row + 1, 1)
+        figure.add_trace(band(t, -size, size, "noise alone, 95 %", FLOOR, legend=legend), row + 1, 1)
         t_read, angle = log.t, log.angles[:, axis]
         near = (t_read >= t[0]) & (t_read <= t[-1])
-        figure.add_trace(curve(t_read[near], angle[near], "measured", MEASURED, legend=first), row, 1)
+        figure.add_trace(curve(t_read[near], angle[near], "measured", MEASURED, legend=legend), row, 1)
         for side, gap, colour in _coloured(change):
             error = gap.errors[at, axis]
             predicted = reading[:, axis] - error
             figure.add_trace(band(t, predicted - noise, predicted + noise, side, colour), row, 1)
-            figure.add_trace(curve(t, predicted, side, colour, legend=first), row, 1)
+            figure.add_trace(curve(t, predicted, side, colour, legend=legend), row, 1)
             figure.add_trace(curve(t, 1e3 * error, side, colour, legend=False), row + 1, 1)
         inside = (t >= shown[0]) & (t <= shown[1])
         largest = max(float(np.abs(gap.errors[at, axis][inside]).max()) for _, gap, _ in _coloured(change))

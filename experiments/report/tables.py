@@ -177,7 +177,8 @@ def suspicions(where: Where) -> Table:
     return Table(
         ("row or path", "against", "nats, net", "of all that any function explains"),
         rows,
-        "What a free function of each variable would explain of the model's errors.",
+        "What a free function of each variable would explain of the model's errors, the noise held at the log's own. "
+        "The evidence above estimates the noise anew with and without it.",
     )
 
 

@@ -210,6 +210,7 @@ def test_what_could_not_be_measured_is_said(examined):
     assert "controller_gain" in html
 
 
+@pytest.mark.timeout(400)
 def test_a_browser_draws_every_figure(page, tmp_path):
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
@@ -222,7 +223,7 @@ def test_a_browser_draws_every_figure(page, tmp_path):
         [browser, *flags, *offline, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", path.as_uri()],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     body = run.stdout[run.stdout.index("<main>") :]
     drawn = re.findall(r'<div class="plot js-plotly-plot" id="plot-([^"]+)"', body)
