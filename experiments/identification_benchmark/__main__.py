@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,7 +14,7 @@ from experiments.cli.output import progress_bar, write_json
 
 from .cases import cases
 from .study import Trial, run
-from .summary import cells, limit_table, method_table, plot, to_json, verdict
+from .summary import cells, limit_table, method_table, plot, pooled_table, to_json, verdict
 
 
 def _words(text: str) -> list[str]:
@@ -61,7 +61,7 @@ def main(
                 if len(found) % len(todo) == 0:  # every cell has this seed: what is there is a whole, smaller study
                     _write(output, name, found, settings | {"seeds": len(found) // len(todo), "first_seed": first_seed})
         records = cells(found)
-        typer.echo(limit_table(records) + "\n\n" + method_table(records) + "\n\nMissing the bar:\n" + verdict(records))
+        typer.echo(_tables(records))
 
 
 def _write(output: Path, name: str, trials: list[Trial], settings: dict) -> None:
@@ -70,10 +70,14 @@ def _write(output: Path, name: str, trials: list[Trial], settings: dict) -> None
     }
     records = cells(trials)
     write_json(output / f"{name}.json", to_json(records, settings | {"versions": versions}))
-    tables = f"{limit_table(records)}\n\n{method_table(records)}\n\nMissing the bar:\n\n{verdict(records)}\n"
-    (output / f"{name}_tables.md").write_text(tables, encoding="utf-8")
+    (output / f"{name}_tables.md").write_text(_tables(records) + "\n", encoding="utf-8")
     if "prediction-error" in settings["methods"]:
         plot(records, output / f"{name}.png")
+
+
+def _tables(records: list[dict[str, Any]]) -> str:
+    tables = [limit_table(records), pooled_table(records), method_table(records), "Missing the bar:", verdict(records)]
+    return "\n\n".join(tables)
 
 
 if __name__ == "__main__":
