@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
-from ..coordinates import Coordinate, noise_coordinates, plant_coordinates
+from ..coordinates import Coordinate, fill, filled_plant, noise_coordinates, plant_coordinates
 from ..prediction_error import Optimum, PredictionError, Record, minimise, quietest, whiten
 from .probes import Cell, cells
 
@@ -72,7 +72,8 @@ def fit(
     step = _COARSE_STEP if coarse else 1e-3
     problem = PredictionError(plant, records, coordinates, noise, longest_step=step, parallel=not coarse)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=not coarse)
-    return Fit(*_values(plant, coordinates, optimum.z, noise), tuple(coordinates), optimum, tuple(records))
+    _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
+    return Fit(filled_plant(plant, coordinates, optimum.z), noise, tuple(coordinates), optimum, tuple(records))
 
 
 def anchored(c: Coordinate, anchor: Plant) -> Coordinate:
@@ -86,22 +87,6 @@ def anchored(c: Coordinate, anchor: Plant) -> Coordinate:
     return replace(c, weak_prior=(math.log(anchor.theta[c.row]), ANCHOR_STD))
 
 
-def _values(plant, coordinates, z, noise):
-    """The plant and noise at z."""
-    theta, noise = plant.theta.copy(), np.array(noise, dtype=float)
-    effects = {e.name: dict(e.parameters) for e in plant.effects}
-    for c, zi in zip(coordinates, z, strict=True):
-        value = c.to_value(zi)
-        if c.noise:
-            noise[c.row] = value
-        elif c.row < 9:
-            theta[c.row] = value
-        else:
-            name, _, parameter = c.name.partition(".")
-            effects[name][parameter] = value
-    return plant.replace(theta=theta, effects=tuple(Effect(n, v) for n, v in effects.items())), noise
-
-
 @dataclass(frozen=True)
 class Score:
     """Predicted gain of log-likelihood [nats] of an effect, the start that it suggests, and how much of the effect's
@@ -113,9 +98,11 @@ class Score:
     absorbed: float
 
 
-def scores(nominal: Fit, names: Sequence[str] | None = None) -> dict[str, Score]:
-    """Score of every effect not yet in the model."""
-    noise = nominal.noise
+def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.0) -> dict[str, Score]:
+    """Score of every effect not yet in the model. `quieter` divides the torque noise, which hides what it has been
+    fitted to explain; scores then rank, but are no longer gains."""
+    noise = nominal.noise.copy()
+    noise[:2] = np.maximum(noise[:2] / quieter, quietest(nominal.plant, nominal.records))
     taken = {e.name for e in nominal.plant.effects}
     peak = max(float(np.abs(r.u).max()) for r in nominal.records)
     duration = max(float(r.t[-1]) for r in nominal.records)

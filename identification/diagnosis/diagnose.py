@@ -24,7 +24,7 @@ from .where import Where
 
 SCHEMA = "furuta-diagnosis/1"
 SHARPNESS = 100.0  # s/rad; what model (5) is taken to have, so that another r is itself a finding
-UNEXPLAINED = 0.05  # of the command's rms: torques left over that are too large to be called noise
+CONSTANT = 1e-3  # level of the test that parameters are the same all along a log
 _ABSORBED = 0.995  # share of an effect's answer that θ imitates, from which it cannot be seen in principle
 
 
@@ -47,6 +47,11 @@ class Diagnosis:
     runtime_s: float
 
     @property
+    def leftover(self) -> bool:
+        """Whether the final model leaves structure that no effect found explains."""
+        return self.rest is not None and structured(self.rest)
+
+    @property
     def plant(self) -> Plant | None:
         return self.after.plant if self.after else None
 
@@ -62,10 +67,10 @@ class Diagnosis:
             "effects": effects,
             "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
             "not_visible": sorted(n for n, share in naming.absorbed.items() if share > _ABSORBED) if naming else [],
-            "left_over_torque": self.left_over,
+            "leftover": self.leftover,
             "rest": self.rest.to_dict() if self.rest else None,
-            "noise": naming.final.noise.tolist() if naming else None,
-            "rms": self.command_rms,
+            "left_over_torque": self.left_over,
+            "command_rms": self.command_rms,
             "runtime_s": self.runtime_s,
         }
 
@@ -93,7 +98,11 @@ class Diagnosis:
                 lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
                 if equals:
                     lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
-        lines.append(f"  torque left over: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms")
+        if self.leftover and self.rest:
+            lines.append(f"  left over: {self.rest.sentence}")
+        lines.append(
+            f"  torque that passes for noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
+        )
         return "\n".join(lines)
 
 
@@ -127,7 +136,7 @@ def diagnose(
     anchor = _anchor(before.plant)
     records = [Record.from_log(piece) for log in logs for piece in log.pieces() if len(piece) >= 20]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor)
-    naming = name_effects(nominal, anchor, most, only, tell)
+    naming = name_effects(nominal, anchor, most, only, tell, left=lambda plant: locate(plant, logs).evidence)
     after = before
     if naming.accepted:
         tell("estimating all parameters together")
@@ -135,7 +144,7 @@ def diagnose(
     tell("looking at what is left")
     rest = locate(after.plant, logs)
     left = math.sqrt(naming.final.noise[0] / 0.1)
-    verdict, summary = _verdict(naming, left, rms, before.plant.unit)
+    verdict, summary = _verdict(naming, rest)
     return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, time.monotonic() - began)
 
 
@@ -149,17 +158,33 @@ def _anchor(plant: Plant) -> Plant:
     )
 
 
-def _verdict(naming: Naming, left: float, rms: float, unit: str) -> tuple[str, str]:
-    structured = left > UNEXPLAINED * rms
-    remains = f"torques of about {left:.2g} {unit} remain that no effect of the library explains"
+def structured(rest: Where) -> bool:
+    """Whether what a plant leaves of its logs is more than noise: torques that go with the motion, the command or
+    time, or parameters that are not the same all along."""
+    return rest.found or rest.constancy.joint_p < CONSTANT
+
+
+def _verdict(naming: Naming, rest: Where) -> tuple[str, str]:
+    """The verdict and its sentence."""
+    explained = sum(suspect.net for suspect in naming.accepted)
+    names = " and ".join(suspect.name for suspect in naming.accepted)
+    remains = ""
+    if rest.found:
+        remains = f"what remains {_against(rest)}, which no effect of the library explains"
+    elif structured(rest):
+        remains = "what remains changes along the log: the parameters are not the same all the time"
     if not naming.accepted:
-        if structured:
+        if remains:
             return "unknown", remains
         return "none", "no effect of the library improves on model (5) by more than chance would"
-    names = " and ".join(suspect.name for suspect in naming.accepted)
-    sentence = f"the model misses {names}" + (f"; {remains}" if structured else "")
-    if structured:
-        return "unknown", sentence
+    if rest.evidence > explained:
+        return "unknown", f"{remains}; {names} comes nearest, but explains less than it leaves"
+    sentence = f"the model misses {names}" + (f"; {remains}" if remains else "")
     if any(naming.equals):
         return "ambiguous", f"{sentence}, or a look-alike that these logs cannot tell from it"
     return "named", sentence
+
+
+def _against(rest: Where) -> str:
+    place = {"arm": "on the arm", "pendulum": "on the pendulum", "input": "at the command", "sensor": "in a reading"}
+    return f"{place.get(rest.channel or '', 'somewhere')} goes with {rest.variable} ({rest.evidence:.0f} nats)"

@@ -7,22 +7,26 @@ without the effect carries part of it). Suspects that the data cannot tell apart
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
+from ..prediction_error import quietest
 from .candidates import Fit, Score, fit, scores
 
 Array = NDArray[np.float64]
 
 THRESHOLD = 10.0  # nats, net of the price of the parameters: what an effect must gain to be believed
 EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
-_SHORTLIST, _NEAR, _FAINT = 6, 0.15, 0.5  # effects, share of the best score, share of the price
+_SHORTLIST, _NEAR = 6, 0.15  # effects, and the share of the best score that they must have
+_FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's, later ones'
+_QUIETER = 100.0
+_OWN_SHARE = 0.2  # of a look-alike's gain, what an effect beside it must explain
 _DRAGGED = 0.3  # log of a factor
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
 _HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
@@ -57,28 +61,36 @@ class Naming:
 
 
 def name_effects(
-    nominal: Fit, anchor: Plant, most: int = 3, only: Sequence[str] | None = None, progress=None
+    nominal: Fit,
+    anchor: Plant,
+    most: int = 3,
+    only: Sequence[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+    left: Callable[[Plant], float] = lambda plant: 0.0,
 ) -> Naming:
     """Forward search with backward checks.
 
     anchor: plant for the weak prior (see `anchored`). most: effects at most. only: restrict the library.
-    progress(text) is told each step.
+    progress(text) is told each step. left(plant): evidence [nats] of torques that a plant does not explain; a further
+    effect that leaves more than it explains is not what is missing, only something that takes its shape.
     """
     tell = progress or (lambda text: None)
     current, accepted, equals, rankings = nominal, [], [], []
     absorbed: dict[str, float] = {}
     for step in range(most):
         tell(f"scoring the library (step {step + 1})")
-        table = scores(current, only)
+        names, table = _suspects(current, only, len(accepted))
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        current, ranking = _refits(current, table, anchor, tell)
+        current, ranking = _refits(current, names, table, anchor, tell)
         rankings.append(tuple(ranking))
         if step == 0:
             nominal = current
         if not ranking or ranking[0].net < THRESHOLD:
             break
         best = ranking[0]
+        if accepted and (_imitates(best, accepted) or best.net < left(best.fit.plant)):
+            break
         accepted.append(best)
         equals.append(tuple(s.name for s in ranking[1:] if best.net - s.net < EQUALS))
         current = best.fit
@@ -87,11 +99,34 @@ def name_effects(
     return Naming(nominal, current, tuple(accepted), tuple(equals), tuple(rankings), absorbed)
 
 
-def shortlist(table: dict[str, Score], samples: int) -> list[str]:
-    """Effects worth a refit: those whose score comes near the best one's, and what the best few are mistaken for (equal
-    to first order, apart in a refit), unless the score is below what the effect's parameters cost: with the noise
-    estimated anew a gain grows manifold, but nothing grows from nothing."""
-    promising = {n: s for n, s in table.items() if s.start is not None and s.gain > _FAINT * price(n, samples)}
+def _imitates(suspect: Suspect, accepted: Sequence[Suspect]) -> bool:
+    """Whether a further effect only mends the form of one found before: a look-alike that explains far less."""
+    return any(
+        (suspect.name in EFFECTS[a.name].mistaken_for or a.name in EFFECTS[suspect.name].mistaken_for)
+        and suspect.gain < _OWN_SHARE * a.gain
+        for a in accepted
+    )
+
+
+def _suspects(current: Fit, only: Sequence[str] | None, found: int) -> tuple[list[str], dict[str, Score]]:
+    """Effects worth a refit, and the scores of all. Where the noise has been fitted to hide what is missing, scores at
+    less noise choose."""
+    table = scores(current, only)
+    names = shortlist(table, current.samples, _FAINT[min(found, 1)])
+    hiding = np.any(current.noise[:2] > 10.0 * quietest(current.plant, current.records))
+    convincing = any(table[n].gain > price(n, current.samples) + THRESHOLD for n in names)
+    if hiding and not convincing:
+        quiet = scores(current, only, quieter=_QUIETER)
+        more = [n for n in shortlist(quiet, current.samples, 1.0) if n not in names]
+        table |= {n: replace(quiet[n], gain=table[n].gain) for n in more}
+        names += more
+    return names, table
+
+
+def shortlist(table: dict[str, Score], samples: int, least: float) -> list[str]:
+    """Effects whose score comes near the best one's, and what the best few are mistaken for (equal to first order,
+    apart in a refit), if the score is `least` times what the effect's parameters cost."""
+    promising = {n: s for n, s in table.items() if s.start is not None and s.gain > least * price(n, samples)}
     ranked = sorted(promising, key=lambda name: -promising[name].gain)
     names = [n for n in ranked[:_SHORTLIST] if promising[n].gain > _NEAR * promising[ranked[0]].gain]
     for name in names[:3]:
@@ -104,9 +139,10 @@ def price(name: str, samples: int) -> float:
     return 0.5 * len(EFFECTS[name].parameters) * math.log(samples)
 
 
-def _refits(current: Fit, table: dict[str, Score], anchor: Plant, tell) -> tuple[Fit, list[Suspect]]:
+def _refits(
+    current: Fit, names: Sequence[str], table: dict[str, Score], anchor: Plant, tell
+) -> tuple[Fit, list[Suspect]]:
     """Suspects refitted; the model without any is refitted from the best one's θ, so that neither stopped early."""
-    names = shortlist(table, current.samples)
     if not names:
         return current, []
     tell(f"racing {', '.join(names)}")

@@ -56,7 +56,7 @@ def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
 def test_scores_rank_the_hidden_effect_first() -> None:
     hidden = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
     nominal = fit(TABLE_3, START_NOISE, [Record.from_log(simulated(7, hidden, duration=6.0))], anchor=TABLE_3)
-    table = scores(nominal, SUSPECTS, quieter=100.0)
+    table = scores(nominal, SUSPECTS)
     assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
 
 
