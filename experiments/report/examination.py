@@ -14,7 +14,7 @@ from identification.diagnosis.where import Where
 from identification.logs import Log
 from identification.resimulation import Resimulation, resimulate
 
-from .gap import GapChange, measure_gap
+from .gap import GapChange, added, measure_gap
 from .words import NEXT
 
 
@@ -90,7 +90,7 @@ def examine(
     where = where_after = gap = closed_loop = None
     before, after = diagnosis.before, diagnosis.after
     if before is not None and after is not None:
-        plants = [before.plant] if after is before else [before.plant, after.plant]
+        plants = [before.plant, after.plant] if added(diagnosis) else [before.plant]
         tell("locating the gap")
         where = rest = getattr(diagnosis, "rest", None) or tried("where", lambda: locate(plants[-1], logs))
         if len(plants) > 1:

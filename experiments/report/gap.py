@@ -66,6 +66,14 @@ class GapChange:
         }
 
 
+def added(diagnosis: Diagnosis) -> bool:
+    """Whether the plant after the search has effects that the one before lacks."""
+    before, after = diagnosis.before, diagnosis.after
+    if before is None or after is None:
+        return False
+    return {e.name for e in after.plant.effects} != {e.name for e in before.plant.effects}
+
+
 def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Log] = ()) -> GapChange:
     """The gap of the plants before and after on held-out logs or, without any, on the last part of the fitted ones.
 
@@ -73,9 +81,7 @@ def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Lo
     """
     if diagnosis.before is None or diagnosis.after is None:
         raise ValueError("there is no plant to predict with")
-    plants = [diagnosis.before.plant]
-    if diagnosis.after is not diagnosis.before:
-        plants.append(diagnosis.after.plant)
+    plants = [diagnosis.before.plant, diagnosis.after.plant] if added(diagnosis) else [diagnosis.before.plant]
     if held_out:
         gaps = [validate(plant, held_out) for plant in plants]
     else:

@@ -11,7 +11,10 @@ from furuta_gym.plant import EFFECTS
 
 from . import tables
 from .examination import Examination
+from .gap import added
 from .words import LABEL, MEANING
+
+_SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ def _contents(x: Examination) -> dict[str, Any]:
 
     d = x.diagnosis
     data = x.to_dict()
-    changed = d.after is not d.before
+    changed = added(d)
     return {
         "verdict": d.verdict,
         "label": LABEL[d.verdict],
@@ -70,11 +73,11 @@ def _contents(x: Examination) -> dict[str, Any]:
         "remarks": x.remarks,
         "predictions": prediction_figures.predictions(x.gap) if x.gap else None,
         "closed_loop": prediction_figures.closed_loop(x.closed_loop, x.shown) if x.closed_loop else None,
-        "torques": where_figures.torques(x.where, x.where_after) if x.where else [],
+        "torques": where_figures.torques(x.where, x.where_after, _SMALL * d.command_rms) if x.where else [],
         "maps": where_figures.maps(x.where, x.where_after) if x.where else [],
         "suspicions": tables.suspicions(x.where) if x.where and x.where.found else None,
         "rankings": search_figures.rankings(d.naming) if d.naming else [],
-        "parameters": tables.parameters(d.before, d.after) if d.before and d.after else None,
+        "parameters": tables.parameters(d.before, d.after if changed else d.before) if d.before and d.after else None,
         "parameter_figure": search_figures.parameters(d.before, d.after) if d.before and d.after and changed else None,
         "gaps": tables.gaps(x.gap) if x.gap else None,
         "horizons": prediction_figures.horizons(x.gap) if x.gap else None,

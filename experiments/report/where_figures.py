@@ -24,17 +24,17 @@ def _sides(where: Where, after: Where | None) -> list[tuple[str, Where, str]]:
     return [("before", where, BEFORE), ("after", after, AFTER)]
 
 
-def torques(where: Where, after: Where | None) -> list[Drawing]:
-    """One figure for each log, the first few."""
-    return [_torque(where, after, i) for i in range(min(len(where.torques), MOST_LOGS))]
+def torques(where: Where, after: Where | None, least: float) -> list[Drawing]:
+    """One figure for each log, the first few. least [{u}]: what the arm's axis reaches at least."""
+    return [_torque(where, after, i, least) for i in range(min(len(where.torques), MOST_LOGS))]
 
 
-def _torque(where: Where, after: Where | None, log: int) -> Drawing:
+def _torque(where: Where, after: Where | None, log: int, least: float) -> Drawing:
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     t = where.torques[log].t
     always = any(stop - start >= 0.99 * (t[-1] - t[0]) for start, stop in where.intervals_s[log])
     shaded = () if always else where.intervals_s[log]
-    reach = 0.0
+    reach = 100.0 * least
     for a, row in enumerate(ROWS):
         reach = 0.01 * reach  # a row that lacks nothing has a band of hardly any width: not to be blown up
         for name, side, colour in _sides(where, after):
