@@ -322,7 +322,8 @@ def _warnings(
         if advice := signs.advice("upright", ()):
             yield f"{log.source}: {advice}"
     if failures := physical_consistency(plant.theta).failures:
-        yield "; ".join(failures) + ". With weak parameters this happens by chance; physical=True (--physical) keeps it out"
+        remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
+        yield "; ".join(failures) + f". {remedy}"
     # what the torque noise adds up to over a tenth of a second, against the command's size
     missing = math.sqrt(noise[0] / 0.1)
     command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
