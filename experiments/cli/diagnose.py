@@ -59,6 +59,7 @@ def diagnose_command(
 
         found = diagnose(read, plant, max_effects, progress=tell)
         examination = examine(found, read, held, progress=tell)
+        found = examination.diagnosis
         result = examination.to_dict()
         write_json(folder / "diagnosis.json", result)
         if found.plant is not None:

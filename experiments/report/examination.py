@@ -92,12 +92,14 @@ def examine(
     if before is not None and after is not None:
         plants = [before.plant, after.plant] if added(diagnosis) else [before.plant]
         tell("locating the gap")
-        where = rest = getattr(diagnosis, "rest", None) or tried("where", lambda: locate(plants[-1], logs))
+        where = rest = diagnosis.rest or tried("where", lambda: locate(plants[-1], logs))
         if len(plants) > 1:
             where, where_after = tried("where", lambda: locate(plants[0], logs)), rest
         tell("measuring the gap")
         gap = tried("gap", lambda: measure_gap(diagnosis, logs, held_out))
         shown = (tuple(held_out) or tuple(logs))[0]
+        if gap is not None and gap.changed and gap.closed.interval[0] <= 0.0 and (gap.tail or not diagnosis.timed):
+            diagnosis = diagnosis.vetoed()
         closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
     return Examination(
         diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, remarks, time.monotonic() - began

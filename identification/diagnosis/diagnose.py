@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ class Diagnosis:
 
     before, after: estimates without and with the effects found (after is before where none was). left_over: rms of the
     torque [{u}] that the final model does not explain, over a tenth of a second, and `command_rms` to compare it with.
+    carried: False once data that no fit saw have shown no gain from the effects; `plant` is then without them.
     """
 
     verdict: str
@@ -45,6 +46,7 @@ class Diagnosis:
     left_over: float
     command_rms: float
     runtime_s: float
+    carried: bool = True
 
     @property
     def leftover(self) -> bool:
@@ -53,7 +55,23 @@ class Diagnosis:
 
     @property
     def plant(self) -> Plant | None:
-        return self.after.plant if self.after else None
+        best = self.after if self.carried else self.before
+        return best.plant if best else None
+
+    @property
+    def timed(self) -> bool:
+        """Whether an effect found follows the clock of its log, and so cannot be looked for in another."""
+        return any("t" in a for s in self.found for a in EFFECTS[s.name].arguments.values())
+
+    @property
+    def found(self) -> tuple[Suspect, ...]:
+        return self.naming.accepted if self.naming else ()
+
+    def vetoed(self) -> Diagnosis:
+        """The same once held-out data have shown no gain from the effects: what is missing is something else."""
+        names = " and ".join(suspect.name for suspect in self.found)
+        summary = f"{names} would explain these logs, but brings nothing on data that no fit saw: it is not the name"
+        return replace(self, verdict="unknown", summary=summary, carried=False)
 
     def to_dict(self) -> dict[str, Any]:
         """As diagnosis.json has it, except what only held-out logs can tell (the gap)."""
