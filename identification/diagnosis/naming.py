@@ -26,6 +26,7 @@ EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
 _SHORTLIST, _NEAR = 6, 0.15  # effects, and the share of the best score that they must have
 _FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's, later ones'
 _QUIETER = 100.0
+_POWERS = {"frequencies": 1.5, "times": 1.0}
 _OWN_SHARE = 0.2  # of a look-alike's gain, what an effect beside it must explain
 _DRAGGED = 0.3  # log of a factor
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
@@ -135,8 +136,11 @@ def shortlist(table: dict[str, Score], samples: int, least: float) -> list[str]:
 
 
 def price(name: str, samples: int) -> float:
-    """Half the Bayesian information criterion's price [nats] of an effect's parameters."""
-    return 0.5 * len(EFFECTS[name].parameters) * math.log(samples)
+    """What an effect's parameters cost [nats]: half ln N each (the Bayesian information criterion), but 3/2 ln N for a
+    frequency and ln N for an instant, which N samples determine so well that more of them can be told apart (Djurić
+    1998, "Asymptotic MAP criteria for model selection")."""
+    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in EFFECTS[name].parameters]
+    return sum(powers) * math.log(samples)
 
 
 def _refits(
