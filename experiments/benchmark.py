@@ -181,7 +181,8 @@ def single_turn(name: str) -> Callable[[int], None]:
 
 def vector_turn(name: str, a: Arguments) -> Callable[[int], None]:
     """Steps of a batch under random actions drawn beforehand, autoreset included."""
-    own, more = (ENV_ID, {"sample_time": 0.005}) if name == AT_200_HZ else (name, {})
+    more: dict[str, Any] = {"sample_time": 0.005} if name == AT_200_HZ else {}
+    own = ENV_ID if name == AT_200_HZ else name
     env = gym.make_vec(own, a.num_envs, "vector_entry_point", **more)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(31)]
