@@ -47,6 +47,8 @@ _XML = """
 </mujoco>
 """
 
+_STEP = 1e-4  # of a logarithm
+
 Array = NDArray[np.float64]
 
 
@@ -61,12 +63,13 @@ def fit(log: Log) -> tuple[Array, Array]:
     start = candidates([log], Plant(_NEUTRAL, unit=log.input_unit, u_max=1.0))[0].plant
     x0 = _to_x(start.theta)
     width = np.array([3.0] * 5 + [7.0] * 4)  # of the search, in ln
-    x, trace = minimize.least_squares(
+    x, _ = minimize.least_squares(
         x0, problem.residuals, [(x0 - width)[:, None], (x0 + width)[:, None]], verbose=0, max_iter=_ITERATIONS
     )
-    x, last = x.ravel(), trace[-1]
-    jacobian, residual = last.jacobian, problem.residuals(x[:, None]).ravel()
-    if jacobian is None or not np.isfinite(residual).all():
+    x = np.ravel(x)
+    ahead, behind = (problem.residuals(x[:, None] + sign * _STEP * np.eye(9)) for sign in (1.0, -1.0))
+    jacobian, residual = (ahead - behind) / (2.0 * _STEP), problem.residuals(x[:, None]).ravel()
+    if not (np.isfinite(jacobian).all() and np.isfinite(residual).all()):
         raise ValueError("MuJoCo's least squares ended where the rollouts are not finite")
     variance = residual @ residual / (residual.size - x.size)
     covariance = variance * inverse_information(jacobian.T @ jacobian)
