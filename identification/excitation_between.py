@@ -181,11 +181,13 @@ def between(
 ) -> Separation:
     """Choose the experiment with the largest predicted separation of its worst pair of suspects.
 
-    plant: identified, without the suspects. names: two or more effects, by name (a noticeable size is taken) or with
-    their estimated values. policy: the rig's controller; without one only experiments with a hanging pendulum are
-    considered. Raises ValueError for unknown effects, or where no experiment of the menu can be run.
+    plant: identified. names: two or more effects, with their values or by name: the plant's own value where it has the
+    effect, as plants that a diagnosis wrote do, else a noticeable size. policy: the rig's controller; without one only
+    experiments with a hanging pendulum are considered. Raises ValueError for unknown effects, or where no experiment
+    of the menu can be run.
     """
     suspects = _suspects(plant, names)
+    plant = plant.replace(effects=tuple(e for e in plant.effects if e.name not in {s.name for s in suspects}))
     tell = progress or (lambda text: None)
     trials = []
     for entry in menu(policy is None):
@@ -204,9 +206,7 @@ def _suspects(plant: Plant, names: Sequence[str | Effect]) -> list[Effect]:
         raise ValueError(f"unknown effects {', '.join(strange)}; the library has: {', '.join(EFFECTS)}")
     if len(set(given)) < 2 or len(set(given)) < len(given):
         raise ValueError(f"expected two or more different effects to tell apart, got {', '.join(given) or 'none'}")
-    if already := [n for n in given if plant.effect(n)]:
-        raise ValueError(f"the plant already has {', '.join(already)}; give the plant without the suspects")
-    return [plant.default_effect(n) if isinstance(n, str) else n for n in names]
+    return [(plant.effect(n) or plant.default_effect(n)) if isinstance(n, str) else n for n in names]
 
 
 def _try(setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[Effect], seed: int) -> Trial:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import TABLE_3, Effect
 from identification.excitation_between import Separation, between
 from identification.identify import identify
 from identification.logs import Log
@@ -83,7 +83,8 @@ def test_bad_suspects_are_refused(names: list[str], word: str) -> None:
         between(TABLE_3, names, None)
 
 
-def test_a_plant_that_has_a_suspect_is_refused() -> None:
-    plant = TABLE_3.with_effects(TABLE_3.default_effect("input_delay"))
-    with pytest.raises(ValueError, match="already has input_delay"):
-        between(plant, ["input_delay", "actuator_lag"], None)
+def test_a_plant_that_a_diagnosis_wrote_brings_its_own_suspect() -> None:
+    lag = Effect("actuator_lag", {"T": 0.004})
+    found = between(TABLE_3.with_effects(lag), ("actuator_lag", "input_delay"), duration=2.0)
+    given = between(TABLE_3, (lag, "input_delay"), duration=2.0)
+    assert found.nats == pytest.approx(given.nats)
