@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from furuta_gym.plant import Plant
 
 from .logs import Log
 from .validation import Gap
@@ -18,7 +17,7 @@ _NAMES = ("arm q1", "pendulum q2")
 _MEASURED, _PREDICTED, _FLOOR = "0.25", "tab:orange", "tab:blue"
 
 
-def plot_predictions(gap: Gap, logs: Log | list[Log], log: int = 0, span: float = 5.0) -> Figure:
+def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int = 0, span: float = 5.0) -> Figure:
     """Readings of one log, each window's prediction for its end, and the ± 2 floor band around the predictions.
 
     Shows `span` seconds, those with the largest errors.
@@ -87,25 +86,4 @@ def plot_innovations(gap: Gap, piece: int = 0) -> Figure:
             axis.set_title(f"{_NAMES[a]}, {name} (p = {p[a]:.2g})", fontsize=9)
     for axis in axes[1]:
         axis.set_xlabel("lag [ms]")
-    return figure
-
-
-def plot_resimulation(plant: Plant, log: Log) -> Figure:
-    """The closed loop run again on the plant over the measurement (a picture: feedback hides most errors)."""
-    from matplotlib.figure import Figure
-
-    from .resimulation import resimulate
-
-    run = resimulate(plant, log)
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    axes = figure.subplots(3, 1, sharex=True)
-    simulated = (run.angles[:, 0], run.angles[:, 1], run.command)
-    for i, (axis, measured) in enumerate(zip(axes, (log.q1, log.q2, log.u), strict=True)):
-        axis.plot(log.t, measured, color=_MEASURED, lw=1.0, label="measured")
-        axis.plot(run.t, simulated[i], color=_PREDICTED, lw=0.9, label="simulated in closed loop")
-        axis.set_ylabel(f"{_NAMES[i]} [rad]" if i < 2 else f"u [{log.input_unit}]")
-        if i < 2:
-            axis.set_title(f"fit {run.fit_percent[i]:.1f} %", fontsize=9)
-    axes[0].legend(loc="upper right", fontsize=8)
-    axes[2].set_xlabel("t [s]")
     return figure

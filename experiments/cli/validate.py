@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .output import busy, print_json, write_json
+from .output import busy, print_json, whole_folder, write_json
 
 
 def validate_command(
@@ -18,6 +18,7 @@ def validate_command(
         Path | None, typer.Option("--json", help="Write the gap as JSON to this file; - prints it.", metavar="FILE")
     ] = None,
     horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
+    plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
     columns: opt.Columns = None,
     unit: opt.Unit = None,
     pendulum_zero: opt.PendulumZero = None,
@@ -45,10 +46,19 @@ def validate_command(
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
+    if plots is not None:
+        from identification.validation_plots import plot_horizons, plot_innovations, plot_predictions
+
+        with whole_folder(plots) as folder:
+            plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)
+            plot_horizons({"plant": result}).savefig(folder / "horizons.png", dpi=120)
+            plot_innovations(result).savefig(folder / "innovations.png", dpi=120)
     if printed:
         print_json(result.to_dict())
         return
     typer.echo(str(result))
+    if plots is not None:
+        typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
         write_json(json_file, result.to_dict())
         typer.echo(f"Written: {json_file}")

@@ -229,8 +229,13 @@ def test_identify_recovers_the_simulated_plant(rig: Path) -> None:
 
 def test_validate_round_trip(rig: Path, recorded: Path, tmp_path: Path) -> None:
     written = tmp_path / "gap.json"
-    result = furuta("validate", rig, recorded, "--json", written)
+    result = furuta("validate", rig, recorded, "--json", written, "--plots", tmp_path / "plots")
     assert result.exit_code == 0, result.output
+    assert {path.name for path in (tmp_path / "plots").iterdir()} == {
+        "predictions.png",
+        "horizons.png",
+        "innovations.png",
+    }
     gap = json.loads(written.read_text())["gap"]
     names = "rms_q1 rms_q2 fit_percent_q1 fit_percent_q2 horizon_s noise_floor_q1 noise_floor_q2 ratio_to_floor"
     assert set(names.split()) <= set(gap)
