@@ -251,8 +251,3 @@ def _backward(current: Fit, accepted, equals, anchor: Plant, tell):
             accepted, equals = accepted[:at] + accepted[at + 1 :], equals[:at] + equals[at + 1 :]
             current = reduced
     return current, accepted, equals
-
-
-def noise_ratio(naming: Naming) -> np.ndarray:
-    """How much the torque noise fell (2,) when the effects were added: the clearest sign that this was it."""
-    return naming.nominal.noise[:2] / np.maximum(naming.final.noise[:2], 1e-300)

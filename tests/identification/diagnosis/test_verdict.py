@@ -1,0 +1,84 @@
+"""The decision rules by themselves, on values made by hand."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.candidates import Score
+from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _verdict, structured
+from identification.diagnosis.naming import Suspect, _imitates, price, shortlist
+
+
+def suspect(name: str, gain: float) -> Suspect:
+    return Suspect(name, gain, gain - 5.0, fit=None)  # type: ignore[arg-type]
+
+
+def naming(*found: Suspect, equals: tuple[tuple[str, ...], ...] | None = None) -> Any:
+    return SimpleNamespace(accepted=found, equals=equals or tuple(() for _ in found))
+
+
+def rest(evidence: float = -4.0, p: float = 0.5) -> Any:
+    return SimpleNamespace(
+        found=evidence > 8.0,
+        evidence=evidence,
+        channel="arm",
+        variable="arm angle",
+        constancy=SimpleNamespace(joint_p=p),
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "left", "verdict"),
+    [
+        (naming(), rest(), "none"),
+        (naming(), rest(evidence=50.0), "unknown"),
+        (naming(), rest(p=0.1 * CONSTANT), "unknown"),
+        (naming(suspect("arm_spring", 200.0)), rest(), "named"),
+        (naming(suspect("arm_spring", 200.0)), rest(evidence=50.0), "named"),
+        (naming(suspect("arm_spring", 200.0)), rest(evidence=300.0), "unknown"),
+        (naming(suspect("input_delay", 200.0), equals=(("actuator_lag",),)), rest(), "ambiguous"),
+    ],
+)
+def test_the_verdict(found: Any, left: Any, verdict: str) -> None:
+    said, sentence = _verdict(found, left)
+    assert said == verdict
+    assert structured(left) == ("remains" in sentence)
+
+
+def test_a_frequency_and_an_instant_cost_more_than_a_size() -> None:
+    n = math.log(20_000)
+    assert price("input_offset", 20_000) == pytest.approx(0.5 * n)
+    assert price("periodic_torque", 20_000) == pytest.approx(2.5 * n)  # Djuric 1998: 5/2 ln N for a sinusoid
+    assert price("payload_step", 20_000) == pytest.approx(1.5 * n)
+
+
+def test_a_look_alike_beside_an_effect_must_explain_its_share() -> None:
+    drag = suspect("pendulum_quadratic_drag", 1900.0)
+    assert _imitates(suspect("pendulum_stribeck", 270.0), [drag])
+    assert not _imitates(suspect("pendulum_stribeck", 900.0), [drag])
+    assert not _imitates(suspect("input_delay", 50.0), [drag])
+
+
+def test_the_short_list_is_near_the_best_and_above_the_price() -> None:
+    gains = {"arm_spring": 100.0, "arm_ripple": 90.0, "input_delay": 14.0, "input_offset": 2.0}
+    table = {n: Score(n, g, TABLE_3.default_effect(n), 0.0) for n, g in gains.items()}
+    assert shortlist(table, 20_000, 0.5) == ["arm_spring", "arm_ripple"]
+    assert shortlist({"input_offset": table["input_offset"]}, 20_000, 0.5) == []
+
+
+def test_a_veto_takes_the_name_and_the_plant_back() -> None:
+    before, after = SimpleNamespace(plant="without"), SimpleNamespace(plant="with")
+    parts: Any = (before, after, naming(suspect("arm_spring", 200.0)), rest())
+    found = Diagnosis("named", "…", *parts, 0.0, 1.0, 1.0)
+    assert found.plant == "with"
+    assert not found.timed
+    vetoed = found.vetoed()
+    assert vetoed.verdict == "unknown"
+    assert vetoed.plant == "without"
+    drift: Any = (before, after, naming(suspect("arm_friction_drift", 200.0)), rest())
+    assert Diagnosis("named", "…", *drift, 0.0, 1.0, 1.0).timed
