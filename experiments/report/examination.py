@@ -98,12 +98,18 @@ def examine(
         tell("measuring the gap")
         gap = tried("gap", lambda: measure_gap(diagnosis, logs, held_out))
         shown = (tuple(held_out) or tuple(logs))[0]
-        if gap is not None and gap.changed and gap.closed.interval[0] <= 0.0 and (gap.tail or not diagnosis.timed):
+        if gap is not None and brings_nothing(diagnosis, gap):
             diagnosis = diagnosis.vetoed()
         closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
     return Examination(
         diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, remarks, time.monotonic() - began
     )
+
+
+def brings_nothing(diagnosis: Diagnosis, gap: GapChange) -> bool:
+    """Whether the effects found close none of the gap for certain. Effects that follow a log's own clock are judged on
+    the tail of that log only."""
+    return gap.changed and gap.closed.interval[0] <= 0.0 and (gap.tail is not None or not diagnosis.timed)
 
 
 def _plain(data: Any) -> Any:
