@@ -10,7 +10,7 @@ from typing import Any
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .base import Controller
+from .base import Controller, DesignError
 
 
 @dataclass(frozen=True)
@@ -63,3 +63,11 @@ def make_controller(
         hint = f"did you mean {near[0]}? " if near else ""
         raise ValueError(f"no controller {text!r}; {hint}there are {', '.join(CONTROLLERS)}, or a policy file *.zip")
     return CONTROLLERS[text].build(plant, sample_time, sensors, **options)
+
+
+def usual_controller(plant: Plant | str | os.PathLike[str], sample_time: float | None = None) -> Controller:
+    """The paper's LQR where it holds the plant, else an LQR of its own."""
+    try:
+        return make_controller("paper-lqr", plant, sample_time)
+    except DesignError:
+        return make_controller("lqr", plant, sample_time)

@@ -29,6 +29,8 @@ from furuta_gym.plant.effects.dispatch import read_sensors
 
 _ROOT_HALF = math.sqrt(0.5)
 _NORMAL = 1.0 / math.sqrt(2.0 * math.pi)
+_REGISTER = 4  # lanes: fewer go one by one, which takes longer
+_LONGEST = 1e-3  # s, of the integration
 _STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
 
 
@@ -202,14 +204,14 @@ def _read(C, H, noise, d, quantum, K, e, S, prior, CH):
 
 
 @compiled(nogil=True)
-def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp, h_max, e, S, cost, direct, X_out):
+def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp, coarser, e, S, cost, direct, X_out):
     """Run B filters over a log of N samples; fills e (N, 2, B), S (N, 3, leaders) and cost (N, leaders).
 
     t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; quantum (2,) counts [rad]; P (parameters,
     B); x0 (n, B) and C0 (n, n) mean and covariance of the first state; noise (4, B): torque intensities on the rows
     [{u}² s] and variances of the readings before rounding [rad²]. Of the filters, the first `exact` ≥ 1 carry
     Jacobians, the first `leaders` covariances, the others follow filter 0. sharp (m, 2): rows of P that hold the
-    sharpness of a friction, and the state its velocity is in. h_max [s]: longest integration step.
+    sharpness of a friction, and the state its velocity is in. coarser: factor on the integration step.
 
     cost: −log-likelihood of each sample. e, S: innovations and covariances of the Gaussian readings that filter 0's
     rounded ones are equivalent to, as seen by each filter. direct (N, 4): of filter 0, readings less predictions, and
@@ -218,13 +220,14 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
     """
     N, B = y.shape[0], P.shape[1]
     n, G = x0.shape[0], leaders
-    lanes = exact * n + B  # lanes 0 … B−1 are the filters, then n shifted states of each exact one
+    # lanes 0 … B−1 are the filters, then n shifted states of each exact one; the rest fills up a SIMD register
+    lanes = (exact * n + B + _REGISTER - 1) // _REGISTER * _REGISTER
     plain = codes.shape[0] == 0
     X, Y, W = np.zeros((n, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
     PL = np.empty((P.shape[0], lanes))
     owner = np.empty(lanes, dtype=np.int64)
     for k in range(lanes):
-        owner[k] = k if k < B else (k - B) // n
+        owner[k] = k if k < B else ((k - B) // n if k < B + exact * n else 0)
         PL[:, k] = P[:, owner[k]]
     x = x0.copy()
     C = np.empty((G, n, n))
@@ -247,7 +250,7 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
                     g = owner[i] if owner[i] < G else 0
                     PL[row, i] = effective_sharpness(P[row, owner[i]], C[g, velocity, velocity])
                 sharpest = max(sharpest, PL[row, 0])
-            longest = substep(sharpest, h_max)
+            longest = coarser * substep(sharpest, _LONGEST)
             if plain:
                 steps = max(1, math.ceil(T / longest - 1e-6))
                 _steps(X, PL, u[k - 1, 0], T / steps, steps)
@@ -307,7 +310,8 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
 
 @compiled(nogil=True)
 def _spread(X, x, exact):
-    """Lanes X from the filters' states x (n, B): each filter, then n states shifted by a step of the exact ones."""
+    """Lanes X from the filters' states x (n, B): each filter, then n states shifted by a step of the exact ones.
+    Lanes beyond those do as filter 0."""
     n, B = x.shape
     for i in range(n):
         for b in range(B):
@@ -316,3 +320,5 @@ def _spread(X, x, exact):
             for m in range(n):
                 X[i, B + g * n + m] = x[i, g]
             X[i, B + g * n + i] += _STEP
+        for k in range(B + exact * n, X.shape[1]):
+            X[i, k] = x[i, 0]

@@ -33,7 +33,7 @@ _BANDWIDTH = 3.0  # rad/s
 _EXACT_STEP = 0.1  # of a coordinate's step: differences of V itself are one-sided, and V is sharp
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
-_THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
+THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
 
 
 @dataclass
@@ -51,7 +51,8 @@ class PredictionError:
 
     plant: supplies the structure (effects) and the values of everything that is not free.
     noise: (4,) torque intensities on the rows and factors on the readings' variances, where not free.
-    longest_step [s]: of the integration. parallel: use two threads. physical: penalise what no rigid body has.
+    coarser: factor on the integration step that the friction's sharpness allows, for a first look. parallel: use two
+    threads. physical: penalise what no rigid body has.
     """
 
     def __init__(
@@ -60,17 +61,17 @@ class PredictionError:
         records: Sequence[Record],
         coordinates: Sequence[Coordinate],
         noise: NDArray[np.float64],
-        longest_step: float = 1e-3,
+        coarser: float = 1.0,
         parallel: bool = True,
         physical: bool = False,
     ) -> None:
         packed = plant.packed()
         self.p, self.codes, self.rows = packed.p, packed.codes, packed.rows
         self.records, self.coordinates, self.noise = list(records), list(coordinates), np.asarray(noise, dtype=float)
-        self.longest_step = longest_step
+        self.coarser = coarser
         self.sharp = _sharpness_rows(self.codes)
         self.physical, self.parallel = physical, parallel
-        self._map = _THREADS.map if parallel else map
+        self._map = THREADS.map if parallel else map
         bounds = np.array([c.z_bounds for c in self.coordinates])
         self.low, self.high = bounds[:, 0], bounds[:, 1]
         for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
@@ -124,7 +125,7 @@ class PredictionError:
         X, direct = np.empty((N if states else 0, self.rows)), np.empty((N, 4))
         ok = innovations(
             *(record.t, record.y, record.u, record.quantum, P, self.codes, x0, C0, noise, exact, leaders, self.sharp),
-            *(self.longest_step, e, S, cost, direct, X),
+            *(self.coarser, e, S, cost, direct, X),
         )
         return (e, S, cost, direct, X) if ok and np.isfinite(cost).all() and np.isfinite(e).all() else None
 

@@ -9,7 +9,6 @@ a short race of prediction-error fits on a reduced log at high process noise; th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,7 @@ from furuta_gym.plant import Plant
 
 from .coordinates import Coordinate, fill, filled_plant
 from .logs import Log
-from .prediction_error import Optimum, PredictionError, Record, minimise
+from .prediction_error import THREADS, Optimum, PredictionError, Record, minimise
 
 _SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
 _ROD = 0.75  # θ2/θ4 of a thin rod
@@ -29,7 +28,6 @@ _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a p
 _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
 _SHARPNESS = 60.0
 _REDUCED = (4.0, 4e-3)  # s: duration and sample time of the log that the race runs on
-_WORKERS = ThreadPoolExecutor(max_workers=2)
 
 
 @dataclass(frozen=True)
@@ -146,16 +144,16 @@ def race(
 
     def run(start: Start, iterations: int, z: NDArray[np.float64] | None = None) -> tuple[PredictionError, Optimum]:
         problem = PredictionError(
-            start.plant, short, coordinates, start.noise, longest_step=2e-3, parallel=False, physical=physical
+            start.plant, short, coordinates, start.noise, coarser=2.0, parallel=False, physical=physical
         )
         return problem, minimise(problem, problem.start() if z is None else z, iterations, tolerance=0.1)
 
-    results = list(_WORKERS.map(lambda s: run(s, rounds), starts))
+    results = list(THREADS.map(lambda s: run(s, rounds), starts))
     order = np.argsort([o.value for _, o in results])
     if not np.isfinite(results[order[0]][1].value):
         return starts[0], None
     finalists = [order[0]] + [i for i in order[1:2] if np.isfinite(results[i][1].value)]
-    finished = list(_WORKERS.map(lambda i: run(starts[i], 25, results[i][1].z), finalists))
+    finished = list(THREADS.map(lambda i: run(starts[i], 25, results[i][1].z), finalists))
     _, best = min(finished, key=lambda r: r[1].value)
     _, noise = fill(coordinates, best.z, starts[0].plant.packed().p, starts[0].noise)
     return Start(filled_plant(starts[0].plant, coordinates, best.z), noise), best

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 def diagnose_command(
     logs: opt.Logs,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json and report.html.")
-    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html.")],
     held_out: Annotated[
         list[Path] | None,
         typer.Option(
@@ -39,7 +37,7 @@ def diagnose_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
-    from experiments.report import build, examine, require_extra
+    from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
     from furuta_gym.plant import Plant
     from identification.logs import read_logs
 
@@ -65,13 +63,16 @@ def diagnose_command(
         if found.plant is not None:
             found.plant.save(folder / "plant.json")
         (folder / "report.html").write_text(build(examination), encoding="utf-8")
+        if examination.design is not None:
+            write_command(examination.design, folder)
     if as_json:
         print_json(result)
         return
     typer.echo(str(found))
     for line in _evidence(examination):
         typer.echo(f"  {line}")
-    written = ("diagnosis.json", "plant.json", "report.html") if found.plant else ("diagnosis.json", "report.html")
+    written = ["diagnosis.json", *(["plant.json"] if found.plant else []), "report.html"]
+    written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
 
 

@@ -82,18 +82,14 @@ def _policy(name: str | None, rig: Plant, sample_time: float | None) -> Any:
     """The controller of the loop, or None for a hanging pendulum."""
     if name == "none":
         return None
-    from controllers import make_controller
-    from controllers.base import DesignError
+    from controllers import make_controller, usual_controller
 
     if name is not None:
         policy = make_controller(name, rig, sample_time)
         if "balance" not in policy.tasks:
             raise ValueError(f"--controller {name}: expected one that balances, or none for a hanging pendulum")
         return policy
-    try:
-        return make_controller("paper-lqr", rig, sample_time)
-    except DesignError:
-        return make_controller("lqr", rig, sample_time)
+    return usual_controller(rig, sample_time)
 
 
 def _design(

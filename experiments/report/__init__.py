@@ -6,8 +6,18 @@ Path("report.html").write_text(build(examination), encoding="utf-8")
 ```
 """
 
+from .advice import COMMAND_FILE, write_command
 from .examination import Examination, examine
 from .gap import GapChange, measure_gap
 from .page import build, require_extra
 
-__all__ = ["Examination", "GapChange", "build", "examine", "measure_gap", "require_extra"]
+__all__ = [
+    "COMMAND_FILE",
+    "Examination",
+    "GapChange",
+    "build",
+    "examine",
+    "measure_gap",
+    "require_extra",
+    "write_command",
+]

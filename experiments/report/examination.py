@@ -11,9 +11,11 @@ from typing import Any
 from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.locate import locate
 from identification.diagnosis.where import Where
+from identification.excitation_between import Separation
 from identification.logs import Log
 from identification.resimulation import Resimulation, resimulate
 
+from .advice import COMMAND_FILE, design_next
 from .gap import GapChange, added, measure_gap
 from .words import NEXT
 
@@ -24,7 +26,8 @@ class Examination:
 
     where, where_after: of the plant without and with the effects found (where_after is None where none was). gap,
     closed_loop (before, after): None where they could not be had; `remarks` says why, by "where", "gap" and
-    "closed loop". seconds: how long this took, the search not included.
+    "closed loop". design: the experiment that tells equals apart, None where there are none (or, with the remark
+    "design", no experiment could be found). seconds: how long this took, the search not included.
     """
 
     diagnosis: Diagnosis
@@ -34,6 +37,7 @@ class Examination:
     where_after: Where | None
     gap: GapChange | None
     closed_loop: tuple[Resimulation, ...] | None
+    design: Separation | None
     remarks: dict[str, str]
     seconds: float
 
@@ -44,9 +48,11 @@ class Examination:
 
     @property
     def next_experiment(self) -> str:
-        """The search's own advice, else what its verdict asks for."""
-        if advice := getattr(self.diagnosis, "next_experiment", None):
-            return advice
+        """What was designed, else what the verdict asks for."""
+        if self.design is not None:
+            use = "it is the whole command" if self.design.whole_command else "add it to your controller's command"
+            sentence = self.design.sentence
+            return f"{sentence[:1].upper()}{sentence[1:]}. {COMMAND_FILE} holds it ({use}); diagnose all logs together."
         naming = self.diagnosis.naming
         equals = zip(naming.accepted, naming.equals, strict=True) if naming else ()
         pair = next((f"{suspect.name},{others[0]}" for suspect, others in equals if others), "EFFECT,EFFECT")
@@ -60,6 +66,7 @@ class Examination:
             "where_after": self.where_after.to_dict() if self.where_after else None,
             "gap": self.gap.to_dict() if self.gap else None,
             "next_experiment": self.next_experiment,
+            "design": self.design.to_dict() if self.design else None,
             "remarks": self.remarks,
         }
         return _plain(found | {"runtime_s": self.diagnosis.runtime_s + self.seconds})
@@ -87,7 +94,7 @@ def examine(
             remarks[what] = str(error)
             return None
 
-    where = where_after = gap = closed_loop = None
+    where = where_after = gap = closed_loop = design = None
     before, after = diagnosis.before, diagnosis.after
     if before is not None and after is not None:
         plants = [before.plant, after.plant] if added(diagnosis) else [before.plant]
@@ -101,8 +108,12 @@ def examine(
         if gap is not None and brings_nothing(diagnosis, gap):
             diagnosis = diagnosis.vetoed()
         closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
+        if diagnosis.verdict == "ambiguous":
+            tell("designing the experiment that decides")
+            design = tried("design", lambda: design_next(diagnosis, logs))
+    seconds = time.monotonic() - began
     return Examination(
-        diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, remarks, time.monotonic() - began
+        diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, design, remarks, seconds
     )
 
 

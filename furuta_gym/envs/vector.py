@@ -20,7 +20,7 @@ from .furuta import start_state
 from .options import Options, Setup
 from .rendering import Scene, Viewer
 from .streams import start_stream
-from .threads import cores, share
+from .threads import N_BOARD, cores, finish, share, take
 
 _WIDTH = 128  # lanes of a block: its work space fits the first-level cache, its loops fill the SIMD registers
 _FEWEST_TO_SHARE = 256  # envs; below it, waking another thread costs more than it saves
@@ -92,6 +92,9 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._streams = np.zeros((blocks, width), dtype=np.uint64)
         self._shared = (self._lanes, self._streams, setup.codes, setup.sizes, setup.numbers)
         self._tables = (setup.random.table, setup.random.root, setup.random.switches)
+        # where the threads leave a step: they may be at work on it before Python has seen what the step returns
+        self._actions, self._board = np.zeros((self.num_envs, 1), dtype=np.float32), np.zeros(N_BOARD, dtype=np.int64)
+        self._out = (*self._arrays(), *_outcome(self.num_envs))
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
         self._seeded = self._ready = False
         self._viewer: Viewer | None = None
@@ -125,11 +128,10 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
                 f"{int(self._ended.sum())} episodes have ended; reset them with "
                 "reset(options={'reset_mask': terminated | truncated})"
             )
-        out = self._arrays()
-        rewards = np.empty(self.num_envs)
-        terminated, truncated = np.empty(self.num_envs, dtype=np.bool_), np.empty(self.num_envs, dtype=np.bool_)
-        arguments = (actions, *self._shared, *self._tables, self._max_steps, *out, rewards, terminated, truncated)
-        share(lambda first, last: _step_blocks(first, last, *arguments), self._lanes.shape[0], self._threads)
+        self._actions[:] = actions
+        arguments = (self._board, self._actions, *self._shared, *self._tables, self._max_steps, *self._out)
+        share(lambda patience: _step_blocks(patience, *arguments), self._board, len(self._lanes), self._threads)
+        *out, rewards, terminated, truncated = (array.copy() for array in self._out)
         fresh, self._ended = self._ended, terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             fresh = self._ended
@@ -205,6 +207,10 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         return P.transpose(1, 0, 2).reshape(P.shape[1], -1)[:, : self.num_envs]
 
 
+def _outcome(n: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    return np.empty(n), np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
+
+
 def _blocks(n: int, threads: int) -> tuple[int, int]:
     """(number of blocks, lanes in each) for n envs: equal work for each thread, and no block wider than `_WIDTH`."""
     blocks = math.ceil(n / _WIDTH)
@@ -268,16 +274,20 @@ def _reset_batch(
 
 @compiled(nogil=True)
 def _step_blocks(
-    begin, end, actions, lanes, streams, codes, sizes, numbers, table, root, switches, max_steps,
+    patience, board, actions, lanes, streams, codes, sizes, numbers, table, root, switches, max_steps,
     observation, state, measured, command, rewards, terminated, truncated,
 ):  # fmt: skip
     work = np.empty((k.work_rows(sizes), lanes.shape[2]))
     nothing = np.full(4, np.nan)
-    for b in range(begin, end):
+    n = lanes.shape[0]
+    b = take(board, n, 0)
+    while b < n:
         _step_block(
             b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, max_steps, work, nothing,
             observation, state, measured, command, rewards, terminated, truncated,
         )  # fmt: skip
+        finish(board)
+        b = take(board, n, patience)
 
 
 @compiled

@@ -68,7 +68,7 @@ def energy(q2, v1, v2, th1, th2, th3, th4, th5):
     return 0.5 * m11 * v1 * v1 + m12 * v1 * v2 + 0.5 * m22 * v2 * v2 + th5 * c
 
 
-@compiled
+@compiled(forceinline=True)
 def _accelerate(X, F, TH, K):
     for k in range(X.shape[1]):
         a1, a2 = acceleration(
@@ -117,34 +117,63 @@ def rates(t, X, tau, W, P, codes, TH, F, K):
 
 @compiled
 def _runge_kutta(X, t, h, n, command, W, P, codes, work):
-    """n classical Runge–Kutta steps of h (L,) seconds from t (L,), under a command held for all of them."""
+    """n classical Runge–Kutta steps of h (L,) seconds from t (L,), under a command held for all of them.
+
+    The same sums as in `rates`; what no active effect asks for is done once and not in every stage.
+    """
     rows, lanes = X.shape
     XS, K, S = work[:rows], work[rows : 2 * rows], work[2 * rows : 3 * rows]
     TH, F = work[3 * rows : 3 * rows + N_BASE], work[3 * rows + N_BASE : 3 * rows + N_BASE + 2]
     tau, ts, since = work[-3], work[-2], work[-1]
+    filtered, changed, active = True, True, codes.shape[0] > 0
+    for row in range(N_BASE):
+        for k in range(lanes):
+            TH[row, k] = P[row, k]
+    for k in range(lanes):
+        tau[k] = command[k]
     for i in range(n):
+        for row in range(rows):
+            for k in range(lanes):
+                XS[row, k] = X[row, k]
+                S[row, k] = 0.0
         for stage in range(4):
             c = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+            ahead = 1.0 if stage == 2 else 0.5  # of a step, to the next stage
             w = 2.0 if 0 < stage < 3 else 1.0
             for k in range(lanes):
                 since[k] = (i + c) * h[k]
                 ts[k] = t[k] + since[k]
-                tau[k] = command[k]
-            if stage == 0:
-                XS[:] = X
-                S[:] = 0.0
+            if filtered:
+                for k in range(lanes):
+                    tau[k] = command[k]
+                filtered = filter_command(command, since, X, P, codes, tau)
+            if changed and active:
+                for row in range(N_BASE):
+                    for k in range(lanes):
+                        TH[row, k] = P[row, k]
+                changed = modify_theta(ts, P, codes, TH)
+            for k in range(lanes):
+                F[0, k] = W[0, k] + tau[k]
+                F[1, k] = W[1, k]
+                K[0, k] = XS[2, k]
+                K[1, k] = XS[3, k]
+            if active:
+                add_torques(ts, XS, tau, P, codes, TH, F)
+            _accelerate(XS, F, TH, K)
+            if rows > 4:
+                for row in range(4, rows):
+                    for k in range(lanes):
+                        K[row, k] = 0.0
+                memory_rates(ts, XS, tau, P, codes, TH, K)
+            if stage == 3:
+                for row in range(rows):
+                    for k in range(lanes):
+                        X[row, k] += h[k] * (1.0 / 6.0) * (S[row, k] + w * K[row, k])
             else:
                 for row in range(rows):
                     for k in range(lanes):
-                        XS[row, k] = X[row, k] + c * h[k] * K[row, k]
-            filter_command(command, since, X, P, codes, tau)
-            rates(ts, XS, tau, W, P, codes, TH, F, K)
-            for row in range(rows):
-                for k in range(lanes):
-                    S[row, k] += w * K[row, k]
-        for row in range(rows):
-            for k in range(lanes):
-                X[row, k] += h[k] * (1.0 / 6.0) * S[row, k]
+                        S[row, k] += w * K[row, k]
+                        XS[row, k] = X[row, k] + ahead * h[k] * K[row, k]
 
 
 @compiled

@@ -6,8 +6,11 @@ Absolute error against the library: below 4e-16 (sin, cos; |x| < 1e4) and 2e-15 
 """
 
 import math
+from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 
 from .compiled import compiled
 
@@ -18,28 +21,38 @@ _P2 = 6.0771005063039e-11
 _P3 = 2.0222662487959506e-21
 
 
+@intrinsic
+def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once: one instruction on processors since 2013, and the same bits wherever it stands."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), code
+
+
 @compiled(forceinline=True)
 def sincos(x: float) -> tuple[float, float]:
     """(sin x, cos x) for |x| < 1e4 rad, by reduction to [-pi/4, pi/4] and Taylor polynomials of degree 17/16."""
     k = np.floor(x * _TWO_OVER_PI + 0.5)
-    y = ((x - k * _P1) - k * _P2) - k * _P3
+    y = fma(-k, _P3, fma(-k, _P2, fma(-k, _P1, x)))
     z = y * y
-    s = -1.0 / 1307674368000.0 + z * (1.0 / 355687428096000.0)
-    s = 1.0 / 6227020800.0 + z * s
-    s = -1.0 / 39916800.0 + z * s
-    s = 1.0 / 362880.0 + z * s
-    s = -1.0 / 5040.0 + z * s
-    s = 1.0 / 120.0 + z * s
-    s = -1.0 / 6.0 + z * s
-    s = y + y * z * s
-    c = -1.0 / 87178291200.0 + z * (1.0 / 20922789888000.0)
-    c = 1.0 / 479001600.0 + z * c
-    c = -1.0 / 3628800.0 + z * c
-    c = 1.0 / 40320.0 + z * c
-    c = -1.0 / 720.0 + z * c
-    c = 1.0 / 24.0 + z * c
-    c = -0.5 + z * c
-    c = 1.0 + z * c
+    s = fma(z, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0)
+    s = fma(z, s, 1.0 / 6227020800.0)
+    s = fma(z, s, -1.0 / 39916800.0)
+    s = fma(z, s, 1.0 / 362880.0)
+    s = fma(z, s, -1.0 / 5040.0)
+    s = fma(z, s, 1.0 / 120.0)
+    s = fma(z, s, -1.0 / 6.0)
+    s = fma(y * z, s, y)
+    c = fma(z, 1.0 / 20922789888000.0, -1.0 / 87178291200.0)
+    c = fma(z, c, 1.0 / 479001600.0)
+    c = fma(z, c, -1.0 / 3628800.0)
+    c = fma(z, c, 1.0 / 40320.0)
+    c = fma(z, c, -1.0 / 720.0)
+    c = fma(z, c, 1.0 / 24.0)
+    c = fma(z, c, -0.5)
+    c = fma(z, c, 1.0)
     # quadrant k mod 4, in arithmetic: odd quadrants swap sin and cos; signs follow
     half = np.floor(k * 0.5)
     odd = k - 2.0 * half
@@ -55,17 +68,17 @@ def tanh(x: float) -> float:
     a = 20.0 if a > 20.0 else a  # a select, where min() would be a branch; NaN stays NaN
     y = a * (-2.0 / 64.0)
     e = 1.0 / 39916800.0
-    e = 1.0 / 3628800.0 + y * e
-    e = 1.0 / 362880.0 + y * e
-    e = 1.0 / 40320.0 + y * e
-    e = 1.0 / 5040.0 + y * e
-    e = 1.0 / 720.0 + y * e
-    e = 1.0 / 120.0 + y * e
-    e = 1.0 / 24.0 + y * e
-    e = 1.0 / 6.0 + y * e
-    e = 0.5 + y * e
+    e = fma(y, e, 1.0 / 3628800.0)
+    e = fma(y, e, 1.0 / 362880.0)
+    e = fma(y, e, 1.0 / 40320.0)
+    e = fma(y, e, 1.0 / 5040.0)
+    e = fma(y, e, 1.0 / 720.0)
+    e = fma(y, e, 1.0 / 120.0)
+    e = fma(y, e, 1.0 / 24.0)
+    e = fma(y, e, 1.0 / 6.0)
+    e = fma(y, e, 0.5)
     # the square of 1 + m is 1 + (2m + m²): squaring m, not e, keeps tanh exact near zero
-    m = y * (1.0 + y * e)
+    m = y * fma(y, e, 1.0)
     m = m * (2.0 + m)
     m = m * (2.0 + m)
     m = m * (2.0 + m)

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ..coordinates import Coordinate, fill, filled_plant, noise_coordinates, plant_coordinates
-from ..prediction_error import Optimum, PredictionError, Record, minimise, quietest, whiten
+from ..prediction_error import THREADS, Optimum, PredictionError, Record, minimise, quietest, whiten
 from .probes import Cell, cells
 
 ANCHOR_STD = 0.5
 _CHUNK = 48  # probes in one pass of the bank
-_COARSE_STEP = 2e-3  # s
+_COARSER = 2.0  # times the integration step
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ def fit(
     coordinates += noise_coordinates(quietest(anchor or plant, records))
     if anchor is not None:
         coordinates = [anchored(c, anchor) for c in coordinates]
-    step = _COARSE_STEP if coarse else 1e-3
-    problem = PredictionError(plant, records, coordinates, noise, longest_step=step, parallel=not coarse)
+    step = _COARSER if coarse else 1.0
+    problem = PredictionError(plant, records, coordinates, noise, coarser=step, parallel=not coarse)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=not coarse)
     _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
     return Fit(filled_plant(plant, coordinates, optimum.z), noise, tuple(coordinates), optimum, tuple(records))
@@ -183,9 +183,10 @@ def _answers(nominal: Fit, noise, record: Record, trial: Sequence[Cell]) -> _Ans
     Q = np.linalg.qr(nuisance)[0]
     w0 = w0 - Q @ (Q.T @ w0)
     found = _Answers([], [], [])
-    for group in _grouped(trial):
-        probes = [p for cell in group for p in cell.probes]
-        de = _probe_answers(nominal.plant, noise, record, group[0].effect, probes)
+    groups = _grouped(trial)
+    for group, de in zip(
+        groups, THREADS.map(lambda g: _probe_answers(nominal.plant, noise, record, g), groups), strict=True
+    ):
         if de is None:
             for cell in group:
                 k = len(cell.probes)
@@ -216,8 +217,9 @@ def _grouped(trial: Sequence[Cell]) -> list[list[Cell]]:
     return groups
 
 
-def _probe_answers(plant: Plant, noise, record: Record, effect: str, probes) -> NDArray[np.float64] | None:
-    """Change of the innovations (N, 2, probes) when each probe is switched on, gains held."""
+def _probe_answers(plant: Plant, noise, record: Record, group: Sequence[Cell]) -> NDArray[np.float64] | None:
+    """Change of the innovations (N, 2, probes) when each probe of one effect's cells is switched on, gains held."""
+    effect, probes = group[0].effect, [p for cell in group for p in cell.probes]
     first = plant.with_effects(Effect(effect))
     row = 11  # of the effect's first parameter
     for other in first.effects:
@@ -226,7 +228,7 @@ def _probe_answers(plant: Plant, noise, record: Record, effect: str, probes) -> 
         row += len(other.parameters)
     names = EFFECTS[effect].parameter_names
     coordinates = [Coordinate(f"{effect}.{n}", row + i, log=False) for i, n in enumerate(names)]
-    problem = PredictionError(first, [record], coordinates, noise)
+    problem = PredictionError(first, [record], coordinates, noise, coarser=_COARSER)
     switched_off = Effect(effect).parameters
     neutral = [switched_off[n] for n in names]
     bank = np.array([neutral, *[[p[n] for n in names] for p in probes]])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
-from ..prediction_error import quietest
+from ..prediction_error import THREADS, quietest
 from .candidates import Fit, Score, fit, scores
 
 Array = NDArray[np.float64]
@@ -35,7 +34,6 @@ _CATCHES_UP = 3.0  # rounds at its last pace within which a suspect must reach t
 _FINALISTS, _REACH = 4, 25.0  # suspects that are finished at most, and how near [nats] to the best they must be
 _CHASERS = 2  # of those that are no look-alikes
 _RESTART = 10.0  # factor on the noise
-_WORKERS = ThreadPoolExecutor(2)
 
 
 @dataclass(frozen=True)
@@ -190,7 +188,7 @@ def _race(
     for turn in range(_ROUNDS):
         if not entries:
             break
-        results = _WORKERS.map(lambda entry: _round(current, entry, anchor), entries.values())
+        results = THREADS.map(lambda entry: _round(current, entry, anchor), entries.values())
         pace = {}
         for name, result in zip(list(entries), results, strict=True):
             pace[name] = fits[name].value - result.value if name in fits else math.inf

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from furuta_gym.envs import kernels as k
 from furuta_gym.envs.furuta import FurutaEnv
-from furuta_gym.envs.threads import share
+from furuta_gym.envs.threads import N_BOARD, finish, share, take
 from furuta_gym.envs.vector import FurutaVectorEnv, _blocks
 from furuta_gym.plant import PLANTS
 from furuta_gym.plant.dynamics import _runge_kutta
@@ -117,16 +117,35 @@ def test_blocks_hold_all_envs_in_equal_shares(n):
         assert blocks % threads == 0
 
 
-def test_share_covers_the_range_once_and_passes_errors_on():
-    seen = []
-    share(lambda first, last: seen.extend(range(first, last)), 10, 4)
-    assert sorted(seen) == list(range(10))
+@pytest.mark.parametrize("threads", [1, 2, 4])
+def test_share_does_every_block_of_every_step_once(threads):
+    n, board, seen = 10, np.zeros(N_BOARD, dtype=np.int64), []
 
-    def fail(first, last):
-        raise RuntimeError("from a thread")
+    def work(patience):
+        b = take(board, n, 0)
+        while b < n:
+            seen.append(b)
+            finish(board)
+            b = take(board, n, patience)
 
-    with pytest.raises(RuntimeError, match="from a thread"):
-        share(fail, 10, 2)
+    for step in range(1, 300):
+        share(work, board, n, threads)
+        assert len(seen) == n * step
+        assert sorted(seen[-n:]) == list(range(n))
+
+
+def test_threads_that_wait_for_the_next_step_find_it_whole():
+    n, steps = 512, 3000
+    one, many = (FurutaVectorEnv(n, threads=t, noise_std=1e-3, max_episode_steps=None) for t in (1, 4))
+    rng, sums = np.random.default_rng(1), []
+    actions = [rng.uniform(-0.2, 0.2, (n, 1)).astype(np.float32) for _ in range(7)]
+    for env in (one, many):
+        env.reset(seed=0)
+        total = np.zeros(n)
+        for i in range(steps):
+            total += env.step(actions[i % 7])[1]
+        sums.append(total)
+    np.testing.assert_array_equal(*sums)
 
 
 @pytest.mark.parametrize("lanes", [1, 5, 64])
