@@ -1,7 +1,7 @@
 """Blocks of a batch spread over the cores by Python threads that take them from a common board.
 
 A step of a large batch lasts a fifth of a millisecond, about as long as it takes to wake a sleeping thread. So a helper
-that has run out of blocks looks at the board for some 50 µs before it goes to sleep: in a tight loop it is there when
+that has run out of blocks looks at the board for some 0.2 ms before it goes to sleep: in a tight loop it is there when
 the next step begins, and beside a learner, whose own work takes longer, it sleeps. Numba's parallel loops would do
 as well on an idle machine, but their OpenMP threads spin for as long as they wait and take the cores from the learner.
 """
@@ -18,7 +18,7 @@ from numba.extending import intrinsic
 from ..plant.compiled import compiled
 
 NEXT, FINISHED, N_BOARD = range(3)  # of a board, int64: the next block to take, and how many are done
-PATIENCE = 30_000  # looks at the board, of one or two nanoseconds
+PATIENCE = 300_000  # looks at the board, two thirds of a nanosecond each
 
 
 def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
