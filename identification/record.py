@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,8 +18,7 @@ class Record:
     """t (N,) from zero [s], y (N, 2) readings [rad], u (N, 1) commands, held from their sample on.
 
     quantum (2,): one count of each encoder [rad], 0 where the reading is not rounded. variance (2,): of a reading
-    taken as noise, rounding included [rad²]; weight (N, 2): factors on it, see `dwell_weights`. velocity (2,) and
-    velocity_std: of the first state [rad/s].
+    taken as noise, rounding included [rad²]. velocity (2,) and velocity_std: of the first state [rad/s].
     """
 
     t: NDArray[np.float64]
@@ -28,7 +26,6 @@ class Record:
     u: NDArray[np.float64]
     quantum: NDArray[np.float64]
     variance: NDArray[np.float64]
-    weight: NDArray[np.float64]
     velocity: NDArray[np.float64]
     velocity_std: float
 
@@ -53,24 +50,9 @@ class Record:
         spread = 3.0 * math.sqrt(12.0 * float(np.max(variance)) / m) / max(stamps[m - 1], 1e-6)
         commands = np.array(u, dtype=float).reshape(-1, 1)
         known = np.array(quantum, dtype=float), np.array(variance, dtype=float)
-        return cls(stamps, readings, commands, *known, dwell_weights(readings), slope, 0.1 + spread)
+        return cls(stamps, readings, commands, *known, slope, 0.1 + spread)
 
 
 def _step(seen: float | None, declared: float) -> float:
     """The encoder's step that counts: the samples' own where it contradicts the declared one."""
     return seen if seen is not None and abs(seen - declared) > _SAME_STEP * seen else declared
-
-
-def dwell_weights(y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factors (N, 2) on the variance of readings y (N, 2), for a filter that takes rounding for white noise.
-
-    Rounding errors are white only where the angle moves by a count or more a sample. While a count repeats, its error
-    goes on, and a filter that takes every repetition for news explains it by torques that are not there. So in a
-    dwell of n equal readings each counts for 1/√n: measured on simulated logs, that loses least on the whole.
-    """
-    weight = np.ones_like(y)
-    for axis in range(y.shape[1]):
-        edges = [0, *(np.flatnonzero(np.diff(y[:, axis])) + 1), len(y)]
-        for start, stop in pairwise(edges):
-            weight[start:stop, axis] = math.sqrt(stop - start)
-    return weight

@@ -34,7 +34,10 @@ def simulate_command(
         bool, typer.Option("--printed-sign", help="Play paper-lqr as printed, u = +K x; it falls.")
     ] = False,
     excitation: Annotated[
-        str, typer.Option(help="Added to the command: paper, square, chirp, prbs, multisine or none.")
+        str,
+        typer.Option(
+            help="Added to the command: paper, square, chirp, prbs, multisine, none, or a file of `furuta excite`."
+        ),
     ] = "none",
     amplitude: Annotated[float, typer.Option(help="Scale of the excitation, in the command's unit.")] = 1.0,
     effect: Annotated[
@@ -148,8 +151,12 @@ def _controller(name: str, plant: Any, sample_time: float | None, sensors: Any, 
 def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:
     if name == "none":
         return None
-    from identification.excitation import excitation
+    from identification.excitation import EXCITATIONS, excitation
 
+    if name not in EXCITATIONS and Path(name).suffix:
+        from identification.played import read_signal
+
+        return read_signal(name, amplitude)
     return excitation(name, amplitude, duration, seed)
 
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed
 
+from experiments.workers import workers
 from identification.logs import Log
 
 from .cases import Case, sample
 from .methods import METHODS
 
-BACKENDS = ("loky", "dask")
 FAILURES = (ValueError, FloatingPointError, np.linalg.LinAlgError)  # of a method on a log, not of the study
 
 
@@ -63,29 +61,6 @@ def run(
     """All trials as they are done, seeds in the outer loop, so that a run cut short has all cells."""
     if strange := set(methods) - set(METHODS):
         raise ValueError(f"unknown method {', '.join(sorted(strange))}; there are {', '.join(METHODS)}")
-    if backend not in BACKENDS:
-        raise ValueError(f"backend {backend!r}: expected one of {', '.join(BACKENDS)}")
     todo = [(case, seed) for seed in seeds for case in cases]
-    with _workers(backend, jobs):
+    with workers(backend, jobs):
         yield from Parallel(return_as="generator")(delayed(run_trial)(*job, methods) for job in todo)  # type: ignore[misc]
-
-
-@contextmanager
-def _workers(backend: str, jobs: int) -> Iterator[None]:
-    """One thread a process; dask: the cluster at DASK_SCHEDULER_ADDRESS, or one made here."""
-    with ExitStack() as stack:
-        if backend == "dask":
-            from dask import config
-            from distributed import Client, LocalCluster
-
-            address = config.get("scheduler-address", None)
-            if address is None:
-                made: Any = LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=":0")
-                address = stack.enter_context(made)
-            stack.enter_context(Client(address))
-            stack.enter_context(parallel_config("dask", n_jobs=-1))
-        elif jobs > 1:
-            stack.enter_context(parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1))
-        else:
-            stack.enter_context(parallel_config("sequential", n_jobs=1))
-        yield

@@ -9,17 +9,17 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed
+
+from experiments.workers import workers
 
 from . import seal as laboratory
 from .decide import decide
 from .plan import Trial
 
-BACKENDS = ("loky", "dask")
 SEALED, ANSWERS = "sealed.jsonl", "answers.jsonl"
 
 Decide = Callable[[Path], dict[str, Any]]
@@ -41,12 +41,10 @@ def run_trials(
     temporary folder, else one on this machine). jobs: processes. progress(stage, done, of) is told of every trial.
     Raises ValueError for another backend.
     """
-    if backend not in BACKENDS:
-        raise ValueError(f"backend {backend!r} given, expected one of: {', '.join(BACKENDS)}")
-    folder.mkdir(parents=True, exist_ok=True)
-    sealed = _lines(folder / SEALED)
-    to_seal = [trial for trial in plan if trial.id not in sealed]
-    with _workers(backend, jobs):
+    with workers(backend, jobs):
+        folder.mkdir(parents=True, exist_ok=True)
+        sealed = _lines(folder / SEALED)
+        to_seal = [trial for trial in plan if trial.id not in sealed]
         tasks = (delayed(_named)(trial.id, laboratory.seal, trial) for trial in to_seal)
         _collect(tasks, folder / SEALED, lambda done: progress("sealing", done, len(to_seal)))
         sealed = _lines(folder / SEALED)
@@ -108,30 +106,3 @@ def _lines(file: Path) -> dict[str, dict[str, Any]]:
     if whole != text:
         file.write_text(whole, encoding="utf-8")
     return {record["id"]: record for record in map(json.loads, whole.splitlines())}
-
-
-@contextmanager
-def _workers(backend: str, jobs: int) -> Iterator[None]:
-    """Processes with one thread each: the trials are many, so threads inside one would only get in the way."""
-    with ExitStack() as stack:
-        if backend == "loky":
-            stack.enter_context(parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1))
-        else:
-            stack.enter_context(_dask(jobs))
-            stack.enter_context(parallel_config("dask", n_jobs=-1))
-        yield
-
-
-@contextmanager
-def _dask(jobs: int) -> Iterator[None]:
-    from dask import config
-    from distributed import Client, LocalCluster
-
-    threads = {f"distributed.nanny.pre-spawn-environ.{name}_NUM_THREADS": 1 for name in ("OMP", "MKL", "NUMBA")}
-    with config.set(threads), ExitStack() as stack:
-        address = config.get("scheduler-address", None)
-        if address is None:
-            cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=":0")
-            address = stack.enter_context(cluster)
-        stack.enter_context(Client(address))
-        yield

@@ -125,6 +125,7 @@ def test_unknown_option(tmp_path: Path) -> None:
         (("simulate", "--plant", "table3", "-o", "x.csv", "--duration", "0"), "--duration"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--controller", "lqrr"), "did you mean lqr"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--excitation", "sine"), "multisine"),
+        (("simulate", "--plant", "table3", "-o", "x.csv", "--excitation", "missing.csv"), "missing.csv"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--effect", "spring"), "arm_spring"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--effect", "arm_spring:c=1"), "q1n"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--printed-sign"), "paper-lqr"),

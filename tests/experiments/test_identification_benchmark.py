@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import experiments.identification_benchmark.__main__ as command
+from experiments.identification_benchmark import starts
 from experiments.identification_benchmark.cases import Case, cases, sample
 from experiments.identification_benchmark.study import run
 from experiments.identification_benchmark.summary import cells, chance, to_json, verdict
@@ -114,3 +115,18 @@ def _invoke(*arguments: str):
     app = typer.Typer()
     app.command()(command.main)
     return CliRunner().invoke(app, list(arguments))
+
+
+def test_wrong_starts_arrive_and_are_counted() -> None:
+    found = starts.fits(CASE, 3, 2)
+    assert found.arrived == [True, True]
+    assert "2 of 2" in starts.table([found]).splitlines()[-1]
+    lost = replace(found, wrong=(found.truth, found.truth - 3.0))
+    assert lost.arrived == [True, False]
+
+
+def test_a_wrong_start_is_wrong_in_every_parameter() -> None:
+    rng, theta = np.random.default_rng(0), CASE.plant.theta
+    factors = np.array([starts.wrong_theta(theta, rng) / theta for _ in range(200)])
+    assert factors.min(axis=0) == pytest.approx(np.full(9, 1 / 3), rel=0.1)
+    assert factors.max(axis=0) == pytest.approx(np.full(9, 3.0), rel=0.1)

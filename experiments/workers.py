@@ -1,0 +1,47 @@
+"""Where joblib runs the trials of a study: this process, processes of this machine, or a dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from joblib import parallel_config
+
+BACKENDS = ("loky", "dask")
+
+
+@contextmanager
+def workers(backend: str, jobs: int) -> Iterator[None]:
+    """joblib's `Parallel` inside goes to `jobs` workers with one thread each: the trials are many, so threads inside
+    one would only get in the way.
+
+    backend: loky (processes of this machine; one job is this process itself) or dask (the cluster at
+    DASK_SCHEDULER_ADDRESS, else processes of this machine). Raises ValueError for another.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend {backend!r} given, expected one of: {', '.join(BACKENDS)}")
+    with ExitStack() as stack:
+        if backend == "dask":
+            stack.enter_context(_dask(jobs))
+            stack.enter_context(parallel_config("dask", n_jobs=-1))
+        elif jobs > 1:
+            stack.enter_context(parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1))
+        else:
+            stack.enter_context(parallel_config("sequential", n_jobs=1))
+        yield
+
+
+@contextmanager
+def _dask(jobs: int) -> Iterator[None]:
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    threads = {f"distributed.nanny.pre-spawn-environ.{name}_NUM_THREADS": 1 for name in ("OMP", "MKL", "NUMBA")}
+    with config.set(threads), ExitStack() as stack:
+        address = config.get("scheduler-address", None)
+        if address is None:
+            made: Any = LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=":0")
+            address = stack.enter_context(made)
+        stack.enter_context(Client(address))
+        yield
