@@ -1,6 +1,6 @@
 """Does it pay to train on drawn plants? `python -m experiments.randomized_training`.
 
-A rig of the bench is recorded and identified as model (5), which misses that its command is late. Policies are trained
+A rig of the bench is recorded and identified as model (5), which misses what the rig hides. Policies are trained
 on that plant alone, on plants drawn from its covariance, and on drawn plants with effects that come and go; all see
 the same observations. They balance 100 plants drawn from the covariance, the same with θ off by 20 %, and the rig.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +25,7 @@ from controllers.design import choose_sensors
 from controllers.statistics import Interval, success_rate, typical
 from controllers.training import Training, train
 from experiments.bench_trials import run_on_bench
+from experiments.cli.errors import explained
 from experiments.reidentify_retrain import RIGS, Arguments, recorded
 from furuta_gym.plant import Plant
 from identification.identify import identify
@@ -112,13 +113,18 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder for plant, policies and results.json.")] = Path(
         "out/randomized_training"
     ),
+    rig: Annotated[str, typer.Option(help=f"What the rig hides: {', '.join(RIGS)}.")] = "late",
     quick: Annotated[
         bool, typer.Option("--quick", help="One short training each; for a look at what it does.")
     ] = False,
 ) -> None:
     """Nominal against randomised training, on drawn plants and on a rig that hides something."""
     began = time.perf_counter()
-    scores = run(Size.quick() if quick else Size(), out, Console(stderr=True).print)
+    with explained():
+        if rig not in RIGS:
+            raise ValueError(f"--rig {rig!r}: expected one of {', '.join(RIGS)}")
+        size = replace(Size.quick() if quick else Size(), rig=rig)
+        scores = run(size, out, Console(stderr=True).print)
     table = Table(title="95 % intervals in brackets; rms q2 [rad] of the successful trials")
     table.add_column("trained on")
     for where in next(iter(scores.values())):
