@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -77,7 +76,8 @@ def follow(case: Case, seed: int, effect: Effect | None = None) -> Run:
     run = setup.run(case.signal(), seed, plant)
     if run.fell is not None:
         raise RuntimeError(f"{case.name}: the pendulum falls after {run.fell:.2f} s; try another rig")
-    log = Log(run.t, *run.measured.T, run.command, case.plant.unit, (case.counts, case.counts), source=case.name)
+    q1, q2 = run.measured.T
+    log = Log(run.t, q1, q2, run.command, case.plant.unit, (case.counts, case.counts), source=case.name)
     return Run(
         "constant" if effect is None else "heavier from half way on",
         log,
@@ -100,15 +100,11 @@ def _courses(log: Log, T: float) -> list[Course]:
 
 def _recursive(name: str, log: Log, forgetting: float) -> Course:
     models = filtered_models(log)
-    _timed(lambda: recursive_least_squares(models, forgetting=forgetting))  # compiles
-    seconds, history = _timed(lambda: recursive_least_squares(models, forgetting=forgetting))
-    return Course(name, history.t, history.theta, None, 1e6 * seconds / len(history.t))
-
-
-def _timed(call: Callable[[], object]) -> tuple[float, object]:
+    recursive_least_squares(models, forgetting=forgetting)  # compiles
     begun = time.perf_counter()
-    result = call()
-    return time.perf_counter() - begun, result
+    history = recursive_least_squares(models, forgetting=forgetting)
+    cost = (time.perf_counter() - begun) / len(history.t)
+    return Course(name, history.t, history.theta, None, 1e6 * cost)
 
 
 def _batch(log: Log) -> dict[str, Array]:

@@ -13,9 +13,8 @@ from collections.abc import Callable
 from typing import Any
 
 from numba import types
-from numba.extending import intrinsic
 
-from ..plant.compiled import compiled
+from ..plant.compiled import compiled, instruction
 
 NEXT, FINISHED, N_BOARD = range(3)  # of a board, int64: the next block to take, and how many are done
 PATIENCE = 300_000  # looks at the board, two thirds of a nanosecond each
@@ -26,7 +25,7 @@ def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     return builder.gep(data, [arguments[1]])
 
 
-@intrinsic
+@instruction
 def _read(typing_context: Any, board: Any, place: Any) -> Any:
     """board[place] as it is now: other threads write to it."""
 
@@ -36,7 +35,7 @@ def _read(typing_context: Any, board: Any, place: Any) -> Any:
     return types.int64(board, types.int64), code
 
 
-@intrinsic
+@instruction
 def _write(typing_context: Any, board: Any, place: Any, value: Any) -> Any:
     """board[place] = value, and all that was written before it is seen by who reads it."""
 
@@ -47,7 +46,7 @@ def _write(typing_context: Any, board: Any, place: Any, value: Any) -> Any:
     return types.void(board, types.int64, types.int64), code
 
 
-@intrinsic
+@instruction
 def _count(typing_context: Any, board: Any, place: Any) -> Any:
     """board[place] += 1 in one indivisible step; returns what was there before."""
 

@@ -94,7 +94,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._tables = (setup.random.table, setup.random.root, setup.random.switches)
         # where the threads leave a step: they may be at work on it before Python has seen what the step returns
         self._actions, self._board = np.zeros((self.num_envs, 1), dtype=np.float32), np.zeros(N_BOARD, dtype=np.int64)
-        self._out = (*self._arrays(), *_outcome(self.num_envs))
+        self._out: tuple[NDArray[Any], ...] = (*self._arrays(), *_outcome(self.num_envs))
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
         self._seeded = self._ready = False
         self._viewer: Viewer | None = None
@@ -131,7 +131,8 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._actions[:] = actions
         arguments = (self._board, self._actions, *self._shared, *self._tables, self._max_steps, *self._out)
         share(lambda patience: _step_blocks(patience, *arguments), self._board, len(self._lanes), self._threads)
-        *out, rewards, terminated, truncated = (array.copy() for array in self._out)
+        copies = tuple(array.copy() for array in self._out)
+        out, (rewards, terminated, truncated) = copies[:4], copies[4:]
         fresh, self._ended = self._ended, terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             fresh = self._ended

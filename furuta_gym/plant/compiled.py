@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.extending import intrinsic
 
 _PLANT = Path(__file__).parent
 
@@ -60,3 +61,9 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return numba.njit(cache=True, **settings)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def instruction(function: Callable[..., Any]) -> Any:
+    """A processor's instruction as a function of compiled code: `function(typing_context, *types)` gives its signature
+    and the generator of its LLVM code (numba's `intrinsic`)."""
+    return intrinsic(function)

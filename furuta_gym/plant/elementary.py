@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 
-from .compiled import compiled
+from .compiled import compiled, instruction
 
 _TWO_OVER_PI = 2.0 / math.pi
 # pi/2 in three parts, so that the reduced angle keeps full precision (Cody and Waite 1980)
@@ -21,7 +20,7 @@ _P2 = 6.0771005063039e-11
 _P3 = 2.0222662487959506e-21
 
 
-@intrinsic
+@instruction
 def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     """a b + c, rounded once: one instruction on processors since 2013, and the same bits wherever it stands."""
 
