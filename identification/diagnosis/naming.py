@@ -149,17 +149,10 @@ def _refits(
         return current, []
     tell(f"racing {', '.join(names)}")
     fits = _race({name: _with_effect(current, table[name].start, anchor) for name in names}, current, anchor)
-    leader = min(fits, key=lambda name: fits[name].value)
-    # from the leader's θ, which is near the truth if its name is nearly right, the others find their best soon
-    rivals = {
-        name: (_without(fits[leader], current).with_effects(fitted.plant.effects[-1]), _between(fits[leader], current))
-        for name, fitted in fits.items()
-        if name != leader and name in _rivals(leader, fits)
-    }
-    tell(f"chasing {leader} with {', '.join(rivals) or 'none'}")
-    for name, chaser in _race(rivals, current, anchor, ahead=fits[leader].value).items():
-        if chaser.value < fits[name].value:
-            fits[name] = chaser
+    led: set[str] = set()
+    while (leader := min(fits, key=lambda name: fits[name].value)) not in led:
+        led.add(leader)
+        _chase(leader, fits, current, anchor, tell)
     best = min(f.value for f in fits.values())
     for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
         if fits[name].value < best + _REACH:
@@ -175,6 +168,23 @@ def _refits(
         gain = current.value - fitted.value
         suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, table[name].gain))
     return current, sorted(suspects, key=lambda s: -s.net)
+
+
+def _chase(leader: str, fits: dict[str, Fit], current: Fit, anchor: Plant, tell) -> None:
+    """Race on from the leader's θ, which is near the truth if its name is nearly right: there the others soon find
+    their best. Keeps in `fits` what is better; one of them may lead then, and the leader be among those that follow."""
+    rivals = {
+        name: (
+            _without(fits[leader], current).with_effects(fits[name].plant.effects[-1]),
+            _between(fits[leader], current),
+        )
+        for name in _rivals(leader, fits)
+        if name != leader
+    }
+    tell(f"chasing {leader} with {', '.join(rivals) or 'none'}")
+    for name, chaser in _race(rivals, current, anchor, ahead=fits[leader].value).items():
+        if chaser.value < fits[name].value:
+            fits[name] = chaser
 
 
 def _race(

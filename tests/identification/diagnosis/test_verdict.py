@@ -6,8 +6,10 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+import identification.diagnosis.naming as naming_module
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _verdict, structured
@@ -82,3 +84,29 @@ def test_a_veto_takes_the_name_and_the_plant_back() -> None:
     assert vetoed.plant == "without"
     drift: Any = (before, after, naming(suspect("arm_friction_drift", 200.0)), rest())
     assert Diagnosis("named", "…", *drift, 0.0, 1.0, 1.0).timed
+
+
+def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stuck first leader must not lose its name to a look-alike that found the right θ from it."""
+    plant = TABLE_3
+
+    def fitted(name: str, value: float) -> Any:
+        own = plant.with_effects(plant.default_effect(name))
+        return SimpleNamespace(plant=own, noise=np.ones(4), value=value, samples=1000)
+
+    values = {"arm_spring": 50.0, "arm_ripple": 60.0}
+    reached = {"arm_spring": 5.0, "arm_ripple": 20.0}  # from another's θ
+    asked: list[list[str]] = []
+
+    def race(entries: Any, current: Any, anchor: Any, ahead: float = math.inf) -> dict[str, Any]:
+        asked.append(list(entries))
+        return {name: fitted(name, values[name] if math.isinf(ahead) else reached[name]) for name in entries}
+
+    monkeypatch.setattr(naming_module, "_race", race)
+    monkeypatch.setattr(naming_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
+    left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, records=())
+    table = {name: Score(name, 40.0, plant.default_effect(name), 0.0) for name in values}
+    _, ranking = naming_module._refits(left, list(values), table, plant, lambda text: None)
+    assert asked == [["arm_spring", "arm_ripple"], ["arm_ripple"], ["arm_spring"]]
+    assert ranking[0].name == "arm_spring"
+    assert ranking[0].gain == pytest.approx(95.0)
