@@ -29,9 +29,15 @@ from furuta_gym.plant.effects.dispatch import read_sensors
 
 _ROOT_HALF = math.sqrt(0.5)
 _NORMAL = 1.0 / math.sqrt(2.0 * math.pi)
-_REGISTER = 4  # lanes: fewer go one by one, which takes longer
+_REGISTER = 4  # lanes
 _LONGEST = 1e-3  # s, of the integration
 _STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
+
+
+@compiled(forceinline=True)
+def whole_registers(lanes):
+    """So many lanes, and as many more as fill up the last SIMD register: single ones take longer than four."""
+    return (lanes + _REGISTER - 1) // _REGISTER * _REGISTER
 
 
 @compiled(forceinline=True)
@@ -75,32 +81,6 @@ def _propagate(C, Phi, work):
                 s += work[i, m] * Phi[j, m]
             C[i, j] = s
             C[j, i] = s
-
-
-@compiled(nogil=True)
-def _gain(C, H, R1, R2, K, S, CH):
-    """Innovation covariance S = (S11, S12, S22), gain K (n, 2), and C ← C − K S Kᵀ."""
-    n = C.shape[0]
-    for i in range(n):
-        for a in range(2):
-            s = 0.0
-            for m in range(n):
-                s += C[i, m] * H[a, m]
-            CH[i, a] = s
-    s11, s12, s22 = R1, 0.0, R2
-    for m in range(n):
-        s11 += H[0, m] * CH[m, 0]
-        s12 += H[0, m] * CH[m, 1]
-        s22 += H[1, m] * CH[m, 1]
-    det = s11 * s22 - s12 * s12
-    for i in range(n):
-        K[i, 0] = (CH[i, 0] * s22 - CH[i, 1] * s12) / det
-        K[i, 1] = (CH[i, 1] * s11 - CH[i, 0] * s12) / det
-    for i in range(n):
-        for j in range(i + 1):
-            C[i, j] -= K[i, 0] * CH[j, 0] + K[i, 1] * CH[j, 1]
-            C[j, i] = C[i, j]
-    S[0], S[1], S[2] = s11, s12, s22
 
 
 @compiled(nogil=True)
@@ -220,8 +200,8 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
     """
     N, B = y.shape[0], P.shape[1]
     n, G = x0.shape[0], leaders
-    # lanes 0 … B−1 are the filters, then n shifted states of each exact one; the rest fills up a SIMD register
-    lanes = (exact * n + B + _REGISTER - 1) // _REGISTER * _REGISTER
+    # lanes 0 … B−1 are the filters, then n shifted states of each exact one; the rest do as filter 0
+    lanes = whole_registers(exact * n + B)
     plain = codes.shape[0] == 0
     X, Y, W = np.zeros((n, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
     PL = np.empty((P.shape[0], lanes))

@@ -6,7 +6,7 @@ from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
 
-from .filter_bank import _STEP, _add_torque_noise, _propagate, effective_sharpness
+from .filter_bank import _STEP, _add_torque_noise, _propagate, effective_sharpness, whole_registers
 
 
 @compiled(nogil=True)
@@ -17,7 +17,7 @@ def follow_log(
     """Fills the kept arrays and the filter's. With spread (N, 2) the states `about` are given, else its own."""
     N, n = y.shape[0], first.shape[0]
     given = spread.shape[0] == N
-    lanes = rows + 3
+    lanes = whole_registers(rows + 3)
     X, Y, W = np.empty((rows, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
     PL = np.empty((P.shape[0], lanes))
     for i in range(lanes):
