@@ -41,8 +41,8 @@ class Gap:
 
     rms, floor (2,) [rad] and fit_percent (2,): at the horizon, for q1 and q2. reading_floor (2,): the part of the
     floor that the readings alone leave; the rest is torque noise. curve (J, 5): horizon [s], rms and floor of q1 and
-    q2 at shorter horizons. counts (2,): one encoder count [rad], 0 where unknown. repeats: whether the floor is the
-    spread of repeated runs. whiteness: largest correlation of an innovation with the one before.
+    q2 at shorter horizons. counts (2,): one encoder count [rad], 0 where unknown. repeats: whether all logs
+    were repeated, and the floor is their spread. whiteness: largest correlation of an innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
     """
 
@@ -139,7 +139,7 @@ class Gap:
 def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) -> Gap:
     """The gap of a plant on logs that it was not fitted to, at a horizon [s].
 
-    Where logs repeat one command, the floor is their spread. Raises ValueError for logs that are too short or that
+    Of logs that repeat one command the floor is their spread. Raises ValueError for logs that are too short or that
     the filter cannot follow with this plant.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
@@ -153,12 +153,13 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) 
         raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
-    variance = np.mean(np.concatenate([p.floor.variance for p in kept]), axis=0)
+    by_log = {p.log: p for p in kept}
+    own = {i: p.floor.variance for i, p in enumerate(kept)}
     groups = [g for g in repeats(logs) if all(sum(p.log == i for p in kept) == 1 for i in g)]
-    if groups:
-        by_log = {p.log: p for p in kept}
-        variance = np.mean([spread([by_log[i].errors for i in group]) for group in groups], axis=0)
-    floor = np.sqrt(variance)
+    for group in groups:
+        between = spread([by_log[i].errors for i in group])
+        own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
+    floor = np.sqrt(np.mean(np.concatenate(list(own.values())), axis=0))
     only = np.sqrt(np.mean(np.concatenate([p.floor.readings_only for p in kept]), axis=0))
     last = error[:, -1], reading
     centred = last[1] - last[1].mean(axis=0)
@@ -172,7 +173,7 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) 
         fit_percent=100.0 * (1.0 - np.linalg.norm(last[0], axis=0) / size),
         whiteness=max(float(np.abs(p.tests.correlation[0]).max()) for p in kept),
         counts=np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0),
-        repeats=bool(groups),
+        repeats=sum(map(len, groups)) == len(by_log),
         curve=np.column_stack([[f * horizon for f in _CURVE], rms, floor]),
         tests=tuple(p.tests for p in kept),
         errors=last[0],

@@ -145,6 +145,12 @@ def test_runs_of_one_input_give_a_floor_without_a_noise_model():
     assert gap.ratio_to_floor == pytest.approx(1.0, abs=0.15)
     wrong = validate(TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)]), logs)
     assert wrong.ratio_to_floor > 1.5 * gap.ratio_to_floor
+    wild = simulate(TABLE_3, open_loop(8.0 * u), 6.0, 0.004, x0=(0, np.pi, 0, 0), torque_noise=(1e-3, 1e-5), seed=9)
+    other = Log(wild.t, wild.measured[:, 0], wild.measured[:, 1], wild.command, encoder_counts=(4096, 4096))
+    mixed = validate(TABLE_3, [*logs, other])  # the spread is no floor for a log that was not repeated
+    assert not mixed.repeats
+    assert mixed.ratio_to_floor == pytest.approx(1.0, abs=0.3)
+    assert np.all(mixed.floor > 2.0 * gap.floor)
 
 
 def test_the_file_has_the_names_that_were_agreed():
