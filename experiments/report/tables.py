@@ -64,7 +64,8 @@ def _shift(before: Estimate, after: Estimate, name: str) -> str:
     if name not in before.names or name not in after.names or not before.value(name):
         return "new" if name not in (*before.names, *before.fixed) else ""
     percent = 100 * (after.value(name) - before.value(name)) / abs(before.value(name))
-    return (f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.2g}") + "\u00a0%"
+    digits = f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.2g}" if abs(percent) >= 0.01 else "0"
+    return digits + "\u00a0%"
 
 
 def gaps(change: GapChange) -> Table:

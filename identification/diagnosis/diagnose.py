@@ -197,10 +197,9 @@ def _verdict(naming: Naming, rest: Where) -> tuple[str, str]:
         return "none", "no effect of the library improves on model (5) by more than chance would"
     if rest.evidence > explained:
         return "unknown", f"{remains}; {names} comes nearest, but explains less than it leaves"
-    sentence = f"the model misses {names}" + (f"; {remains}" if remains else "")
-    if any(naming.equals):
-        return "ambiguous", f"{sentence}, or a look-alike that these logs cannot tell from it"
-    return "named", sentence
+    equals = any(naming.equals)
+    sentence = f"the model misses {names}" + (" or a look-alike that these logs cannot tell from it" if equals else "")
+    return "ambiguous" if equals else "named", sentence + (f"; {remains}" if remains else "")
 
 
 def _against(rest: Where) -> str:
