@@ -34,6 +34,7 @@ def diagnose_command(
     flip: opt.Flip = None,
     encoder_counts: opt.EncoderCounts = None,
     input_unit: opt.InputUnit = None,
+    skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
@@ -45,8 +46,8 @@ def diagnose_command(
     if plant is not None:
         Plant.resolve(plant)
     mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit)
-    read = read_logs(logs, **mapping)
-    held = read_logs(held_out, constant_command="warn", **mapping) if held_out else ()
+    read = opt.skipped(read_logs(logs, **mapping), skip)
+    held = opt.skipped(read_logs(held_out, constant_command="warn", **mapping), skip) if held_out else ()
     _check_apart(read, held)
     from identification.diagnosis.diagnose import diagnose
 

@@ -51,6 +51,7 @@ def identify_command(
     flip: opt.Flip = None,
     encoder_counts: opt.EncoderCounts = None,
     input_unit: opt.InputUnit = None,
+    skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
     """Estimate θ1 … θ9 and r, with uncertainty, from logs of one rig (several are fitted jointly)."""
@@ -68,7 +69,8 @@ def identify_command(
     if start is not None:
         Plant.resolve(start)  # a wrong name is told before the logs are read
 
-    read = read_logs(logs, **opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit))
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit)
+    read = opt.skipped(read_logs(logs, **mapping), skip)
     if u_max is not None and not u_max >= (largest := max(float(abs(log.u).max()) for log in read)):
         raise ValueError(f"--u-max {u_max:g}: the logs' command reaches {largest:g}; expected at least that")
     from identification.identify import identify

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Effect, Plant
+    from identification.logs import Log
 
 _MAPPING = "How the file is written"
 
@@ -33,6 +34,10 @@ EncoderCounts = Annotated[
     typer.Option(help="Counts per revolution, one number or two: 2048 or 2048,4096.", rich_help_panel=_MAPPING),
 ]
 InputUnit = Annotated[str | None, typer.Option(help="Unit of the command: V or N·m.", rich_help_panel=_MAPPING)]
+Skip = Annotated[
+    float,
+    typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller.", min=0.0),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
 Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
 
@@ -130,3 +135,8 @@ def _effect(plant: Plant, text: str) -> Effect:
             raise ValueError(f"--effect {text!r}: {name} has the parameters {', '.join(values)}; expected p=value")
         values[key] = numbers(f"--effect {name}:{key}", value, (1,))[0]
     return Effect(name, values)
+
+
+def skipped(logs: Sequence[Log], seconds: float) -> tuple[Log, ...]:
+    """The logs without their first seconds. Raises LogError where nothing is left."""
+    return tuple(log.slice(float(log.t[0]) + seconds) for log in logs) if seconds else tuple(logs)

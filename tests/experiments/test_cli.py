@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from experiments.cli import app
-from experiments.cli.options import fixed_values, prior_values, with_effects
+from experiments.cli.options import fixed_values, prior_values, skipped, with_effects
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
 from identification.logs import read_log
 
@@ -121,6 +121,8 @@ def test_unknown_option(tmp_path: Path) -> None:
         (("identify", "LOG", "-o", "rig.json", "--start", "tabel3"), "table3"),
         (("identify", "LOG", "-o", "rig.json", "--method", "ekf", "--fix", "r=100"), "prediction-error"),
         (("validate", "none.json", "LOG"), "none.json"),
+        (("identify", "LOG", "-o", "x.json", "--skip", "100"), "the log runs from"),
+        (("diagnose", "LOG", "-o", "x", "--skip", "-1"), "--skip"),
         (("simulate", "--plant", "none.json", "-o", "x.csv"), "none.json"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--duration", "0"), "--duration"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--controller", "lqrr"), "did you mean lqr"),
@@ -139,6 +141,15 @@ def test_bad_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, argument
     some_log(tmp_path / "LOG.csv")
     refused(furuta(*(a.replace("LOG", "LOG.csv") for a in arguments)), "Error:", word)
     assert [p.name for p in tmp_path.iterdir()] == ["LOG.csv"]
+
+
+def test_the_start_of_a_log_is_left_out_on_request(tmp_path: Path) -> None:
+    logs = [read_log(some_log(tmp_path / f"{name}.csv")) for name in "ab"]
+    whole, cut = skipped(logs, 0.0), skipped(logs, 0.25)
+    assert whole == tuple(logs)
+    for log, short in zip(logs, cut, strict=True):
+        assert short.t[0] == pytest.approx(log.t[0] + 0.25, abs=log.sample_time)
+        assert short.t[-1] == log.t[-1]
 
 
 def test_an_output_that_is_an_input_is_refused(tmp_path: Path) -> None:
