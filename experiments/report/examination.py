@@ -16,7 +16,7 @@ from identification.logs import Log
 from identification.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
-from .gap import GapChange, added, measure_gap
+from .gap import GapChange, added, brings_nothing, measure_gap
 from .words import NEXT
 
 
@@ -115,12 +115,6 @@ def examine(
     return Examination(
         diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, design, remarks, seconds
     )
-
-
-def brings_nothing(diagnosis: Diagnosis, gap: GapChange) -> bool:
-    """Whether the effects found close none of the gap for certain. Effects that follow a log's own clock are judged on
-    the tail of that log only."""
-    return gap.changed and gap.closed.interval[0] <= 0.0 and (gap.tail is not None or not diagnosis.timed)
 
 
 def _plain(data: Any) -> Any:

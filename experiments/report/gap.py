@@ -92,6 +92,12 @@ def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Lo
     return GapChange(before, after, closed, tuple(held_out or logs), None if held_out else TAIL)
 
 
+def brings_nothing(diagnosis: Diagnosis, gap: GapChange) -> bool:
+    """Whether the effects found close none of the gap for certain. Effects that follow a log's own clock are judged on
+    the tail of that log only."""
+    return gap.changed and gap.closed.interval[0] <= 0.0 and (gap.tail is not None or not diagnosis.timed)
+
+
 def _as_start(plant: Plant) -> Plant:
     return plant.replace(covariance=None, checks={}, provenance={})
 

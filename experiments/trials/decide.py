@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from experiments.report.gap import measure_gap
+from experiments.report.gap import brings_nothing, measure_gap
 from identification.diagnosis.diagnose import diagnose
 from identification.logs import read_logs
 
@@ -27,8 +27,10 @@ def decide(folder: Path) -> dict[str, Any]:
 def _diagnosed(folder: Path) -> dict[str, Any]:
     logs, held_out = read_logs([folder / "fit.csv"]), read_logs([folder / "held_out.csv"])
     found = diagnose(logs)
-    answer = found.to_dict()
     try:
-        return answer | {"gap": measure_gap(found, logs, held_out).to_dict()}
+        gap = measure_gap(found, logs, held_out)
     except ValueError as error:  # nothing to predict with, or a held-out log that cannot be predicted
-        return answer | {"gap_missing": str(error)}
+        return found.to_dict() | {"gap_missing": str(error)}
+    if brings_nothing(found, gap):  # as `furuta diagnose` does
+        found = found.vetoed()
+    return found.to_dict() | {"gap": gap.to_dict()}

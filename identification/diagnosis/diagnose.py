@@ -51,7 +51,8 @@ class Diagnosis:
     @property
     def leftover(self) -> bool:
         """Whether the final model leaves structure that no effect found explains."""
-        return self.rest is not None and structured(self.rest)
+        refused = self.naming is not None and self.naming.refused is not None
+        return refused or (self.rest is not None and structured(self.rest))
 
     @property
     def plant(self) -> Plant | None:
@@ -191,6 +192,11 @@ def _verdict(naming: Naming, rest: Where) -> tuple[str, str]:
         remains = f"what remains {_against(rest)}, which no effect of the library explains"
     elif structured(rest):
         remains = "what remains changes along the log: the parameters are not the same all the time"
+    elif naming.refused is not None:
+        remains = (
+            f"{naming.refused.name} would take up a little more ({naming.refused.gain:.0f} nats), too little to be "
+            "told from another form of what was found"
+        )
     if not naming.accepted:
         if remains:
             return "unknown", remains

@@ -26,7 +26,7 @@ _SHORTLIST, _NEAR = 6, 0.15  # effects, and the share of the best score that the
 _FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's, later ones'
 _QUIETER = 100.0
 _POWERS = {"frequencies": 1.5, "times": 1.0}
-_OWN_SHARE = 0.2  # of a look-alike's gain, what an effect beside it must explain
+_OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
 _DRAGGED = 0.3  # log of a factor
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
 _HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
@@ -57,6 +57,7 @@ class Naming:
     equals: tuple[tuple[str, ...], ...]  # beside each accepted effect, what cannot be told from it
     rankings: tuple[tuple[Suspect, ...], ...]
     absorbed: dict[str, float]  # share of each effect's answer that θ can imitate on these logs
+    refused: Suspect | None = None  # what would explain some more, but too little to be told from a wrong form
 
 
 def name_effects(
@@ -76,6 +77,7 @@ def name_effects(
     tell = progress or (lambda text: None)
     current, accepted, equals, rankings = nominal, [], [], []
     absorbed: dict[str, float] = {}
+    refused: Suspect | None = None
     for step in range(most):
         tell(f"scoring the library (step {step + 1})")
         names, table = _suspects(current, only, len(accepted))
@@ -88,23 +90,21 @@ def name_effects(
         if not ranking or ranking[0].net < THRESHOLD:
             break
         best = ranking[0]
-        if accepted and (_imitates(best, accepted) or best.net < left(best.fit.plant)):
+        if accepted and (_mends(best, accepted) or best.net < left(best.fit.plant)):
+            refused = best
             break
         accepted.append(best)
         equals.append(tuple(s.name for s in ranking[1:] if best.net - s.net < EQUALS))
         current = best.fit
     if len(accepted) > 1:
         current, accepted, equals = _backward(current, accepted, equals, anchor, tell)
-    return Naming(nominal, current, tuple(accepted), tuple(equals), tuple(rankings), absorbed)
+    return Naming(nominal, current, tuple(accepted), tuple(equals), tuple(rankings), absorbed, refused)
 
 
-def _imitates(suspect: Suspect, accepted: Sequence[Suspect]) -> bool:
-    """Whether a further effect only mends the form of one found before: a look-alike that explains far less."""
-    return any(
-        (suspect.name in EFFECTS[a.name].mistaken_for or a.name in EFFECTS[suspect.name].mistaken_for)
-        and suspect.gain < _OWN_SHARE * a.gain
-        for a in accepted
-    )
+def _mends(suspect: Suspect, accepted: Sequence[Suspect]) -> bool:
+    """Whether a further effect may only mend the form of one found before: it explains far less. No rig has an effect
+    in the library's very words, and what the words miss of a large effect looks like a small one of another name."""
+    return suspect.gain < _OWN_SHARE * max(a.gain for a in accepted)
 
 
 def _suspects(current: Fit, only: Sequence[str] | None, found: int) -> tuple[list[str], dict[str, Score]]:

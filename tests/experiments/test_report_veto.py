@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from experiments.report.examination import brings_nothing
+from experiments.report.gap import brings_nothing
 
 
 @pytest.mark.parametrize(

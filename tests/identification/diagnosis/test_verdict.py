@@ -13,15 +13,15 @@ import identification.diagnosis.naming as naming_module
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _verdict, structured
-from identification.diagnosis.naming import Suspect, _imitates, price, shortlist
+from identification.diagnosis.naming import Suspect, _mends, price, shortlist
 
 
 def suspect(name: str, gain: float) -> Suspect:
     return Suspect(name, gain, gain - 5.0, fit=None)  # type: ignore[arg-type]
 
 
-def naming(*found: Suspect, equals: tuple[tuple[str, ...], ...] | None = None) -> Any:
-    return SimpleNamespace(accepted=found, equals=equals or tuple(() for _ in found))
+def naming(*found: Suspect, equals: tuple[tuple[str, ...], ...] | None = None, refused: Suspect | None = None) -> Any:
+    return SimpleNamespace(accepted=found, equals=equals or tuple(() for _ in found), refused=refused)
 
 
 def rest(evidence: float = -4.0, p: float = 0.5) -> Any:
@@ -59,11 +59,20 @@ def test_a_frequency_and_an_instant_cost_more_than_a_size() -> None:
     assert price("payload_step", 20_000) == pytest.approx(1.5 * n)
 
 
-def test_a_look_alike_beside_an_effect_must_explain_its_share() -> None:
+def test_a_further_effect_must_explain_its_share() -> None:
     drag = suspect("pendulum_quadratic_drag", 1900.0)
-    assert _imitates(suspect("pendulum_stribeck", 270.0), [drag])
-    assert not _imitates(suspect("pendulum_stribeck", 900.0), [drag])
-    assert not _imitates(suspect("input_delay", 50.0), [drag])
+    assert _mends(suspect("pendulum_stribeck", 270.0), [drag])
+    assert _mends(suspect("input_delay", 50.0), [drag, suspect("input_offset", 60.0)])
+    assert not _mends(suspect("input_delay", 900.0), [drag])
+
+
+def test_what_is_refused_is_left_over_and_told() -> None:
+    found = naming(suspect("arm_spring", 900.0), refused=suspect("input_delay", 40.0))
+    said, sentence = _verdict(found, rest())
+    assert said == "named"
+    assert "input_delay would take up a little more (40 nats)" in sentence
+    parts: Any = (None, None, found, rest())
+    assert Diagnosis(said, sentence, *parts, 0.0, 1.0, 1.0).leftover
 
 
 def test_the_short_list_is_near_the_best_and_above_the_price() -> None:
