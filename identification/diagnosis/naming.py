@@ -13,10 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, Effect, Plant
+from furuta_gym.plant import EFFECTS, Plant
 
-from ..prediction_error import THREADS, quietest
+from ..prediction_error import quietest
 from .candidates import Fit, Score, fit, scores
+from .race import REACH, chase, race, whole_numbers, with_effect, without
 
 Array = NDArray[np.float64]
 
@@ -27,13 +28,8 @@ _FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's
 _QUIETER = 100.0
 _POWERS = {"frequencies": 1.5, "times": 1.0}
 _OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
-_DRAGGED = 0.3  # log of a factor
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
-_HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
-_CATCHES_UP = 3.0  # rounds at its last pace within which a suspect must reach the best to go on
-_FINALISTS, _REACH = 4, 25.0  # suspects that are finished at most, and how near [nats] to the best they must be
-_CHASERS = 2  # of those that are no look-alikes
-_RESTART = 10.0  # factor on the noise
+_FINALISTS = 4  # suspects that are finished at most
 
 
 @dataclass(frozen=True)
@@ -148,19 +144,20 @@ def _refits(
     if not names:
         return current, []
     tell(f"racing {', '.join(names)}")
-    fits = _race({name: _with_effect(current, table[name].start, anchor) for name in names}, current, anchor)
+    fits = race({name: with_effect(current, table[name].start, anchor) for name in names}, current, anchor)
     led: set[str] = set()
     while (leader := min(fits, key=lambda name: fits[name].value)) not in led:
         led.add(leader)
-        _chase(leader, fits, current, anchor, tell)
+        chase(leader, fits, current, anchor, tell)
     best = min(f.value for f in fits.values())
     for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
-        if fits[name].value < best + _REACH:
+        if fits[name].value < best + REACH:
             tell(f"finishing {name}")
-            fits[name] = fit(fits[name].plant, fits[name].noise, current.records, anchor=anchor)
+            nearest = whole_numbers(fits[name], current, anchor)
+            fits[name] = fit(nearest.plant, nearest.noise, current.records, anchor=anchor)
     tell("refitting the model without it")
     best = min(fits.values(), key=lambda f: f.value)
-    again = fit(_without(best, current), current.noise, current.records, anchor=anchor)
+    again = fit(without(best, current), current.noise, current.records, anchor=anchor)
     if again.value < current.value:
         current = again
     suspects = []
@@ -168,84 +165,6 @@ def _refits(
         gain = current.value - fitted.value
         suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, table[name].gain))
     return current, sorted(suspects, key=lambda s: -s.net)
-
-
-def _chase(leader: str, fits: dict[str, Fit], current: Fit, anchor: Plant, tell) -> None:
-    """Race on from the leader's θ, which is near the truth if its name is nearly right: there the others soon find
-    their best. Keeps in `fits` what is better; one of them may lead then, and the leader be among those that follow."""
-    rivals = {
-        name: (
-            _without(fits[leader], current).with_effects(fits[name].plant.effects[-1]),
-            _between(fits[leader], current),
-        )
-        for name in _rivals(leader, fits)
-        if name != leader
-    }
-    tell(f"chasing {leader} with {', '.join(rivals) or 'none'}")
-    for name, chaser in _race(rivals, current, anchor, ahead=fits[leader].value).items():
-        if chaser.value < fits[name].value:
-            fits[name] = chaser
-
-
-def _race(
-    entries: dict[str, tuple[Plant, Array]], current: Fit, anchor: Plant, ahead: float = math.inf
-) -> dict[str, Fit]:
-    """Coarse fits from plants and noise, a few iterations at a time; who cannot catch up any more stops.
-
-    `ahead`: value of a fit that runs before them. Without one, the field is halved after each round.
-    """
-    fits: dict[str, Fit] = {}
-    for turn in range(_ROUNDS):
-        if not entries:
-            break
-        results = THREADS.map(lambda entry: _round(current, entry, anchor), entries.values())
-        pace = {}
-        for name, result in zip(list(entries), results, strict=True):
-            pace[name] = fits[name].value - result.value if name in fits else math.inf
-            fits[name] = result
-        best = min(ahead, *(f.value for f in fits.values()))
-        on = [name for name in sorted(entries, key=lambda name: fits[name].value) if not fits[name].optimum.converged]
-        if math.isinf(ahead):
-            on = on[: max(2, len(fits) >> (turn + 1))]
-        entries = {
-            name: (fits[name].plant, fits[name].noise)
-            for name in on
-            if fits[name].value - _CATCHES_UP * pace[name] < best + _REACH
-        }
-    return fits
-
-
-def _round(current: Fit, entry: tuple[Plant, Array], anchor: Plant) -> Fit:
-    plant, noise = entry
-    return fit(plant, noise, current.records, anchor=anchor, iterations=_HEAT, coarse=True)
-
-
-def _rivals(leader: str, fits: dict[str, Fit]) -> list[str]:
-    """What might be mistaken for the leader: its look-alikes, and the next in the race."""
-    alike = {n for n in fits if n in EFFECTS[leader].mistaken_for or leader in EFFECTS[n].mistaken_for}
-    return [*alike, *[n for n in sorted(fits, key=lambda n: fits[n].value) if n not in alike][: 1 + _CHASERS]]
-
-
-def _between(leader: Fit, current: Fit) -> Array:
-    """Noise for a rival at the leader's θ: half way, in the logarithm, back to what the model without it needs."""
-    return np.sqrt(leader.noise * np.maximum(current.noise, leader.noise))
-
-
-def _with_effect(current: Fit, start: Effect | None, anchor: Plant) -> tuple[Plant, Array]:
-    """Plant and noise to start from, with an effect added. Where the missing effect has dragged the scale of the
-    pendulum's row away, the way back leads along a narrow valley: starting at the anchor's θ is shorter."""
-    assert start is not None
-    plant, noise = current.plant, current.noise
-    dragged = np.abs(np.log(np.maximum(plant.theta[2:5], 1e-12) / anchor.theta[2:5])).max()
-    if dragged > _DRAGGED:
-        plant, noise = plant.replace(theta=anchor.theta), noise * np.array([_RESTART, _RESTART, 1.0, 1.0])
-    return plant.with_effects(start), noise
-
-
-def _without(fitted: Fit, current: Fit):
-    """The plant of `fitted` with only the effects of `current`."""
-    keep = {e.name for e in current.plant.effects}
-    return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))
 
 
 def _backward(current: Fit, accepted, equals, anchor: Plant, tell):

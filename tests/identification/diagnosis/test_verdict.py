@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import identification.diagnosis.naming as naming_module
-from furuta_gym.plant import TABLE_3
+import identification.diagnosis.race as race_module
+from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _verdict, structured
 from identification.diagnosis.naming import Suspect, _mends, price, shortlist
@@ -109,13 +110,33 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
 
     def race(entries: Any, current: Any, anchor: Any, ahead: float = math.inf) -> dict[str, Any]:
         asked.append(list(entries))
-        return {name: fitted(name, values[name] if math.isinf(ahead) else reached[name]) for name in entries}
+        told = values if math.isinf(ahead) else reached
+        return {name: fitted(name if name in told else "arm_ripple", told.get(name, math.inf)) for name in entries}
 
-    monkeypatch.setattr(naming_module, "_race", race)
+    for module in (naming_module, race_module):
+        monkeypatch.setattr(module, "race", race)
     monkeypatch.setattr(naming_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
     left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, records=())
     table = {name: Score(name, 40.0, plant.default_effect(name), 0.0) for name in values}
     _, ranking = naming_module._refits(left, list(values), table, plant, lambda text: None)
-    assert asked == [["arm_spring", "arm_ripple"], ["arm_ripple"], ["arm_spring"]]
+    assert asked == [["arm_spring", "arm_ripple"], ["arm_ripple"], ["arm_spring"], ["-1", "+1"]]
     assert ranking[0].name == "arm_spring"
     assert ranking[0].gain == pytest.approx(95.0)
+
+
+def test_whole_numbers_walk_to_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = TABLE_3
+
+    def fitted(n: float) -> Any:
+        own = plant.with_effects(Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}))
+        return SimpleNamespace(plant=own, noise=np.ones(4), value=abs(n - 16.0))
+
+    def race(entries: Any, current: Any, anchor: Any, ahead: float) -> dict[str, Any]:
+        return {step: fitted(p.effects[-1].parameters["n"]) for step, (p, _) in entries.items()}
+
+    monkeypatch.setattr(race_module, "race", race)
+    without: Any = SimpleNamespace(plant=plant)
+    for start in (14.0, 16.0, 17.0, 1.0):
+        assert race_module.whole_numbers(fitted(start), without, plant).plant.effects[-1].parameters["n"] == 16.0
+    spring: Any = SimpleNamespace(plant=plant.with_effects(plant.default_effect("arm_spring")), value=1.0)
+    assert race_module.whole_numbers(spring, without, plant) is spring

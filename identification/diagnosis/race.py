@@ -1,0 +1,127 @@
+"""The race of suspects: coarse refits, a few iterations at a time, from starts that are likely to lead on.
+
+A refit descends from the θ of the model without the effect, which the missing effect has dragged away; some suspects
+get stuck there. So the others run again from the leader's θ, until nobody overtakes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import EFFECTS, Effect, Plant
+
+from ..prediction_error import THREADS
+from .candidates import Fit, fit
+
+Array = NDArray[np.float64]
+
+REACH = 25.0  # nats: suspects so near to the best are worth finishing
+_HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
+_CATCHES_UP = 3.0  # rounds at its last pace within which a suspect must reach the best to go on
+_CHASERS = 2  # of those that are no look-alikes
+_RESTART = 10.0  # factor on the noise
+_DRAGGED = 0.3  # log of a factor
+
+
+def race(
+    entries: dict[str, tuple[Plant, Array]], current: Fit, anchor: Plant, ahead: float = math.inf
+) -> dict[str, Fit]:
+    """Coarse fits from plants and noise, a few iterations at a time; who cannot catch up any more stops.
+
+    `ahead`: value of a fit that runs before them. Without one, the field is halved after each round.
+    """
+    fits: dict[str, Fit] = {}
+    for turn in range(_ROUNDS):
+        if not entries:
+            break
+        results = THREADS.map(lambda entry: _round(current, entry, anchor), entries.values())
+        pace = {}
+        for name, result in zip(list(entries), results, strict=True):
+            pace[name] = fits[name].value - result.value if name in fits else math.inf
+            fits[name] = result
+        best = min(ahead, *(f.value for f in fits.values()))
+        on = [name for name in sorted(entries, key=lambda name: fits[name].value) if not fits[name].optimum.converged]
+        if math.isinf(ahead):
+            on = on[: max(2, len(fits) >> (turn + 1))]
+        entries = {
+            name: (fits[name].plant, fits[name].noise)
+            for name in on
+            if fits[name].value - _CATCHES_UP * pace[name] < best + REACH
+        }
+    return fits
+
+
+def _round(current: Fit, entry: tuple[Plant, Array], anchor: Plant) -> Fit:
+    plant, noise = entry
+    return fit(plant, noise, current.records, anchor=anchor, iterations=_HEAT, coarse=True)
+
+
+def chase(leader: str, fits: dict[str, Fit], current: Fit, anchor: Plant, tell) -> None:
+    """Race on from the leader's θ, which is near the truth if its name is nearly right: there the others soon find
+    their best. Keeps in `fits` what is better; one of them may lead then, and the leader be among those that follow."""
+    rivals = {
+        name: (
+            without(fits[leader], current).with_effects(fits[name].plant.effects[-1]),
+            _between(fits[leader], current),
+        )
+        for name in _rivals(leader, fits)
+        if name != leader
+    }
+    tell(f"chasing {leader} with {', '.join(rivals) or 'none'}")
+    for name, chaser in race(rivals, current, anchor, ahead=fits[leader].value).items():
+        if chaser.value < fits[name].value:
+            fits[name] = chaser
+
+
+def _rivals(leader: str, fits: dict[str, Fit]) -> list[str]:
+    """What might be mistaken for the leader: its look-alikes, and the next in the race."""
+    alike = {n for n in fits if n in EFFECTS[leader].mistaken_for or leader in EFFECTS[n].mistaken_for}
+    return [*alike, *[n for n in sorted(fits, key=lambda n: fits[n].value) if n not in alike][: 1 + _CHASERS]]
+
+
+def _between(leader: Fit, current: Fit) -> Array:
+    """Noise for a rival at the leader's θ: half way, in the logarithm, back to what the model without it needs."""
+    return np.sqrt(leader.noise * np.maximum(current.noise, leader.noise))
+
+
+def with_effect(current: Fit, start: Effect | None, anchor: Plant) -> tuple[Plant, Array]:
+    """Plant and noise to start from, with an effect added. Where the missing effect has dragged the scale of the
+    pendulum's row away, the way back leads along a narrow valley: starting at the anchor's θ is shorter."""
+    assert start is not None
+    plant, noise = current.plant, current.noise
+    dragged = np.abs(np.log(np.maximum(plant.theta[2:5], 1e-12) / anchor.theta[2:5])).max()
+    if dragged > _DRAGGED:
+        plant, noise = plant.replace(theta=anchor.theta), noise * np.array([_RESTART, _RESTART, 1.0, 1.0])
+    return plant.with_effects(start), noise
+
+
+def whole_numbers(found: Fit, current: Fit, anchor: Plant) -> Fit:
+    """The fit with the whole numbers of its last effect (periods a turn) stepped while that makes it better: no descent
+    moves them, and the score that chose them was taken at another θ."""
+    effect = found.plant.effects[-1]
+    rest = without(found, current)
+    for p in effect.type.parameters:
+        steps = (-1.0, 1.0) if p.integer and p.role == "shape" else ()
+        while steps:
+            near = {f"{s:+.0f}": {p.name: effect.parameters[p.name] + s} for s in steps}
+            entries = {
+                step: (rest.with_effects(Effect(effect.name, {**effect.parameters, **change})), found.noise)
+                for step, change in near.items()
+                if p.lower <= change[p.name] <= p.upper
+            }
+            fits = race(entries, current, anchor, ahead=found.value)
+            best = min(fits, key=lambda step: fits[step].value, default=None)
+            if best is None or fits[best].value >= found.value:
+                break
+            found, steps = fits[best], (float(best),)
+            effect, rest = found.plant.effects[-1], without(found, current)
+    return found
+
+
+def without(fitted: Fit, current: Fit):
+    """The plant of `fitted` with only the effects of `current`."""
+    keep = {e.name for e in current.plant.effects}
+    return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))
