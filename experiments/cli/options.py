@@ -36,7 +36,7 @@ EncoderCounts = Annotated[
 InputUnit = Annotated[str | None, typer.Option(help="Unit of the command: V or N·m.", rich_help_panel=_MAPPING)]
 Skip = Annotated[
     float,
-    typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller.", min=0.0),
+    typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
 Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
@@ -138,5 +138,7 @@ def _effect(plant: Plant, text: str) -> Effect:
 
 
 def skipped(logs: Sequence[Log], seconds: float) -> tuple[Log, ...]:
-    """The logs without their first seconds. Raises LogError where nothing is left."""
+    """The logs without their first seconds. Raises ValueError for a negative number, LogError where nothing is left."""
+    if not 0.0 <= seconds < math.inf:
+        raise ValueError(f"--skip {seconds:g}: expected seconds, not negative")
     return tuple(log.slice(float(log.t[0]) + seconds) for log in logs) if seconds else tuple(logs)

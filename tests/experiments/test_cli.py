@@ -143,6 +143,7 @@ def test_bad_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, argument
     assert [p.name for p in tmp_path.iterdir()] == ["LOG.csv"]
 
 
+@pytest.mark.filterwarnings("ignore:.*zero or signs")
 def test_the_start_of_a_log_is_left_out_on_request(tmp_path: Path) -> None:
     logs = [read_log(some_log(tmp_path / f"{name}.csv")) for name in "ab"]
     whole, cut = skipped(logs, 0.0), skipped(logs, 0.25)
