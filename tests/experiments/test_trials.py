@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -233,6 +234,17 @@ def test_an_examinee_that_crashes_has_given_an_answer(tmp_path):
     answer = examinee.decide(tmp_path)
     assert "fit.csv" in answer["error"]
     assert answer["runtime_s"] >= 0
+
+
+@pytest.mark.parametrize(("low", "verdict"), [(0.5, "named"), (-0.5, "unknown")])
+def test_the_examinee_takes_a_name_back_as_the_command_does(tmp_path, monkeypatch, low, verdict):
+    gap = SimpleNamespace(changed=True, tail=None, closed=SimpleNamespace(interval=(low, 1.0)), to_dict=dict)
+    vetoed = SimpleNamespace(to_dict=lambda: {"verdict": "unknown"})
+    found = SimpleNamespace(timed=False, to_dict=lambda: {"verdict": "named"}, vetoed=lambda: vetoed)
+    monkeypatch.setattr(examinee, "read_logs", lambda paths: ())
+    monkeypatch.setattr(examinee, "diagnose", lambda logs: found)
+    monkeypatch.setattr(examinee, "measure_gap", lambda *a: gap)
+    assert examinee.decide(tmp_path)["verdict"] == verdict
 
 
 def test_processes_of_dask_give_the_same_answers(short, tmp_path):

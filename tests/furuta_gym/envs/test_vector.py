@@ -134,6 +134,18 @@ def test_share_does_every_block_of_every_step_once(threads):
         assert sorted(seen[-n:]) == list(range(n))
 
 
+def test_what_a_step_returned_stays_as_it_was():
+    env = FurutaVectorEnv(300, threads=2, noise_std=1e-3)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    observation, reward, terminated, truncated, info = env.step(actions_of(env, rng))
+    kept = [observation, reward, terminated, truncated, info["state"], info["measured_state"], info["command"]]
+    before = [array.copy() for array in kept]
+    env.step(actions_of(env, rng))
+    for array, copy in zip(kept, before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
 def test_threads_that_wait_for_the_next_step_find_it_whole():
     n, steps = 512, 3000
     one, many = (FurutaVectorEnv(n, threads=t, noise_std=1e-3, max_episode_steps=None) for t in (1, 4))
