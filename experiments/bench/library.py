@@ -12,6 +12,7 @@ from .effects import BenchEffect
 from .kernels import fields as at
 
 WARM_UP = 12.0  # s, time constant of the exponential form of the drifts
+_FALLS = 1.0 / 24.0  # 1/s, at most: within the 20 s of a run friction falls to a sixth, never below zero
 
 
 def _library(name, says, other, units, sizes, build) -> BenchEffect:
@@ -143,7 +144,7 @@ _ARM_FRICTION = (
     ),
     _library(
         "arm_friction_drift", "arm: −θ8 a t tanh(r q̇1)", "exponential warm-up", {"a": "1/s"},
-        lambda s, k, v: {"a": -0.03 * k}, _warm_coulomb,
+        lambda s, k, v: {"a": -min(0.03 * k, _FALLS)}, _warm_coulomb,
     ),
     _library(
         "arm_viscous_drift", "arm: −θ6 a t q̇1", "exponential warm-up", {"a": "1/s"},

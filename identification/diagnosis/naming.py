@@ -17,7 +17,7 @@ from furuta_gym.plant import EFFECTS, Plant
 
 from ..prediction_error import quietest
 from .candidates import Fit, Score, fit, scores
-from .race import REACH, chase, race, whole_numbers, with_effect, without
+from .race import REACH, added, chase, leading, race, retry, whole_numbers, with_effect, without
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,7 @@ _POWERS = {"frequencies": 1.5, "times": 1.0}
 _OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
 _FINALISTS = 4  # suspects that are finished at most
+_CONTESTED = 0.3  # of the leader's net gain, of a suspect that may take its place when another effect has been found
 
 
 @dataclass(frozen=True)
@@ -63,59 +64,52 @@ def name_effects(
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
     left: Callable[[Plant], float] = lambda plant: 0.0,
+    thorough: bool = False,
 ) -> Naming:
-    """Forward search with backward checks.
+    """Forward search; each effect found is reconsidered when another one joins it.
 
     anchor: plant for the weak prior (see `anchored`). most: effects at most. only: restrict the library.
     progress(text) is told each step. left(plant): evidence [nats] of torques that a plant does not explain; a further
-    effect that leaves more than it explains is not what is missing, only something that takes its shape.
+    effect that leaves more than it explains is not what is missing, only something that takes its shape. thorough: try
+    every suspect from several sizes, not the leading ones only.
     """
     tell = progress or (lambda text: None)
-    current, accepted, equals, rankings = nominal, [], [], []
+    search = _Search(anchor, only, tell)
+    current, found, last = nominal, [], ()
     absorbed: dict[str, float] = {}
     refused: Suspect | None = None
     for step in range(most):
         tell(f"scoring the library (step {step + 1})")
-        names, table = _suspects(current, only, len(accepted))
+        names, table = search.suspects(current, len(found))
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        current, ranking = _refits(current, names, table, anchor, tell)
-        rankings.append(tuple(ranking))
+        without_it, last = search.refits(current, names, table, thorough)
+        current = without_it
         if step == 0:
             nominal = current
-        if not ranking or ranking[0].net < THRESHOLD:
+        if not last or last[0].net < THRESHOLD:
             break
-        best = ranking[0]
-        if accepted and (_mends(best, accepted) or best.net < left(best.fit.plant)):
-            refused = best
+        if found and last[0].net < left(last[0].fit.plant):
+            if not thorough:
+                current, last = search.refits(current, names, table, thorough=True)
+            if last[0].net < left(last[0].fit.plant):
+                refused = last[0]
+                break
+        together = search.reconsidered([*found, last])
+        if _mends([ranking[0] for ranking in together]):
+            refused = last[0]
             break
-        accepted.append(best)
-        equals.append(tuple(s.name for s in ranking[1:] if best.net - s.net < EQUALS))
-        current = best.fit
-    if len(accepted) > 1:
-        current, accepted, equals = _backward(current, accepted, equals, anchor, tell)
-    return Naming(nominal, current, tuple(accepted), tuple(equals), tuple(rankings), absorbed, refused)
+        found, last, current = together, (), together[-1][0].fit
+    accepted = tuple(ranking[0] for ranking in found)
+    equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < EQUALS) for r in found)
+    rankings = (*found, last) if last else tuple(found)
+    return Naming(nominal, current, accepted, equals, rankings, absorbed, refused)
 
 
-def _mends(suspect: Suspect, accepted: Sequence[Suspect]) -> bool:
-    """Whether a further effect may only mend the form of one found before: it explains far less. No rig has an effect
-    in the library's very words, and what the words miss of a large effect looks like a small one of another name."""
-    return suspect.gain < _OWN_SHARE * max(a.gain for a in accepted)
-
-
-def _suspects(current: Fit, only: Sequence[str] | None, found: int) -> tuple[list[str], dict[str, Score]]:
-    """Effects worth a refit, and the scores of all. Where the noise has been fitted to hide what is missing, scores at
-    less noise choose."""
-    table = scores(current, only)
-    names = shortlist(table, current.samples, _FAINT[min(found, 1)])
-    hiding = np.any(current.noise[:2] > 10.0 * quietest(current.plant, current.records))
-    convincing = any(table[n].gain > price(n, current.samples) + THRESHOLD for n in names)
-    if hiding and not convincing:
-        quiet = scores(current, only, quieter=_QUIETER)
-        more = [n for n in shortlist(quiet, current.samples, 1.0) if n not in names]
-        table |= {n: replace(quiet[n], gain=table[n].gain) for n in more}
-        names += more
-    return names, table
+def _mends(found: Sequence[Suspect]) -> bool:
+    """Whether the last effect may only mend the form of one found before: it explains far less. No rig has an effect in
+    the library's very words, and what the words miss of a large effect looks like a small one of another name."""
+    return len(found) > 1 and found[-1].gain < _OWN_SHARE * max(f.gain for f in found[:-1])
 
 
 def shortlist(table: dict[str, Score], samples: int, least: float) -> list[str]:
@@ -137,44 +131,103 @@ def price(name: str, samples: int) -> float:
     return sum(powers) * math.log(samples)
 
 
-def _refits(
-    current: Fit, names: Sequence[str], table: dict[str, Score], anchor: Plant, tell
-) -> tuple[Fit, list[Suspect]]:
-    """Suspects refitted; the model without any is refitted from the best one's θ, so that neither stopped early."""
-    if not names:
-        return current, []
-    tell(f"racing {', '.join(names)}")
-    fits = race({name: with_effect(current, table[name].start, anchor) for name in names}, current, anchor)
-    led: set[str] = set()
-    while (leader := min(fits, key=lambda name: fits[name].value)) not in led:
-        led.add(leader)
-        chase(leader, fits, current, anchor, tell)
-    best = min(f.value for f in fits.values())
-    for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
-        if fits[name].value < best + REACH:
-            tell(f"finishing {name}")
-            nearest = whole_numbers(fits[name], current, anchor)
-            fits[name] = fit(nearest.plant, nearest.noise, current.records, anchor=anchor)
-    tell("refitting the model without it")
-    best = min(fits.values(), key=lambda f: f.value)
-    again = fit(without(best, current), current.noise, current.records, anchor=anchor)
-    if again.value < current.value:
-        current = again
-    suspects = []
-    for name, fitted in fits.items():
-        gain = current.value - fitted.value
-        suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, table[name].gain))
-    return current, sorted(suspects, key=lambda s: -s.net)
+Ranking = tuple[Suspect, ...]
 
 
-def _backward(current: Fit, accepted, equals, anchor: Plant, tell):
-    """Drop any accepted effect that the others have made superfluous."""
-    for suspect in list(accepted[:-1]):
-        tell(f"checking that {suspect.name} is still needed")
-        reduced_plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != suspect.name))
-        reduced = fit(reduced_plant, current.noise, current.records, anchor=anchor)
-        if reduced.value - current.value - price(suspect.name, current.samples) < THRESHOLD:
-            at = [s.name for s in accepted].index(suspect.name)
-            accepted, equals = accepted[:at] + accepted[at + 1 :], equals[:at] + equals[at + 1 :]
-            current = reduced
-    return current, accepted, equals
+@dataclass(frozen=True)
+class _Search:
+    """What stays the same from step to step."""
+
+    anchor: Plant
+    only: Sequence[str] | None
+    tell: Callable[[str], None]
+
+    def suspects(self, current: Fit, found: int) -> tuple[list[str], dict[str, Score]]:
+        """Effects worth a refit, and the scores of all. Where the noise has been fitted to hide what is missing, scores
+        at less noise choose."""
+        table = scores(current, self.only)
+        names = shortlist(table, current.samples, _FAINT[min(found, 1)])
+        hiding = np.any(current.noise[:2] > 10.0 * quietest(current.plant, current.records))
+        convincing = any(table[n].gain > price(n, current.samples) + THRESHOLD for n in names)
+        if hiding and not convincing:
+            quiet = scores(current, self.only, quieter=_QUIETER)
+            more = [n for n in shortlist(quiet, current.samples, 1.0) if n not in names]
+            table |= {n: replace(quiet[n], gain=table[n].gain) for n in more}
+            names += more
+        return names, table
+
+    def refits(
+        self,
+        current: Fit,
+        names: Sequence[str],
+        table: dict[str, Score],
+        thorough: bool = False,
+        held: Fit | None = None,
+    ) -> tuple[Fit, Ranking]:
+        """Suspects refitted; the model without any is refitted from the best one's θ, so that neither stopped early.
+
+        held: a fit with an effect more than `current` that takes part as it is.
+        """
+        anchor, tell = self.anchor, self.tell
+        starts = {name: start for name in names if (start := table[name].start) is not None}
+        if held is not None:
+            starts[added(held, current).name] = added(held, current)
+        if not starts:
+            return current, ()
+        tell(f"racing {', '.join(starts)}")
+        fits = race({name: with_effect(current, start, anchor) for name, start in starts.items()}, current, anchor)
+        if held is not None and held.value < fits[added(held, current).name].value:
+            fits[added(held, current).name] = held
+        lost = min(f.value for f in fits.values()) > current.value + REACH  # worse than without any: all went astray
+        if thorough or lost:
+            retry(list(fits), starts, fits, current, anchor, tell)
+        led: set[str] = set()
+        while (leader := min(fits, key=lambda name: fits[name].value)) not in led:
+            led.add(leader)
+            retry(leading(fits), starts, fits, current, anchor, tell)
+            chase(leader, fits, current, anchor, tell)
+        best = min(f.value for f in fits.values())
+        for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
+            if fits[name].value < best + REACH:
+                tell(f"finishing {name}")
+                nearest = whole_numbers(fits[name], current, anchor)
+                fits[name] = fit(nearest.plant, nearest.noise, current.records, anchor=anchor)
+        tell("refitting the model without it")
+        best = min(fits.values(), key=lambda f: f.value)
+        again = fit(without(best, current), current.noise, current.records, anchor=anchor)
+        if again.value < current.value:
+            current = again
+        suspects = []
+        for name, fitted in fits.items():
+            gain = current.value - fitted.value
+            score = table[name].gain if name in table else 0.0
+            suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
+        return current, tuple(sorted(suspects, key=lambda s: -s.net))
+
+    def reconsidered(self, found: list[Ranking]) -> list[Ranking]:
+        """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
+        while the other was missing. Effects that have become superfluous go, others may be exchanged."""
+        current, changed = found[-1][0].fit, False
+        for ranking in found[:-1]:
+            name = ranking[0].name
+            self.tell(f"reconsidering {name}")
+            plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != name))
+            reduced = fit(plant, current.noise, current.records, anchor=self.anchor)
+            others = [r for r in found if r is not ranking]
+            if reduced.value - current.value - price(name, current.samples) < THRESHOLD:
+                found, current, changed = others, reduced, True
+            elif any(s.net > _CONTESTED * ranking[0].net for s in ranking[1:]):
+                names, table = self.suspects(reduced, len(others))
+                _, again = self.refits(reduced, names, table, held=current)
+                changed = changed or again[0].name != name
+                current = again[0].fit
+                found = [again if r is ranking else r for r in found]
+        if changed:
+            name = found[-1][0].name
+            plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != name))
+            reduced = fit(plant, current.noise, current.records, anchor=self.anchor)
+            gain = reduced.value - current.value
+            last = replace(found[-1][0], gain=gain, net=gain - price(name, current.samples))
+            found[-1] = (last, *found[-1][1:])
+        found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
+        return found

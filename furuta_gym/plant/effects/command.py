@@ -77,7 +77,7 @@ COMMAND_EFFECTS = (
         place="input",
         equation="τ = u + a u³",
         symptom="large commands act more (or less) than in proportion to small ones",
-        parameters=(Parameter("a", "1/{u}²", "cubic coefficient", 0.03, lower=-1.0, upper=1.0),),
+        parameters=(Parameter("a", "1/{u}²", "cubic coefficient", 0.03),),
         kernels={"command": _cubic_gain},
         mistaken_for=("input_saturation", "input_dead_zone"),
     ),
