@@ -83,8 +83,7 @@ def name_effects(
         names, table = search.suspects(current, len(found))
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        without_it, last = search.refits(current, names, table, thorough)
-        current = without_it
+        current, last = search.refits(current, names, table, thorough)
         if step == 0:
             nominal = current
         if not last or last[0].net < THRESHOLD:

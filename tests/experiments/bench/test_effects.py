@@ -94,6 +94,13 @@ def test_variations_differ_in_signs_places_or_times_and_repeat(name):
     assert all(set(v) == set(find(name).units) for v in first)
 
 
+@pytest.mark.parametrize("kind", SETS)
+def test_friction_that_falls_stays_friction(kind):
+    for strength in (1.0, 4.0):
+        a = HiddenEffect("arm_friction_drift", strength).values(SETS[kind])["a"]
+        assert -1.0 / 20.0 < a < 0.0  # 1 + a t is positive all along a run of 20 s
+
+
 def test_names_are_those_of_the_contract():
     library = {name for name, e in catalogue().items() if e.kind == "library"}
     assert library == {

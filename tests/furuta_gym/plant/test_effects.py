@@ -99,6 +99,9 @@ def test_declaration_is_complete(name):
             assert p.lower <= p.neutral <= p.upper
         assert p.lower <= p.default
         assert p.default <= p.upper or p.relative_to
+        if "{u}" in p.unit:  # commands are volts on one rig and hundredths of a newton metre on another
+            assert p.lower <= 1e-6
+            assert p.upper == math.inf
     assert any(p.role == "size" for p in effect.parameters)
 
 
