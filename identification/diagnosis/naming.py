@@ -88,10 +88,11 @@ def name_effects(
             nominal = current
         if not last or last[0].net < THRESHOLD:
             break
-        if found and last[0].net < left(last[0].fit.plant):
-            if not thorough:
+        if found and (remains := left(last[0].fit.plant)) > last[0].net:
+            if not thorough and remains > _OWN_SHARE * max(ranking[0].gain for ranking in found):
                 current, last = search.refits(current, names, table, thorough=True)
-            if last[0].net < left(last[0].fit.plant):
+                remains = left(last[0].fit.plant)
+            if remains > last[0].net:
                 refused = last[0]
                 break
         together = search.reconsidered([*found, last])
@@ -174,20 +175,25 @@ class _Search:
         if not starts:
             return current, ()
         tell(f"racing {', '.join(starts)}")
-        fits = race({name: with_effect(current, start, anchor) for name, start in starts.items()}, current, anchor)
+        ahead = math.inf if held is None else held.value
+        fits = race({n: with_effect(current, start, anchor) for n, start in starts.items()}, current, anchor, ahead)
         if held is not None and held.value < fits[added(held, current).name].value:
             fits[added(held, current).name] = held
         lost = min(f.value for f in fits.values()) > current.value + REACH  # worse than without any: all went astray
+        retried: set[str] = set()
         if thorough or lost:
+            retried = set(fits)
             retry(list(fits), starts, fits, current, anchor, tell)
         led: set[str] = set()
         while (leader := min(fits, key=lambda name: fits[name].value)) not in led:
             led.add(leader)
-            retry(leading(fits), starts, fits, current, anchor, tell)
+            if fits[leader] is not held and (fresh := [n for n in leading(fits) if n not in retried]):
+                retried.update(fresh)
+                retry(fresh, starts, fits, current, anchor, tell)
             chase(leader, fits, current, anchor, tell)
         best = min(f.value for f in fits.values())
         for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
-            if fits[name].value < best + REACH:
+            if fits[name].value < best + REACH and fits[name] is not held:
                 tell(f"finishing {name}")
                 nearest = whole_numbers(fits[name], current, anchor)
                 fits[name] = fit(nearest.plant, nearest.noise, current.records, anchor=anchor)

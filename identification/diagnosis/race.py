@@ -29,12 +29,17 @@ _LARGER, _SMALLER = 3.0, 0.6  # times the size that the score suggests; times th
 
 
 def race(
-    entries: dict[str, tuple[Plant, Array]], current: Fit, anchor: Plant, ahead: float = math.inf
+    entries: dict[str, tuple[Plant, Array]],
+    current: Fit,
+    anchor: Plant,
+    ahead: float = math.inf,
+    halve: bool | None = None,
 ) -> dict[str, Fit]:
     """Coarse fits from plants and noise, a few iterations at a time; who cannot catch up any more stops.
 
-    `ahead`: value of a fit that runs before them. Without one, the field is halved after each round.
+    ahead: value of a fit that runs before them. halve: halve the field after each round (default: without `ahead`).
     """
+    halve = math.isinf(ahead) if halve is None else halve
     fits: dict[str, Fit] = {}
     for turn in range(_ROUNDS):
         if not entries:
@@ -46,7 +51,7 @@ def race(
             fits[name] = result
         best = min(ahead, *(f.value for f in fits.values()))
         on = [name for name in sorted(entries, key=lambda name: fits[name].value) if not fits[name].optimum.converged]
-        if math.isinf(ahead):
+        if halve:
             on = on[: max(2, len(fits) >> (turn + 1))]
         entries = {
             name: (fits[name].plant, fits[name].noise)
@@ -78,7 +83,7 @@ def retry(names: Sequence[str], starts: dict[str, Effect], fits: dict[str, Fit],
         if mirrored is not None:
             entries[f"{name} mirrored"] = with_effect(current, mirrored, anchor)
     tell(f"trying other sizes of {', '.join(names)}")
-    for entry, again in race(entries, current, anchor, ahead=min(f.value for f in fits.values())).items():
+    for entry, again in race(entries, current, anchor, min(f.value for f in fits.values()), halve=True).items():
         name = entry.split()[0]
         if again.value < fits[name].value:
             fits[name] = again
