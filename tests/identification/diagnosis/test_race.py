@@ -29,7 +29,7 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
     reached = {"arm_spring": 5.0, "arm_ripple": 20.0}  # from another's θ
     asked: list[list[str]] = []
 
-    def race(entries: Any, current: Any, anchor: Any, ahead: float = math.inf) -> dict[str, Any]:
+    def race(entries: Any, current: Any, anchor: Any, ahead: float = math.inf, **k: Any) -> dict[str, Any]:
         if any(" " in entry for entry in entries):  # other sizes: bring nothing here
             return {}
         asked.append(list(entries))
