@@ -209,6 +209,11 @@ class _Search:
             suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
         return current, tuple(sorted(suspects, key=lambda s: -s.net))
 
+    def reduced(self, fitted: Fit, name: str) -> Fit:
+        """Refitted without one of its effects."""
+        plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
+        return fit(plant, fitted.noise, fitted.records, anchor=self.anchor)
+
     def reconsidered(self, found: list[Ranking]) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
         while the other was missing. Effects that have become superfluous go, others may be exchanged."""
@@ -216,8 +221,7 @@ class _Search:
         for ranking in found[:-1]:
             name = ranking[0].name
             self.tell(f"reconsidering {name}")
-            plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != name))
-            reduced = fit(plant, current.noise, current.records, anchor=self.anchor)
+            reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
             if reduced.value - current.value - price(name, current.samples) < THRESHOLD:
                 found, current, changed = others, reduced, True
@@ -229,9 +233,7 @@ class _Search:
                 found = [again if r is ranking else r for r in found]
         if changed:
             name = found[-1][0].name
-            plant = current.plant.replace(effects=tuple(e for e in current.plant.effects if e.name != name))
-            reduced = fit(plant, current.noise, current.records, anchor=self.anchor)
-            gain = reduced.value - current.value
+            gain = self.reduced(current, name).value - current.value
             last = replace(found[-1][0], gain=gain, net=gain - price(name, current.samples))
             found[-1] = (last, *found[-1][1:])
         found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
