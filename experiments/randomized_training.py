@@ -45,10 +45,10 @@ class Size:
     """policies of `steps` env steps for each kind; trials on drawn plants, runs of `duration` seconds on the rig."""
 
     rig: str = "late"
-    policies: int = 4
+    policies: int = 2
     steps: int = 300_000
     trials: int = 100
-    runs: int = 25
+    runs: int = 10
     duration: float = 6.0
 
     @classmethod
