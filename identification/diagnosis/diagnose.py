@@ -156,11 +156,11 @@ def diagnose(
     anchor = _anchor(before.plant)
     records = [Record.from_log(piece) for log in logs for piece in log.pieces() if len(piece) >= 20]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor)
-    naming, after, rest = _searched(nominal, before, logs, most, only, tell)
+    naming, after, rest = _searched(nominal, anchor, before, logs, most, only, tell)
     verdict, summary = _verdict(naming, rest)
     if verdict == "unknown":
         tell("searching again from more starts, before nothing is said to explain these logs")
-        again = _searched(nominal, before, logs, most, only, tell, thorough=True)
+        again = _searched(nominal, anchor, before, logs, most, only, tell, thorough=True)
         if again[0].final.value < naming.final.value - THRESHOLD:
             naming, after, rest = again
             verdict, summary = _verdict(naming, rest)
@@ -169,10 +169,16 @@ def diagnose(
 
 
 def _searched(
-    nominal: Fit, before: Estimate, logs: Sequence[Log], most: int, only: Sequence[str] | None, tell, thorough=False
+    nominal: Fit,
+    anchor: Plant,
+    before: Estimate,
+    logs: Sequence[Log],
+    most: int,
+    only: Sequence[str] | None,
+    tell: Callable[[str], None],
+    thorough: bool = False,
 ) -> tuple[Naming, Estimate, Where]:
     """The search for names, the estimate with what was found, and what that leaves."""
-    anchor = _anchor(before.plant)
     naming = name_effects(nominal, anchor, most, only, tell, lambda plant: locate(plant, logs).evidence, thorough)
     after = before
     if naming.accepted:

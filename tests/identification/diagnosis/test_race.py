@@ -222,3 +222,45 @@ def test_suspects_that_all_went_astray_run_again(search: Any, monkeypatch: pytes
         monkeypatch.setattr(naming_module, "fit", refitted(0.0))
         search.refits(current, list(table), table)
         assert (["arm_spring", "arm_stribeck"] in tried) == all_of_them
+
+
+def test_the_search_keeps_what_was_exchanged_and_tells_what_was_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = [ranked(("base_tilt", 900.0), fit=a_fit("base_tilt")), ranked(("arm_stribeck", 800.0), fit=a_fit())]
+    steps.append(ranked(("friction_sharpness", 40.0), fit=a_fit()))
+    offset = ranked(("input_offset", 700.0), fit=a_fit("input_offset"))
+
+    def reconsidered(self: Any, found: Any) -> Any:
+        return [offset, *found[1:]]
+
+    told: list[bool] = []
+
+    def refits(self: Any, current: Any, names: Any, table: Any, thorough: bool = False) -> Any:
+        told.append(thorough)
+        return current, steps[len(told) - 1]
+
+    monkeypatch.setattr(naming_module._Search, "suspects", lambda *a: ([], {}))
+    monkeypatch.setattr(naming_module._Search, "refits", refits)
+    monkeypatch.setattr(naming_module._Search, "reconsidered", reconsidered)
+    found = naming_module.name_effects(a_fit(), TABLE_3, thorough=True)
+    assert [s.name for s in found.accepted] == ["input_offset", "arm_stribeck"]
+    assert found.refused is not None
+    assert found.refused.name == "friction_sharpness"
+    assert told == [True, True, True]
+
+
+@pytest.mark.parametrize(("value", "verdict"), [(-50.0, "named"), (-5.0, "unknown")])
+def test_unknown_is_said_after_a_thorough_search_only(
+    monkeypatch: pytest.MonkeyPatch, value: float, verdict: str
+) -> None:
+    import identification.diagnosis.diagnose as module
+
+    def searched(*a: Any, thorough: bool = False) -> Any:
+        final = SimpleNamespace(value=value if thorough else 0.0, noise=np.ones(4))
+        return SimpleNamespace(final=final, thorough=thorough), None, None
+
+    monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3))
+    monkeypatch.setattr(module, "fit", lambda *a, **k: None)
+    monkeypatch.setattr(module, "_searched", searched)
+    monkeypatch.setattr(module, "_verdict", lambda naming, rest: ("named" if naming.thorough else "unknown", ""))
+    log: Any = SimpleNamespace(u=np.ones(5), pieces=list)
+    assert module.diagnose([log]).verdict == verdict
