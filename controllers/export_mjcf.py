@@ -74,10 +74,16 @@ def mjcf(plant: Plant) -> str:
             f"MJCF cannot carry {', '.join(strange)} (it can: {', '.join(CARRIED)}); export the plant without, or "
             "simulate it with FurutaID-v0"
         )
+    saturation = plant.effect("input_saturation")
+    if saturation is not None and saturation.parameters["knee"] > 0:
+        raise ValueError(
+            f"MJCF has no round knee, and this input_saturation has {saturation.parameters['knee']:.2g}; fit it again "
+            "with fixed={'input_saturation.knee': 0}, or simulate it with FurutaID-v0"
+        )
     th1, th2, th3, th4, th5, Fv1, Fv2, Fc1, Fc2 = (float(v) for v in plant.theta)
     L1, l2 = GRAVITY * th3 / th5, GRAVITY * th2 / th5
     J1, J2 = th1 - th3 * th3 / th2, th4 - th2
-    spring, lag, saturation = (plant.effect(name) for name in CARRIED)
+    spring, lag = plant.effect("arm_spring"), plant.effect("actuator_lag")
     limit = min(plant.u_max, saturation.parameters["m"]) if saturation else plant.u_max
     motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
     T = lag.parameters["T"] if lag else 0.0

@@ -82,8 +82,10 @@ def plant_coordinates(
     for effect in plant.effects:
         defaults = plant.default_effect(effect.name).parameters
         for p in effect.type.parameters:
-            if not p.integer and math.isfinite(effect.parameters[p.name]):
-                coordinates.append(_effect_coordinate(f"{effect.name}.{p.name}", p, defaults[p.name], row))
+            value = effect.parameters[p.name]
+            if not p.integer and math.isfinite(value):
+                usual = max(abs(defaults[p.name]), abs(value)) if p.role == "size" else abs(defaults[p.name])
+                coordinates.append(_effect_coordinate(f"{effect.name}.{p.name}", p, usual, row))
             row += 1
     known = {c.name for c in coordinates} | set(R_ROWS)
     if strange := (fixed | set(priors)) - known:
@@ -117,10 +119,10 @@ def _theta_coordinates(plant: Plant, negative_friction: bool) -> list[Coordinate
     return coordinates
 
 
-def _effect_coordinate(name: str, p: Parameter, default: float, row: int) -> Coordinate:
+def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coordinate:
     if p.role == "shape" and p.lower > 0:
         return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=1e-3)
-    scale = abs(default) if default and math.isfinite(default) else 1.0
+    scale = usual if usual and math.isfinite(usual) else 1.0
     return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=1e-3)
 
 

@@ -12,9 +12,14 @@ from furuta_gym.plant.compiled import compiled
 
 def innovation_cost(e: NDArray[np.float64], S: NDArray[np.float64]) -> float:
     """½ Σ (eᵀ S⁻¹ e + ln det S) of e (N, 2), S (N, 3) = (S11, S12, S22)."""
+    return float(np.sum(sample_costs(e, S)))
+
+
+def sample_costs(e: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64]:
+    """½ (eᵀ S⁻¹ e + ln det S) of every sample (N,)."""
     det = S[:, 0] * S[:, 2] - S[:, 1] ** 2
     q = (S[:, 2] * e[:, 0] ** 2 - 2.0 * S[:, 1] * e[:, 0] * e[:, 1] + S[:, 0] * e[:, 1] ** 2) / det
-    return 0.5 * float(np.sum(q + np.log(det)))
+    return 0.5 * (q + np.log(det))
 
 
 def whiten(e: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64]:

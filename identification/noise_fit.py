@@ -7,21 +7,20 @@ of an integration. The path is followed anew when the intensities have moved.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.compiled import compiled
 
+from .filter_bank import whole_registers
 from .filter_path import FilterPath, follow, linear_arguments
 from .likelihood import innovation_cost
+from .noise_kernels import differentiate_noise, run_bank
 from .path_kernels import run_filter
 from .record import Record
 
-_THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
 _BANDWIDTHS = (30.0, 300.0)  # rad/s, of the filters that are tried first
 _WANDER = 2.0  # rad/s, of the unknown torques at the start of their fit
 _SHIFT = 1e-3  # of a coordinate, for derivatives
@@ -159,6 +158,21 @@ class _Problem:
         run_filter(*linear_arguments(replace(p, first=first, noise=noise, walk=walk)), *unkept, e, S)
         return e, S
 
+    def _bank(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """e (N, 2, L) and S (N, 3, L) of the filters at points (L or less, n)."""
+        lanes = whole_registers(len(points))
+        unpacked = [self.unpack(z) for z in points] + [self.unpack(points[0])] * (lanes - len(points))
+        noise = np.array([noise for noise, _ in unpacked]).T.copy()
+        walk = np.array([[] if walk is None else walk for _, walk in unpacked]).T.copy()
+        p, n = self.path, self.path.about.shape[1]
+        C = np.repeat(p.first[:, :, None], lanes, axis=2)
+        if self.walk:
+            C[[-2, -1], [-2, -1]] = walk
+        e, S = np.empty((len(p.e), 2, lanes)), np.empty((len(p.e), 3, lanes))
+        work = np.zeros((n, lanes)), np.empty((n, n, lanes)), *np.empty((2, n, 2, lanes))
+        run_bank(*linear_arguments(p)[:-3], C, noise, walk, *work, e, S)
+        return e, S
+
     def value(self, z: NDArray[np.float64]) -> float:
         value = innovation_cost(*self.run(z)) + self._prior(z)[0]
         return value if math.isfinite(value) else math.inf
@@ -171,42 +185,8 @@ class _Problem:
     def expand(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         """V, its gradient (n,) and Fisher information (n, n)."""
         step = np.where(z + _SHIFT > self.high, -_SHIFT, _SHIFT)
-        e, S = zip(*_THREADS.map(self.run, [z, *(z + np.diag(step))]), strict=True)
+        e, S = self._bank(np.vstack([z, z + np.diag(step)]))
         g, information = np.zeros(len(z)), np.zeros((len(z), len(z)))
-        value = _expand(np.stack(e, axis=2), np.stack(S, axis=2), step, g, information)
+        value = differentiate_noise(e, S, step, g, information)
         prior = self._prior(z)
         return value + prior[0], g + prior[1], information + prior[2]
-
-
-@compiled(nogil=True)
-def _expand(e, S, step, gradient, information):
-    """V of the first of the filters e (N, 2, n + 1), S (N, 3, n + 1); filter i + 1 is shifted by step[i].
-
-    With D = dS and S = L Lᵀ: information ½ tr(S⁻¹ D S⁻¹ D) + deᵀ S⁻¹ de, summed over samples.
-    """
-    N, n = e.shape[0], step.shape[0]
-    rows = np.empty((5, n))
-    V = 0.0
-    for k in range(N):
-        l11 = math.sqrt(S[k, 0, 0])
-        l21 = S[k, 1, 0] / l11
-        l22 = math.sqrt(S[k, 2, 0] - l21 * l21)
-        w1 = e[k, 0, 0] / l11
-        w2 = (e[k, 1, 0] - l21 * w1) / l22
-        V += 0.5 * (w1 * w1 + w2 * w2) + math.log(l11 * l22)
-        for i in range(n):
-            d1 = (e[k, 0, i + 1] - e[k, 0, 0]) / (step[i] * l11)
-            d2 = ((e[k, 1, i + 1] - e[k, 1, 0]) / step[i] - l21 * d1) / l22
-            a11 = (S[k, 0, i + 1] - S[k, 0, 0]) / (step[i] * l11 * l11)
-            b = ((S[k, 1, i + 1] - S[k, 1, 0]) / step[i] - l21 * l11 * a11) / l22
-            a12 = b / l11
-            a22 = ((S[k, 2, i + 1] - S[k, 2, 0]) / step[i] - 2.0 * l21 * b - l21 * l21 * a11) / (l22 * l22)
-            rows[0, i], rows[1, i] = d1, d2
-            rows[2, i], rows[3, i], rows[4, i] = a11 * math.sqrt(0.5), a12, a22 * math.sqrt(0.5)
-            gradient[i] += w1 * d1 + w2 * d2
-            gradient[i] += 0.5 * (a11 + a22 - w1 * w1 * a11 - 2.0 * w1 * w2 * a12 - w2 * w2 * a22)
-        for i in range(n):
-            for j in range(n):
-                for r in range(5):
-                    information[i, j] += rows[r, i] * rows[r, j]
-    return V

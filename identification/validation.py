@@ -20,6 +20,7 @@ from furuta_gym.plant import Plant
 
 from .filter_path import FilterPath
 from .free_run import Windows, free_run
+from .likelihood import sample_costs
 from .logs import Log
 from .noise_fit import fit_noise
 from .noise_floor import Floor, noise_floor, repeats, spread
@@ -44,6 +45,7 @@ class Gap:
     q2 at shorter horizons. counts (2,): one encoder count [rad], 0 where unknown. repeats: whether all logs
     were repeated, and the floor is their spread. whiteness: largest correlation of an innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
+    surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
     """
 
     horizon: float
@@ -59,6 +61,7 @@ class Gap:
     errors: Array = field(repr=False)
     times: Array = field(repr=False)
     log: NDArray[np.int64] = field(repr=False)
+    surprise: Array = field(repr=False)
 
     @property
     def ratio_to_floor(self) -> float:
@@ -179,12 +182,14 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) 
         errors=last[0],
         times=np.concatenate([p.times for p in kept]),
         log=np.concatenate([np.full(len(p.errors), p.log) for p in kept]),
+        surprise=np.concatenate([p.surprise for p in kept]),
     )
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """A stretch of a log: errors (M, J, 2), readings (M, 2) and times (M,) at the horizon, and its floor."""
+    """A stretch of a log: errors (M, J, 2), readings (M, 2) and times (M,) at the horizon, its floor, and the
+    surprise (K, 3) of its readings."""
 
     log: int
     errors: Array
@@ -192,6 +197,7 @@ class _Piece:
     times: Array
     floor: Floor
     tests: Innovations
+    surprise: Array
 
     @classmethod
     def of(cls, plant: Plant, index: int, log: Log, piece: Log, horizon: float) -> _Piece | None:
@@ -207,7 +213,9 @@ class _Piece:
         if not np.isfinite(errors).all():
             raise ValueError(f"{log.source}: the plant's free run over {horizon:g} s leaves all bounds")
         at = windows.targets[:, -1]
-        return cls(index, errors, record.y[at], piece.t[at], floor, innovations(floor.path))
+        costs = sample_costs(floor.path.e, floor.path.S)
+        surprise = np.column_stack([np.full(len(costs), index), piece.t, costs])[floor.path.used]
+        return cls(index, errors, record.y[at], piece.t[at], floor, innovations(floor.path), surprise)
 
 
 def filtered(plant: Plant, log: Log) -> FilterPath:

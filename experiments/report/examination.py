@@ -16,7 +16,7 @@ from identification.logs import Log
 from identification.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
-from .gap import GapChange, added, brings_nothing, measure_gap
+from .gap import GapChange, added, judged, measure_gap
 from .words import NEXT
 
 
@@ -105,8 +105,8 @@ def examine(
         tell("measuring the gap")
         gap = tried("gap", lambda: measure_gap(diagnosis, logs, held_out))
         shown = (tuple(held_out) or tuple(logs))[0]
-        if gap is not None and brings_nothing(diagnosis, gap):
-            diagnosis = diagnosis.vetoed()
+        if gap is not None:
+            diagnosis = judged(diagnosis, gap)
         closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
         if diagnosis.verdict == "ambiguous":
             tell("designing the experiment that decides")

@@ -17,6 +17,8 @@ from identification.validation import ClosedFraction, Gap, closed_fraction, vali
 
 AXES = ("arm q1", "pendulum q2")
 TAIL = 0.3  # of each log, held out where there is no other log
+FAR = 1.5  # times the floor: an error of this size that is left says that more is missing
+LIKELIER = 10.0  # nats on data that no fit saw, from which effects count as confirmed: as for naming them
 
 Array = NDArray[np.float64]
 
@@ -45,9 +47,20 @@ class GapChange:
         return (("before", self.before), ("after", self.after)) if self.changed else (("model (5)", self.before),)
 
     @property
+    def likelier(self) -> float:
+        """Log-likelihood [nats] that the effects gain on these data, one step ahead. No parameter was fitted to them,
+        so there is no price; finer than `closed`, and what tells where the gap itself is lost in noise."""
+        return float(np.sum(self.before.surprise[:, 2]) - np.sum(self.after.surprise[:, 2]))
+
+    @property
     def floor(self) -> Array:
         """(2,) [rad] at the horizon: the lower of the two, as what a wrong plant misses can only raise it."""
         return np.minimum(self.before.floor, self.after.floor)
+
+    @property
+    def after_over_floor(self) -> float:
+        """Root mean square over the axes of the error after, over the floor."""
+        return float(np.sqrt(np.mean((self.after.rms / self.floor) ** 2)))
 
     def to_dict(self) -> dict[str, Any]:
         """As the "gap" of diagnosis.json, and more."""
@@ -59,6 +72,7 @@ class GapChange:
             "noise_floor": {"rms_q1": float(self.floor[0]), "rms_q2": float(self.floor[1])},
             "closed_fraction": self.closed.value,
             "closed_interval": list(self.closed.interval),
+            "log_likelihood_gain": self.likelier,
             "held_out": self.tail is None,
             "tail": self.tail,
             "horizon_s": self.before.horizon,
@@ -93,9 +107,21 @@ def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Lo
 
 
 def brings_nothing(diagnosis: Diagnosis, gap: GapChange) -> bool:
-    """Whether the effects found close none of the gap for certain. Effects that follow a log's own clock are judged on
-    the tail of that log only."""
-    return gap.changed and gap.closed.interval[0] <= 0.0 and (gap.tail is not None or not diagnosis.timed)
+    """Whether held-out data speak against the effects found: the gap grows for certain, or it closes for certain
+    neither there nor in the likelihood. Effects that follow a log's own clock are judged on its tail only."""
+    if not gap.changed or (gap.tail is None and diagnosis.timed):
+        return False
+    low, high = gap.closed.interval
+    return high <= 0.0 or not (low > 0.0 or gap.likelier > LIKELIER)
+
+
+def judged(diagnosis: Diagnosis, gap: GapChange) -> Diagnosis:
+    """The diagnosis in the light of held-out data: names taken back, or what they leave of the gap."""
+    if brings_nothing(diagnosis, gap):
+        return diagnosis.vetoed()
+    if gap.changed and gap.after_over_floor > FAR and not (gap.tail is None and diagnosis.timed):
+        return diagnosis.falling_short(gap.after_over_floor)
+    return diagnosis
 
 
 def _as_start(plant: Plant) -> Plant:
@@ -122,6 +148,7 @@ def _of_tails(plant: Plant, logs: Sequence[Log]) -> Gap:
         errors=errors,
         times=gap.times[late],
         log=gap.log[late],
+        surprise=gap.surprise[gap.surprise[:, 1] >= cut[gap.surprise[:, 0].astype(int)]],
     )
 
 

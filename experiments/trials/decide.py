@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from experiments.report.gap import brings_nothing, measure_gap
+from experiments.report.gap import judged, measure_gap
 from identification.diagnosis.diagnose import diagnose
 from identification.logs import read_logs
 
@@ -31,6 +31,4 @@ def _diagnosed(folder: Path) -> dict[str, Any]:
         gap = measure_gap(found, logs, held_out)
     except ValueError as error:  # nothing to predict with, or a held-out log that cannot be predicted
         return found.to_dict() | {"gap_missing": str(error)}
-    if brings_nothing(found, gap):  # as `furuta diagnose` does
-        found = found.vetoed()
-    return found.to_dict() | {"gap": gap.to_dict()}
+    return judged(found, gap).to_dict() | {"gap": gap.to_dict()}

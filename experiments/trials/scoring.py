@@ -139,7 +139,7 @@ def _covered(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, b
             continue
         true = {key: p["value"] for key, p in effect["parameters"].items()}
         for key, p in _same_branch(given[name], true).items():
-            if p.get("std"):  # fixed parameters and whole numbers have none
+            if p.get("std") and key in true:  # fixed parameters and whole numbers have no std
                 found[f"{name}.{key}"] = abs(p["value"] - true[key]) <= _COVERED * p["std"]
     return found
 

@@ -129,7 +129,7 @@ class Plant:
             "theta9": 5e-4 * abs(self.theta[4]),
         }
         scale = {n: max(abs(v), floor.get(n, 0.0)) for n, v in zip(THETA_NAMES, self.theta, strict=True)}
-        scale["u_max"] = self.u_max
+        scale |= {"u_max": self.u_max, "1/u_max²": self.u_max**-2}
         values = {p.name: p.default * (scale[p.relative_to] if p.relative_to else 1.0) for p in effect.type.parameters}
         return Effect(name, values)
 

@@ -29,8 +29,10 @@ _QUIETER = 100.0
 _POWERS = {"frequencies": 1.5, "times": 1.0}
 _OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
+_HOPELESS = 0.5  # of that share: what explains less is not looked at any closer
 _FINALISTS = 4  # suspects that are finished at most
 _CONTESTED = 0.3  # of the leader's net gain, of a suspect that may take its place when another effect has been found
+_NEARLY = 0.3  # nats a step, at which a suspect's fit is finished: names are decided by ten
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,9 @@ class Suspect:
     net: float
     fit: Fit = field(repr=False)
     score: float = 0.0
+
+
+Ranking = tuple[Suspect, ...]
 
 
 @dataclass(frozen=True)
@@ -83,20 +88,24 @@ def name_effects(
         names, table = search.suspects(current, len(found))
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        current, last = search.refits(current, names, table, thorough)
+        least = _HOPELESS * _OWN_SHARE * max((ranking[0].gain for ranking in found), default=0.0)
+        current, last = search.refits(current, names, table, thorough, least=least)
         if step == 0:
             nominal = current
         if not last or last[0].net < THRESHOLD:
             break
+        if last[0].gain < least:
+            refused = last[0]
+            break
         if found and (remains := left(last[0].fit.plant)) > last[0].net:
             if not thorough and remains > _OWN_SHARE * max(ranking[0].gain for ranking in found):
-                current, last = search.refits(current, names, table, thorough=True)
+                current, last = search.refits(current, names, table, thorough=True, least=least)
                 remains = left(last[0].fit.plant)
             if remains > last[0].net:
                 refused = last[0]
                 break
         together = search.reconsidered([*found, last])
-        if _mends([ranking[0] for ranking in together]):
+        if _slight(together[-1][0].gain, together[:-1]):
             refused = last[0]
             break
         found, last, current = together, (), together[-1][0].fit
@@ -106,10 +115,10 @@ def name_effects(
     return Naming(nominal, current, accepted, equals, rankings, absorbed, refused)
 
 
-def _mends(found: Sequence[Suspect]) -> bool:
-    """Whether the last effect may only mend the form of one found before: it explains far less. No rig has an effect in
-    the library's very words, and what the words miss of a large effect looks like a small one of another name."""
-    return len(found) > 1 and found[-1].gain < _OWN_SHARE * max(f.gain for f in found[:-1])
+def _slight(gain: float, others: Sequence[Ranking]) -> bool:
+    """Whether an effect may only mend the form of another: it explains far less. No rig has an effect in the library's
+    very words, and what the words miss of a large effect looks like a small one of another name."""
+    return gain < _OWN_SHARE * max((ranking[0].gain for ranking in others), default=0.0)
 
 
 def shortlist(table: dict[str, Score], samples: int, least: float) -> list[str]:
@@ -129,9 +138,6 @@ def price(name: str, samples: int) -> float:
     1998, "Asymptotic MAP criteria for model selection")."""
     powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in EFFECTS[name].parameters]
     return sum(powers) * math.log(samples)
-
-
-Ranking = tuple[Suspect, ...]
 
 
 @dataclass(frozen=True)
@@ -163,10 +169,12 @@ class _Search:
         table: dict[str, Score],
         thorough: bool = False,
         held: Fit | None = None,
+        least: float = 0.0,
     ) -> tuple[Fit, Ranking]:
         """Suspects refitted; the model without any is refitted from the best one's θ, so that neither stopped early.
 
-        held: a fit with an effect more than `current` that takes part as it is.
+        held: a fit with an effect more than `current` that takes part as it is. least [nats]: gain below which the
+        best stays as coarsely fitted as it is.
         """
         anchor, tell = self.anchor, self.tell
         starts = {name: start for name in names if (start := table[name].start) is not None}
@@ -192,16 +200,8 @@ class _Search:
                 retry(fresh, starts, fits, current, anchor, tell)
             chase(leader, fits, current, anchor, tell)
         best = min(f.value for f in fits.values())
-        for name in sorted(fits, key=lambda name: fits[name].value)[:_FINALISTS]:
-            if fits[name].value < best + REACH and fits[name] is not held:
-                tell(f"finishing {name}")
-                nearest = whole_numbers(fits[name], current, anchor)
-                fits[name] = fit(nearest.plant, nearest.noise, current.records, anchor=anchor)
-        tell("refitting the model without it")
-        best = min(fits.values(), key=lambda f: f.value)
-        again = fit(without(best, current), current.noise, current.records, anchor=anchor)
-        if again.value < current.value:
-            current = again
+        if current.value - best >= least:
+            current = self._finish(fits, current, held)
         suspects = []
         for name, fitted in fits.items():
             gain = current.value - fitted.value
@@ -209,21 +209,41 @@ class _Search:
             suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
         return current, tuple(sorted(suspects, key=lambda s: -s.net))
 
+    def _finish(self, fits: dict[str, Fit], current: Fit, held: Fit | None) -> Fit:
+        """Fits the leading suspects to the end, in place; returns the model without any, the better of two starts."""
+        best = min(f.value for f in fits.values())
+        hopeful = [n for n in fits if current.value - fits[n].value > price(n, current.samples) + THRESHOLD - REACH]
+        for name in sorted(hopeful, key=lambda name: fits[name].value)[:_FINALISTS]:
+            if fits[name].value < best + REACH and fits[name] is not held:
+                self.tell(f"finishing {name}")
+                nearest = whole_numbers(fits[name], current, self.anchor)
+                fits[name] = self._fitted(nearest.plant, nearest)
+        self.tell("refitting the model without it")
+        plant = without(min(fits.values(), key=lambda f: f.value), current)
+        again = fit(plant, current.noise, current.records, anchor=self.anchor, coarse=True)
+        if again.value < current.value + THRESHOLD:
+            again = self._fitted(again.plant, again)
+        return again if again.value < current.value else current
+
+    def _fitted(self, plant: Plant, start: Fit) -> Fit:
+        return fit(plant, start.noise, start.records, anchor=self.anchor, tolerance=_NEARLY)
+
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Refitted without one of its effects."""
         plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
-        return fit(plant, fitted.noise, fitted.records, anchor=self.anchor)
+        return self._fitted(plant, fitted)
 
     def reconsidered(self, found: list[Ranking]) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
-        while the other was missing. Effects that have become superfluous go, others may be exchanged."""
+        while the other was missing. Effects that have become superfluous or slight go, others may be exchanged."""
         current, changed = found[-1][0].fit, False
         for ranking in found[:-1]:
             name = ranking[0].name
             self.tell(f"reconsidering {name}")
             reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
-            if reduced.value - current.value - price(name, current.samples) < THRESHOLD:
+            gain = reduced.value - current.value
+            if gain - price(name, current.samples) < THRESHOLD or _slight(gain, others):
                 found, current, changed = others, reduced, True
             elif any(s.net > _CONTESTED * ranking[0].net for s in ranking[1:]):
                 names, table = self.suspects(reduced, len(others))

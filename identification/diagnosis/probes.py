@@ -99,4 +99,6 @@ def _cell(effect, default, sizes, shape_values, spanned, i) -> Cell:
 def _grid(p: Parameter, default: float, choices: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     if isinstance(p.grid, str):
         return choices[p.grid]
-    return np.asarray(p.grid, dtype=float) * (default / p.default) if p.grid else np.array([default])
+    if not p.grid:
+        return np.array([default])
+    return np.asarray(p.grid, dtype=float) * (default / p.default if p.default else 1.0)

@@ -238,7 +238,8 @@ def test_an_examinee_that_crashes_has_given_an_answer(tmp_path):
 
 @pytest.mark.parametrize(("low", "verdict"), [(0.5, "named"), (-0.5, "unknown")])
 def test_the_examinee_takes_a_name_back_as_the_command_does(tmp_path, monkeypatch, low, verdict):
-    gap = SimpleNamespace(changed=True, tail=None, closed=SimpleNamespace(interval=(low, 1.0)), to_dict=dict)
+    closed = SimpleNamespace(interval=(low, 1.0))
+    gap = SimpleNamespace(changed=True, tail=None, closed=closed, likelier=0.0, after_over_floor=1.0, to_dict=dict)
     vetoed = SimpleNamespace(to_dict=lambda: {"verdict": "unknown"})
     found = SimpleNamespace(timed=False, to_dict=lambda: {"verdict": "named"}, vetoed=lambda: vetoed)
     monkeypatch.setattr(examinee, "read_logs", lambda paths: ())

@@ -54,6 +54,7 @@ def test_adding_the_effect_closes_the_gap():
     before, after = validate(TABLE_3, log), validate(right, log)
     closed = closed_fraction(before, after)
     assert closed.value > 0.98
+    assert before.surprise[:, 2].sum() - after.surprise[:, 2].sum() > 100.0
     assert closed.interval[0] <= closed.value <= closed.interval[1]
     assert closed_fraction(before, before).value == pytest.approx(0.0)
     assert closed_fraction(before, validate(TABLE_3.replace(theta=1.3 * TABLE_3.theta), log)).value < 0.5

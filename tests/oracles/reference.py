@@ -63,9 +63,19 @@ def static_command(u: float, effects: Effects) -> float:
         w = effects["input_dead_zone"]["w"]
         tau = tau - min(max(tau, -w), w)
     if "input_saturation" in effects:
-        m = effects["input_saturation"]["m"]
-        tau = min(max(tau, -m), m)
+        tau = rounded_clip(tau, **effects["input_saturation"])
     return tau
+
+
+def rounded_clip(u: float, m: float, knee: float = 0.0) -> float:
+    """The mean of clip(u + s, −m, m) over s in ±knee m, from the antiderivative of the clip."""
+    if knee * m == 0.0 or m == float("inf"):
+        return min(max(u, -m), m)
+
+    def integral(x: float) -> float:
+        return x * x / 2.0 if abs(x) <= m else m * abs(x) - m * m / 2.0
+
+    return (integral(u + knee * m) - integral(u - knee * m)) / (2.0 * knee * m)
 
 
 def measured(q1: float, q2: float, effects: Effects) -> tuple[float, float]:

@@ -30,8 +30,13 @@ def _dead_zone(u, w):
     return u - min(max(u, -w), w)
 
 
-def _saturation(u, m):
-    return min(max(u, -m), m)
+def _saturation(u, m, knee):
+    # straight to (1 − knee) m, level from (1 + knee) m, a parabola between
+    over = abs(u) - (1.0 - knee) * m
+    if not over > 0.0:
+        return u
+    wide = 2.0 * knee * m
+    return math.copysign(m if over >= wide else abs(u) - over * over / (2.0 * wide), u)
 
 
 COMMAND_EFFECTS = (
@@ -77,7 +82,7 @@ COMMAND_EFFECTS = (
         place="input",
         equation="τ = u + a u³",
         symptom="large commands act more (or less) than in proportion to small ones",
-        parameters=(Parameter("a", "1/{u}²", "cubic coefficient", 0.03),),
+        parameters=(Parameter("a", "1/{u}²", "cubic coefficient", 0.3, relative_to="1/u_max²"),),
         kernels={"command": _cubic_gain},
         mistaken_for=("input_saturation", "input_dead_zone"),
     ),
@@ -95,7 +100,7 @@ COMMAND_EFFECTS = (
     EffectType(
         name="input_saturation",
         place="input",
-        equation="τ = clip(u, −m, m)",
+        equation="τ = clip(u, −m, m), its corners rounded over ±knee m",
         symptom="beyond some command the arm accelerates no faster",
         parameters=(
             Parameter(
@@ -106,7 +111,17 @@ COMMAND_EFFECTS = (
                 relative_to="u_max",
                 neutral=math.inf,
                 lower=1e-6,
-                grid=(0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97),
+                grid=(0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.3),
+            ),
+            Parameter(
+                "knee",
+                "1",
+                "share of m over which the knee is round; 0: sharp",
+                0.0,
+                lower=0.0,
+                upper=1.0,
+                role="shape",
+                grid=(0.4,),
             ),
         ),
         kernels={"command": _saturation},

@@ -29,7 +29,7 @@ class Parameter:
     """One number of an effect.
 
     `default` is a size worth noticing on a rig; with `relative_to` it is a fraction of that quantity of the plant
-    (theta1 … theta9, or u_max). A `size` parameter makes the effect vanish at `neutral`; a `shape` parameter
+    (theta1 … theta9, u_max or 1/u_max²). A `size` parameter makes the effect vanish at `neutral`; a `shape` parameter
     (Stribeck speed, ripple order) then has no influence. In `unit`, {u} stands for the plant's command unit.
 
     For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that

@@ -122,3 +122,17 @@ def test_defaults_scale_with_the_plant():
             ratio = small.default_effect(name).parameters[p.name], large.default_effect(name).parameters[p.name]
             expected = 0.1 if p.relative_to and p.relative_to.startswith("theta") else 1.0
             np.testing.assert_allclose(ratio[0], expected * ratio[1], err_msg=f"{name}.{p.name}")
+
+
+def test_defaults_are_as_large_in_any_unit():
+    """A rig whose command is written in other units: sizes that grow with the command, or with its inverse square."""
+    volts, millivolts = LARGE_RIG, LARGE_RIG.replace(theta=1e3 * LARGE_RIG.theta, u_max=1e3 * LARGE_RIG.u_max)
+    power = {"{u}": 1, "1/{u}²": -2}
+    for name, effect in EFFECTS.items():
+        for p in effect.parameters:
+            ratio = millivolts.default_effect(name).parameters[p.name] / (
+                volts.default_effect(name).parameters[p.name] or 1
+            )
+            expected = 1e3 ** power.get(p.unit, 1 if "{u}" in p.unit else 0)
+            if p.default:
+                np.testing.assert_allclose(ratio, expected, err_msg=f"{name}.{p.name}")

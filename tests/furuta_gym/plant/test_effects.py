@@ -8,6 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from furuta_gym.plant import EFFECTS, LARGE_RIG, TABLE_3, Effect, Plant
+from furuta_gym.plant.effects.dispatch import map_command
 from tests.furuta_gym.plant.helpers import (
     derivative,
     neutral,
@@ -25,13 +26,14 @@ T_U = np.arange(75) * 0.008
 STOP = 0.6
 # A payload that arrives inside the tests' short motions; the other defaults are seen at once.
 SOON = {"payload_step": {"t0": 0.2011}}
+INSIDE = {"input_saturation": {"knee": 0.4}}  # of the bounds, where the default is at one
 
 # The contract's table: names and parameters that files, commands and acceptance checks rely on.
 CONTRACT = {
     "input_delay": ("d",),
     "actuator_lag": ("T",),
     "input_dead_zone": ("w",),
-    "input_saturation": ("m",),
+    "input_saturation": ("m", "knee"),  # knee: ours; 0, its default, is the contract's sharp one
     "input_offset": ("b",),
     "input_gain_asymmetry": ("a",),
     "arm_stribeck": ("ΔF", "vs"),
@@ -152,9 +154,9 @@ def test_usual_steps_of_a_millisecond_are_enough(name):
 @every_moving_effect
 def test_each_parameter_moves_the_motion_as_in_the_oracle(name):
     """∂(angles)/∂(parameter) by central differences, here and there. (t0 and n move the motion by jumps.)"""
-    plant = with_default(LARGE_RIG, name)
+    (effect,) = with_default(LARGE_RIG, name).effects
+    effect = Effect(name, dict(effect.parameters) | INSIDE.get(name, {}))
     x0, t_u, u = [0.3, 2.6, 0.5, -1.0], T_U[:50], 1.2 * square_waves(T_U[:50])
-    (effect,) = plant.effects
     for p in EFFECTS[name].parameters:
         if p.integer or p.name == "t0":
             continue
@@ -290,3 +292,16 @@ def test_a_stiff_bristle_stays_stable_and_becomes_coulomb(stiffness, speed):
     x0, t_u, none = [0.0, 0.1, speed, 0.0], np.arange(25) * 0.004, np.zeros(25)
     bristle = run(plant, x0, t_u, none, 0.1, 1e-3)
     np.testing.assert_allclose(bristle[:, :4], run(TABLE_3, x0, t_u, none, 0.1, 1e-3), atol=5e-3)
+
+
+@given(
+    u=st.floats(-5.0, 5.0),
+    m=st.one_of(st.floats(0.01, 5.0), st.just(math.inf)),
+    knee=st.one_of(st.floats(0.001, 1.0), st.just(0.0)),
+)
+def test_saturation_with_any_knee_is_the_oracles(u, m, knee):
+    plant = TABLE_3.with_effects(Effect("input_saturation", {"m": m, "knee": knee}))
+    p, codes, _ = plant.packed()
+    tau = np.array([u])
+    map_command(p[:, None], codes, tau)
+    assert tau[0] == pytest.approx(reference.rounded_clip(u, m, knee), rel=1e-9, abs=1e-9)

@@ -23,7 +23,7 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
 
     def fitted(name: str, value: float) -> Any:
         own = plant.with_effects(plant.default_effect(name))
-        return SimpleNamespace(plant=own, noise=np.ones(4), value=value, samples=1000)
+        return SimpleNamespace(plant=own, noise=np.ones(4), value=value, samples=1000, records=())
 
     values = {"arm_spring": 50.0, "arm_ripple": 60.0}
     reached = {"arm_spring": 5.0, "arm_ripple": 20.0}  # from another's θ
@@ -39,7 +39,7 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
     for module in (naming_module, race_module):
         monkeypatch.setattr(module, "race", race)
     monkeypatch.setattr(naming_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
-    left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, records=())
+    left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, samples=1000, records=())
     table = {name: Score(name, 40.0, plant.default_effect(name), 0.0) for name in values}
     search = naming_module._Search(plant, None, lambda text: None)
     _, ranking = search.refits(left, list(values), table)
@@ -207,6 +207,26 @@ def test_what_the_last_effect_makes_superfluous_goes(search: Any, monkeypatch: p
     assert [ranking[0].name for ranking in again] == ["arm_spring"]
 
 
+def test_what_the_last_effect_leaves_little_for_goes(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A delay beside a ripple stood in for the saturation that was found next: 38 nats remain to it."""
+    found = [
+        ranked(("arm_ripple", 1180.0), fit=a_fit("arm_ripple", value=100.0)),
+        ranked(("input_delay", 400.0), fit=a_fit("arm_ripple", "input_delay", value=-300.0)),
+        ranked(("input_saturation", 880.0), fit=a_fit("arm_ripple", "input_delay", "input_saturation", value=-1200.0)),
+    ]
+
+    def fitted(plant: Any, *a: Any, **k: Any) -> Any:
+        names = [e.name for e in plant.effects]
+        return a_fit(*names, value={"arm_ripple": -100.0, "input_delay": -1162.0}.get(missing(names), -300.0))
+
+    def missing(names: list[str]) -> str:
+        return next(n for n in ("input_delay", "arm_ripple", "input_saturation") if n not in names)
+
+    monkeypatch.setattr(naming_module, "fit", fitted)
+    again = search.reconsidered(found)
+    assert [ranking[0].name for ranking in again] == ["arm_ripple", "input_saturation"]
+
+
 def test_suspects_that_all_went_astray_run_again(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[list[str]] = []
     table = {name: Score(name, 40.0, TABLE_3.default_effect(name), 0.0) for name in ("arm_spring", "arm_stribeck")}
@@ -230,12 +250,15 @@ def test_the_search_keeps_what_was_exchanged_and_tells_what_was_refused(monkeypa
     offset = ranked(("input_offset", 700.0), fit=a_fit("input_offset"))
 
     def reconsidered(self: Any, found: Any) -> Any:
+        assert found[-1][0].name != "friction_sharpness", "too slight to look at anything again for"
         return [offset, *found[1:]]
 
     told: list[bool] = []
+    asked: list[float] = []
 
-    def refits(self: Any, current: Any, names: Any, table: Any, thorough: bool = False) -> Any:
+    def refits(self: Any, current: Any, names: Any, table: Any, thorough: bool = False, least: float = 0.0) -> Any:
         told.append(thorough)
+        asked.append(least)
         return current, steps[len(told) - 1]
 
     monkeypatch.setattr(naming_module._Search, "suspects", lambda *a: ([], {}))
@@ -246,6 +269,7 @@ def test_the_search_keeps_what_was_exchanged_and_tells_what_was_refused(monkeypa
     assert found.refused is not None
     assert found.refused.name == "friction_sharpness"
     assert told == [True, True, True]
+    assert asked == pytest.approx([0.0, 70.5, 80.5])  # a tenth of the largest found
 
 
 @pytest.mark.parametrize(("value", "verdict"), [(-50.0, "named"), (-5.0, "unknown")])
@@ -256,7 +280,7 @@ def test_unknown_is_said_after_a_thorough_search_only(
 
     def searched(*a: Any, thorough: bool = False) -> Any:
         final = SimpleNamespace(value=value if thorough else 0.0, noise=np.ones(4))
-        return SimpleNamespace(final=final, thorough=thorough), None, None
+        return SimpleNamespace(final=final, thorough=thorough, accepted=()), None, None
 
     monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3))
     monkeypatch.setattr(module, "fit", lambda *a, **k: None)
