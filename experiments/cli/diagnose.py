@@ -99,7 +99,10 @@ def _evidence(x: Examination) -> list[str]:
         lines.append(f"gap: {ratios}{ending} times the noise floor on {data}")
         if x.gap.changed:
             low, high = (100 * end for end in x.gap.closed.interval)
-            lines.append(f"gap closed: {100 * x.gap.closed.value:.1f} % (95 %: {low:.1f} … {high:.1f} %)")
+            lines.append(
+                f"gap closed: {100 * x.gap.closed.value:.1f} % (95 %: {low:.1f} … {high:.1f} %); "
+                f"log-likelihood there: {x.gap.likelier:+.0f} nats"
+            )
     elif "gap" in x.remarks:
         lines.append(f"gap: {x.remarks['gap']}")
     return [*lines, f"next: {x.next_experiment}"]

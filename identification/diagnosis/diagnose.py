@@ -19,7 +19,8 @@ from ..logs import Log
 from ..prediction_error import Record
 from .candidates import Fit, fit
 from .locate import locate
-from .naming import START_NOISE, THRESHOLD, Naming, Suspect, name_effects
+from .naming import START_NOISE, Naming, name_effects
+from .search import THRESHOLD, Suspect
 from .where import Where
 
 SCHEMA = "furuta-diagnosis/1"

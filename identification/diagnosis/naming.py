@@ -1,52 +1,23 @@
-"""Which effect is missing: joint refits of the suspects, compared by likelihood with what each costs.
+"""Which effect is missing: a forward search, its suspects compared by likelihood with what each costs.
 
-Every suspect is fitted together with θ and the noise intensities (frozen noise hides most of the evidence, and θ fitted
-without the effect carries part of it). Suspects that the data cannot tell apart are kept as a set of equals.
+Suspects that the data cannot tell apart are kept as a set of equals.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.plant import Plant
 
-from ..prediction_error import quietest
-from .candidates import Fit, Score, fit, scores
-from .race import REACH, added, chase, leading, race, retry, whole_numbers, with_effect, without
+from .candidates import Fit
+from .search import OWN_SHARE, THRESHOLD, Search, Suspect, slight
 
-Array = NDArray[np.float64]
-
-THRESHOLD = 10.0  # nats, net of the price of the parameters: what an effect must gain to be believed
 EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
-_SHORTLIST, _NEAR = 6, 0.15  # effects, and the share of the best score that they must have
-_FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's, later ones'
-_QUIETER = 100.0
-_POWERS = {"frequencies": 1.5, "times": 1.0}
-_OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
-_HOPELESS = 0.5  # of that share: what explains less is not looked at any closer
-_FINALISTS = 4  # suspects that are finished at most
-_CONTESTED = 0.3  # of the leader's net gain, of a suspect that may take its place when another effect has been found
-_NEARLY = 0.3  # nats a step, at which a suspect's fit is finished: names are decided by ten
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """A refitted effect. `gain` [nats]: log-likelihood over the model without it; `net`: minus its price."""
-
-    name: str
-    gain: float
-    net: float
-    fit: Fit = field(repr=False)
-    score: float = 0.0
-
-
-Ranking = tuple[Suspect, ...]
+_HOPELESS = 0.5  # of a further effect's share: what explains less is not looked at any closer
 
 
 @dataclass(frozen=True)
@@ -79,7 +50,7 @@ def name_effects(
     every suspect from several sizes, not the leading ones only.
     """
     tell = progress or (lambda text: None)
-    search = _Search(anchor, only, tell)
+    search = Search(anchor, only, tell)
     current, found, last = nominal, [], ()
     absorbed: dict[str, float] = {}
     refused: Suspect | None = None
@@ -88,7 +59,7 @@ def name_effects(
         names, table = search.suspects(current, len(found))
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        least = _HOPELESS * _OWN_SHARE * max((ranking[0].gain for ranking in found), default=0.0)
+        least = _HOPELESS * OWN_SHARE * max((ranking[0].gain for ranking in found), default=0.0)
         current, last = search.refits(current, names, table, thorough, least=least)
         if step == 0:
             nominal = current
@@ -98,14 +69,14 @@ def name_effects(
             refused = last[0]
             break
         if found and (remains := left(last[0].fit.plant)) > last[0].net:
-            if not thorough and remains > _OWN_SHARE * max(ranking[0].gain for ranking in found):
+            if not thorough and remains > OWN_SHARE * max(ranking[0].gain for ranking in found):
                 current, last = search.refits(current, names, table, thorough=True, least=least)
                 remains = left(last[0].fit.plant)
             if remains > last[0].net:
                 refused = last[0]
                 break
         together = search.reconsidered([*found, last])
-        if _slight(together[-1][0].gain, together[:-1]):
+        if slight(together[-1][0].gain, together[:-1]):
             refused = last[0]
             break
         found, last, current = together, (), together[-1][0].fit
@@ -113,148 +84,3 @@ def name_effects(
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < EQUALS) for r in found)
     rankings = (*found, last) if last else tuple(found)
     return Naming(nominal, current, accepted, equals, rankings, absorbed, refused)
-
-
-def _slight(gain: float, others: Sequence[Ranking]) -> bool:
-    """Whether an effect may only mend the form of another: it explains far less. No rig has an effect in the library's
-    very words, and what the words miss of a large effect looks like a small one of another name."""
-    return gain < _OWN_SHARE * max((ranking[0].gain for ranking in others), default=0.0)
-
-
-def shortlist(table: dict[str, Score], samples: int, least: float) -> list[str]:
-    """Effects whose score comes near the best one's, and what the best few are mistaken for (equal to first order,
-    apart in a refit), if the score is `least` times what the effect's parameters cost."""
-    promising = {n: s for n, s in table.items() if s.start is not None and s.gain > least * price(n, samples)}
-    ranked = sorted(promising, key=lambda name: -promising[name].gain)
-    names = [n for n in ranked[:_SHORTLIST] if promising[n].gain > _NEAR * promising[ranked[0]].gain]
-    for name in names[:3]:
-        names += [n for n in EFFECTS[name].mistaken_for if n in promising and n not in names]
-    return names
-
-
-def price(name: str, samples: int) -> float:
-    """What an effect's parameters cost [nats]: half ln N each (the Bayesian information criterion), but 3/2 ln N for a
-    frequency and ln N for an instant, which N samples determine so well that more of them can be told apart (Djurić
-    1998, "Asymptotic MAP criteria for model selection")."""
-    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in EFFECTS[name].parameters]
-    return sum(powers) * math.log(samples)
-
-
-@dataclass(frozen=True)
-class _Search:
-    """What stays the same from step to step."""
-
-    anchor: Plant
-    only: Sequence[str] | None
-    tell: Callable[[str], None]
-
-    def suspects(self, current: Fit, found: int) -> tuple[list[str], dict[str, Score]]:
-        """Effects worth a refit, and the scores of all. Where the noise has been fitted to hide what is missing, scores
-        at less noise choose."""
-        table = scores(current, self.only)
-        names = shortlist(table, current.samples, _FAINT[min(found, 1)])
-        hiding = np.any(current.noise[:2] > 10.0 * quietest(current.plant, current.records))
-        convincing = any(table[n].gain > price(n, current.samples) + THRESHOLD for n in names)
-        if hiding and not convincing:
-            quiet = scores(current, self.only, quieter=_QUIETER)
-            more = [n for n in shortlist(quiet, current.samples, 1.0) if n not in names]
-            table |= {n: replace(quiet[n], gain=table[n].gain) for n in more}
-            names += more
-        return names, table
-
-    def refits(
-        self,
-        current: Fit,
-        names: Sequence[str],
-        table: dict[str, Score],
-        thorough: bool = False,
-        held: Fit | None = None,
-        least: float = 0.0,
-    ) -> tuple[Fit, Ranking]:
-        """Suspects refitted; the model without any is refitted from the best one's θ, so that neither stopped early.
-
-        held: a fit with an effect more than `current` that takes part as it is. least [nats]: gain below which the
-        best stays as coarsely fitted as it is.
-        """
-        anchor, tell = self.anchor, self.tell
-        starts = {name: start for name in names if (start := table[name].start) is not None}
-        if held is not None:
-            starts[added(held, current).name] = added(held, current)
-        if not starts:
-            return current, ()
-        tell(f"racing {', '.join(starts)}")
-        ahead = math.inf if held is None else held.value
-        fits = race({n: with_effect(current, start, anchor) for n, start in starts.items()}, current, anchor, ahead)
-        if held is not None and held.value < fits[added(held, current).name].value:
-            fits[added(held, current).name] = held
-        lost = min(f.value for f in fits.values()) > current.value + REACH  # worse than without any: all went astray
-        retried: set[str] = set()
-        if thorough or lost:
-            retried = set(fits)
-            retry(list(fits), starts, fits, current, anchor, tell)
-        led: set[str] = set()
-        while (leader := min(fits, key=lambda name: fits[name].value)) not in led:
-            led.add(leader)
-            if fits[leader] is not held and (fresh := [n for n in leading(fits) if n not in retried]):
-                retried.update(fresh)
-                retry(fresh, starts, fits, current, anchor, tell)
-            chase(leader, fits, current, anchor, tell)
-        best = min(f.value for f in fits.values())
-        if current.value - best >= least:
-            current = self._finish(fits, current, held)
-        suspects = []
-        for name, fitted in fits.items():
-            gain = current.value - fitted.value
-            score = table[name].gain if name in table else 0.0
-            suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
-        return current, tuple(sorted(suspects, key=lambda s: -s.net))
-
-    def _finish(self, fits: dict[str, Fit], current: Fit, held: Fit | None) -> Fit:
-        """Fits the leading suspects to the end, in place; returns the model without any, the better of two starts."""
-        best = min(f.value for f in fits.values())
-        hopeful = [n for n in fits if current.value - fits[n].value > price(n, current.samples) + THRESHOLD - REACH]
-        for name in sorted(hopeful, key=lambda name: fits[name].value)[:_FINALISTS]:
-            if fits[name].value < best + REACH and fits[name] is not held:
-                self.tell(f"finishing {name}")
-                nearest = whole_numbers(fits[name], current, self.anchor)
-                fits[name] = self._fitted(nearest.plant, nearest)
-        self.tell("refitting the model without it")
-        plant = without(min(fits.values(), key=lambda f: f.value), current)
-        again = fit(plant, current.noise, current.records, anchor=self.anchor, coarse=True)
-        if again.value < current.value + THRESHOLD:
-            again = self._fitted(again.plant, again)
-        return again if again.value < current.value else current
-
-    def _fitted(self, plant: Plant, start: Fit) -> Fit:
-        return fit(plant, start.noise, start.records, anchor=self.anchor, tolerance=_NEARLY)
-
-    def reduced(self, fitted: Fit, name: str) -> Fit:
-        """Refitted without one of its effects."""
-        plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
-        return self._fitted(plant, fitted)
-
-    def reconsidered(self, found: list[Ranking]) -> list[Ranking]:
-        """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
-        while the other was missing. Effects that have become superfluous or slight go, others may be exchanged."""
-        current, changed = found[-1][0].fit, False
-        for ranking in found[:-1]:
-            name = ranking[0].name
-            self.tell(f"reconsidering {name}")
-            reduced = self.reduced(current, name)
-            others = [r for r in found if r is not ranking]
-            gain = reduced.value - current.value
-            if gain - price(name, current.samples) < THRESHOLD or _slight(gain, others):
-                found, current, changed = others, reduced, True
-            elif any(s.net > _CONTESTED * ranking[0].net for s in ranking[1:]):
-                names, table = self.suspects(reduced, len(others))
-                _, again = self.refits(reduced, names, table, held=current)
-                changed = changed or again[0].name != name
-                current = again[0].fit
-                found = [again if r is ranking else r for r in found]
-        if changed:
-            name = found[-1][0].name
-            gain = self.reduced(current, name).value - current.value
-            last = replace(found[-1][0], gain=gain, net=gain - price(name, current.samples))
-            found[-1] = (last, *found[-1][1:])
-        found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
-        return found

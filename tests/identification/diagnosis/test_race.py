@@ -11,10 +11,11 @@ import pytest
 
 import identification.diagnosis.naming as naming_module
 import identification.diagnosis.race as race_module
+import identification.diagnosis.search as search_module
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.candidates import Score
-from identification.diagnosis.naming import Suspect
 from identification.diagnosis.race import added, chase, resized, retry
+from identification.diagnosis.search import Suspect
 
 
 def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,12 +37,12 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
         told = values if math.isinf(ahead) else reached
         return {name: fitted(name if name in told else "arm_ripple", told.get(name, math.inf)) for name in entries}
 
-    for module in (naming_module, race_module):
+    for module in (search_module, race_module):
         monkeypatch.setattr(module, "race", race)
-    monkeypatch.setattr(naming_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
+    monkeypatch.setattr(search_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
     left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, samples=1000, records=())
     table = {name: Score(name, 40.0, plant.default_effect(name), 0.0) for name in values}
-    search = naming_module._Search(plant, None, lambda text: None)
+    search = search_module.Search(plant, None, lambda text: None)
     _, ranking = search.refits(left, list(values), table)
     assert asked == [["arm_spring", "arm_ripple"], ["arm_ripple"], ["arm_spring"], ["-1", "+1"]]
     assert ranking[0].name == "arm_spring"
@@ -141,7 +142,7 @@ def test_other_sizes_of_a_later_effect_also_start_with_less_of_the_earlier(monke
 
 @pytest.fixture
 def search() -> Any:
-    return naming_module._Search(TABLE_3, None, lambda text: None)
+    return search_module.Search(TABLE_3, None, lambda text: None)
 
 
 def refitted(value: float) -> Any:
@@ -162,10 +163,10 @@ def test_a_name_that_stood_in_for_two_is_exchanged(search: Any, monkeypatch: pyt
     ]
     better = a_fit("input_offset", "pendulum_coulomb_asymmetry", value=-300.0)
     offset = ranked(("input_offset", 760.0), ("base_tilt", 400.0), fit=better)
-    monkeypatch.setattr(naming_module._Search, "suspects", lambda *a: ([], {}))
-    monkeypatch.setattr(naming_module._Search, "refits", lambda self, reduced, *a, held: (reduced, offset))
+    monkeypatch.setattr(search_module.Search, "suspects", lambda *a: ([], {}))
+    monkeypatch.setattr(search_module.Search, "refits", lambda self, reduced, *a, held: (reduced, offset))
     monkeypatch.setattr(
-        naming_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=900.0)
+        search_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=900.0)
     )
     again = search.reconsidered(found)
     assert [ranking[0].name for ranking in again] == ["input_offset", "pendulum_coulomb_asymmetry"]
@@ -184,10 +185,10 @@ def test_only_a_contested_name_is_reconsidered(
     ]
     same = ranked(("arm_spring", 1500.0), ("arm_ripple", 50.0), fit=both)
     calls: list[Any] = []
-    monkeypatch.setattr(naming_module._Search, "suspects", lambda *a: ([], {}))
-    monkeypatch.setattr(naming_module._Search, "refits", lambda self, r, *a, held: calls.append(held) or (r, same))
+    monkeypatch.setattr(search_module.Search, "suspects", lambda *a: ([], {}))
+    monkeypatch.setattr(search_module.Search, "refits", lambda self, r, *a, held: calls.append(held) or (r, same))
     monkeypatch.setattr(
-        naming_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=1600.0)
+        search_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=1600.0)
     )
     again = search.reconsidered(found)
     assert [ranking[0].name for ranking in again] == ["arm_spring", "arm_stribeck"]
@@ -201,7 +202,7 @@ def test_what_the_last_effect_makes_superfluous_goes(search: Any, monkeypatch: p
         ranked(("arm_spring", 250.0), fit=a_fit("arm_ripple", "arm_spring", value=-150.0)),
     ]
     monkeypatch.setattr(
-        naming_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=-149.0)
+        search_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=-149.0)
     )
     again = search.reconsidered(found)
     assert [ranking[0].name for ranking in again] == ["arm_spring"]
@@ -222,7 +223,7 @@ def test_what_the_last_effect_leaves_little_for_goes(search: Any, monkeypatch: p
     def missing(names: list[str]) -> str:
         return next(n for n in ("input_delay", "arm_ripple", "input_saturation") if n not in names)
 
-    monkeypatch.setattr(naming_module, "fit", fitted)
+    monkeypatch.setattr(search_module, "fit", fitted)
     again = search.reconsidered(found)
     assert [ranking[0].name for ranking in again] == ["arm_ripple", "input_saturation"]
 
@@ -234,12 +235,12 @@ def test_suspects_that_all_went_astray_run_again(search: Any, monkeypatch: pytes
     for value, all_of_them in ((400.0, True), (-40.0, False)):
         tried.clear()
         monkeypatch.setattr(
-            naming_module, "race", lambda e, *a, v=value, **k: {n: a_fit(n, value=v + len(n)) for n in e}
+            search_module, "race", lambda e, *a, v=value, **k: {n: a_fit(n, value=v + len(n)) for n in e}
         )
-        monkeypatch.setattr(naming_module, "retry", lambda names, *a: tried.append(list(names)))
-        monkeypatch.setattr(naming_module, "chase", lambda *a: None)
-        monkeypatch.setattr(naming_module, "whole_numbers", lambda found, *a: found)
-        monkeypatch.setattr(naming_module, "fit", refitted(0.0))
+        monkeypatch.setattr(search_module, "retry", lambda names, *a: tried.append(list(names)))
+        monkeypatch.setattr(search_module, "chase", lambda *a: None)
+        monkeypatch.setattr(search_module, "whole_numbers", lambda found, *a: found)
+        monkeypatch.setattr(search_module, "fit", refitted(0.0))
         search.refits(current, list(table), table)
         assert (["arm_spring", "arm_stribeck"] in tried) == all_of_them
 
@@ -261,9 +262,9 @@ def test_the_search_keeps_what_was_exchanged_and_tells_what_was_refused(monkeypa
         asked.append(least)
         return current, steps[len(told) - 1]
 
-    monkeypatch.setattr(naming_module._Search, "suspects", lambda *a: ([], {}))
-    monkeypatch.setattr(naming_module._Search, "refits", refits)
-    monkeypatch.setattr(naming_module._Search, "reconsidered", reconsidered)
+    monkeypatch.setattr(search_module.Search, "suspects", lambda *a: ([], {}))
+    monkeypatch.setattr(search_module.Search, "refits", refits)
+    monkeypatch.setattr(search_module.Search, "reconsidered", reconsidered)
     found = naming_module.name_effects(a_fit(), TABLE_3, thorough=True)
     assert [s.name for s in found.accepted] == ["input_offset", "arm_stribeck"]
     assert found.refused is not None
@@ -288,3 +289,22 @@ def test_unknown_is_said_after_a_thorough_search_only(
     monkeypatch.setattr(module, "_verdict", lambda naming, rest: ("named" if naming.thorough else "unknown", ""))
     log: Any = SimpleNamespace(u=np.ones(5), pieces=list)
     assert module.diagnose([log]).verdict == verdict
+
+
+@pytest.mark.parametrize(("name", "fixed"), [("friction_sharpness", 100.0), ("arm_spring", None)])
+def test_the_model_before_a_sharpness_was_found_does_not_have_it(
+    monkeypatch: pytest.MonkeyPatch, name: str, fixed: float | None
+) -> None:
+    """An estimate has r free; a gap from it to the same r would be none."""
+    import identification.diagnosis.diagnose as module
+
+    found = SimpleNamespace(name=name, net=50.0)
+    fitted = SimpleNamespace(value=0.0, noise=np.ones(4), plant=TABLE_3)
+    naming = SimpleNamespace(final=fitted, nominal=fitted, accepted=(found,), rankings=())
+    monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3, given=k))
+    monkeypatch.setattr(module, "fit", lambda *a, **k: None)
+    monkeypatch.setattr(module, "_searched", lambda *a, **k: (naming, None, None))
+    monkeypatch.setattr(module, "_verdict", lambda *a: ("named", ""))
+    log: Any = SimpleNamespace(u=np.ones(5), pieces=list)
+    before: Any = module.diagnose([log]).before
+    assert before.given.get("sharpness") == fixed

@@ -11,7 +11,7 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _anchor, _verdict, structured
-from identification.diagnosis.naming import Suspect, _slight, price, shortlist
+from identification.diagnosis.search import Suspect, price, shortlist, slight
 
 
 def suspect(name: str, gain: float) -> Suspect:
@@ -59,10 +59,10 @@ def test_a_frequency_and_an_instant_cost_more_than_a_size() -> None:
 
 def test_a_further_effect_must_explain_its_share() -> None:
     drag, offset = (suspect("pendulum_quadratic_drag", 1900.0),), (suspect("input_offset", 60.0),)
-    assert _slight(270.0, [drag])
-    assert _slight(50.0, [offset, drag])
-    assert not _slight(900.0, [drag])
-    assert not _slight(15.0, [])
+    assert slight(270.0, [drag])
+    assert slight(50.0, [offset, drag])
+    assert not slight(900.0, [drag])
+    assert not slight(15.0, [])
 
 
 def test_what_is_refused_is_left_over_and_told() -> None:
