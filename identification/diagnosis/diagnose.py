@@ -19,7 +19,7 @@ from ..logs import Log
 from ..prediction_error import Record
 from .candidates import Fit, fit
 from .locate import locate
-from .naming import START_NOISE, Naming, name_effects
+from .naming import START_NOISE, Naming, name_effects, unsettled
 from .search import THRESHOLD, Suspect
 from .where import Where
 
@@ -196,7 +196,8 @@ def _searched(
         tell("estimating all parameters together")
         after = identify(logs, naming.final.plant, noise=naming.final.noise)
     tell("looking at what is left")
-    return naming, after, locate(after.plant, logs)
+    rest = locate(after.plant, logs)
+    return unsettled(naming, rest), after, rest
 
 
 def _anchor(plant: Plant) -> Plant:

@@ -6,17 +6,21 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from furuta_gym.plant import Plant
+from furuta_gym.plant import EFFECTS, Plant
 
 from .candidates import Fit
-from .search import OWN_SHARE, THRESHOLD, Search, Suspect, slight
+from .race import alike
+from .search import OWN_SHARE, THRESHOLD, Ranking, Search, Suspect, slight
+from .where import Where
 
 EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
 START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
+_AS_GOOD = 0.9  # of the leader's gain, where the form of both is wrong
+_VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
 _HOPELESS = 0.5  # of a further effect's share: what explains less is not looked at any closer
 
 
@@ -28,7 +32,7 @@ class Naming:
     final: Fit = field(repr=False)
     accepted: tuple[Suspect, ...]
     equals: tuple[tuple[str, ...], ...]  # beside each accepted effect, what cannot be told from it
-    rankings: tuple[tuple[Suspect, ...], ...]
+    rankings: tuple[Ranking, ...]
     absorbed: dict[str, float]  # share of each effect's answer that θ can imitate on these logs
     refused: Suspect | None = None  # what would explain some more, but too little to be told from a wrong form
 
@@ -76,7 +80,7 @@ def name_effects(
                 refused = last[0]
                 break
         together = search.reconsidered([*found, last])
-        if slight(together[-1][0].gain, together[:-1]):
+        if slight(together[-1][0].name, together[-1][0].gain, together[:-1]):
             refused = last[0]
             break
         found, last, current = together, (), together[-1][0].fit
@@ -84,3 +88,30 @@ def name_effects(
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < EQUALS) for r in found)
     rankings = (*found, last) if last else tuple(found)
     return Naming(nominal, current, accepted, equals, rankings, absorbed, refused)
+
+
+def unsettled(naming: Naming, rest: Where) -> Naming:
+    """The same with more equals, where what is left goes with the very variable that an effect found depends on. Its
+    form is wrong then, and a look-alike of the same variable that explains nearly as much may as well be the name."""
+    if not rest.found:
+        return naming
+    equals = []
+    for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
+        rivals = [
+            s.name
+            for s in ranking
+            if s.name not in own
+            and alike(s.name, found.name)
+            and s.gain > _AS_GOOD * found.gain
+            and _acts_on(s.name, rest)
+            and _acts_on(found.name, rest)
+        ]
+        equals.append((*own, *rivals))
+    return replace(naming, equals=tuple(equals))
+
+
+def _acts_on(name: str, rest: Where) -> bool:
+    """Whether an effect depends on what the rest goes with, in the same place."""
+    effect = EFFECTS[name]
+    variables = {_VARIABLES.get(a) for arguments in effect.arguments.values() for a in arguments}
+    return rest.variable in variables and str(rest.channel) in effect.place

@@ -126,14 +126,18 @@ def leading(fits: dict[str, Fit]) -> list[str]:
 
 def _rivals(leader: str, fits: dict[str, Fit]) -> list[str]:
     """What might be mistaken for the leader: its look-alikes, and the next in the race."""
-    alike = _alike(leader, fits)
-    return [*alike, *[n for n in sorted(fits, key=lambda n: fits[n].value) if n not in alike][: 1 + _CHASERS]]
+    same = _alike(leader, fits)
+    return [*same, *[n for n in sorted(fits, key=lambda n: fits[n].value) if n not in same][: 1 + _CHASERS]]
 
 
 def _alike(leader: str, fits: dict[str, Fit]) -> list[str]:
     """Its look-alikes, the best first."""
-    alike = [n for n in fits if n in EFFECTS[leader].mistaken_for or leader in EFFECTS[n].mistaken_for]
-    return sorted(alike, key=lambda name: fits[name].value)
+    return sorted((name for name in fits if alike(name, leader)), key=lambda name: fits[name].value)
+
+
+def alike(one: str, other: str) -> bool:
+    """Whether one of two effects is declared to be mistaken for the other."""
+    return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
 
 
 def _between(leader: Fit, current: Fit) -> Array:

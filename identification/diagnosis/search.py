@@ -16,16 +16,18 @@ from furuta_gym.plant import EFFECTS, Plant
 
 from ..prediction_error import quietest
 from .candidates import Fit, Score, fit, scores
-from .race import REACH, added, chase, leading, race, retry, whole_numbers, with_effect, without
+from .race import REACH, added, alike, chase, leading, race, retry, whole_numbers, with_effect, without
 
 THRESHOLD = 10.0  # nats, net of the price of the parameters: what an effect must gain to be believed
 OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
+_ALIKE_SHARE = 0.5  # the same of the gain of a look-alike
 _SHORTLIST, _NEAR = 6, 0.15  # effects, and the share of the best score that they must have
 _FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's, later ones'
 _QUIETER = 100.0
 _POWERS = {"frequencies": 1.5, "times": 1.0}
 _FINALISTS = 4  # suspects that are finished at most
 _CONTESTED = 0.3  # of the leader's net gain, of a suspect that may take its place when another effect has been found
+_PLAIN = 200.0  # nats: a gain that no fit which stopped early accounts for
 _NEARLY = 0.3  # nats a step, at which a suspect's fit is finished: names are decided by ten
 
 
@@ -62,10 +64,11 @@ def price(name: str, samples: int) -> float:
     return sum(powers) * math.log(samples)
 
 
-def slight(gain: float, others: Sequence[Ranking]) -> bool:
-    """Whether an effect may only mend the form of another: it explains far less. No rig has an effect in the library's
-    very words, and what the words miss of a large effect looks like a small one of another name."""
-    return gain < OWN_SHARE * max((ranking[0].gain for ranking in others), default=0.0)
+def slight(name: str, gain: float, others: Sequence[Ranking]) -> bool:
+    """Whether an effect may only mend the form of another: it explains far less, or, if it is a look-alike, not even
+    half. No rig has an effect in the library's very words, and what the words miss of a large effect looks like a small
+    one of another name, of one that is mistaken for it most of all."""
+    return any(gain < (_ALIKE_SHARE if alike(name, other.name) else OWN_SHARE) * other.gain for other, *_ in others)
 
 
 @dataclass(frozen=True)
@@ -147,10 +150,12 @@ class Search:
                 nearest = whole_numbers(fits[name], current, self.anchor)
                 fits[name] = self._fitted(nearest.plant, nearest)
         self.tell("refitting the model without it")
-        plant = without(min(fits.values(), key=lambda f: f.value), current)
-        again = fit(plant, current.noise, current.records, anchor=self.anchor, coarse=True)
-        if again.value < current.value + THRESHOLD:
-            again = self._fitted(again.plant, again)
+        leader = min(fits.values(), key=lambda f: f.value)
+        again = fit(without(leader, current), current.noise, current.records, anchor=self.anchor, coarse=True)
+        doubtful = current.value - leader.value < _PLAIN
+        if doubtful or again.value < current.value + THRESHOLD:
+            # to the end: what this one lacks would pass for a gain of the effect
+            again = fit(again.plant, again.noise, again.records, anchor=self.anchor)
         return again if again.value < current.value else current
 
     def _fitted(self, plant: Plant, start: Fit) -> Fit:
@@ -171,7 +176,7 @@ class Search:
             reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
             gain = reduced.value - current.value
-            if gain - price(name, current.samples) < THRESHOLD or slight(gain, others):
+            if gain - price(name, current.samples) < THRESHOLD or slight(name, gain, others):
                 found, current, changed = others, reduced, True
             elif any(s.net > _CONTESTED * ranking[0].net for s in ranking[1:]):
                 names, table = self.suspects(reduced, len(others))

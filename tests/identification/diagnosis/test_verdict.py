@@ -11,6 +11,7 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _anchor, _verdict, structured
+from identification.diagnosis.naming import Naming, unsettled
 from identification.diagnosis.search import Suspect, price, shortlist, slight
 
 
@@ -59,10 +60,17 @@ def test_a_frequency_and_an_instant_cost_more_than_a_size() -> None:
 
 def test_a_further_effect_must_explain_its_share() -> None:
     drag, offset = (suspect("pendulum_quadratic_drag", 1900.0),), (suspect("input_offset", 60.0),)
-    assert slight(270.0, [drag])
-    assert slight(50.0, [offset, drag])
-    assert not slight(900.0, [drag])
-    assert not slight(15.0, [])
+    assert slight("input_delay", 370.0, [drag])
+    assert slight("input_delay", 50.0, [offset, drag])
+    assert not slight("input_delay", 400.0, [drag])
+    assert not slight("input_delay", 15.0, [])
+
+
+def test_a_look_alike_must_explain_half() -> None:
+    """Two lags in series, fitted as one, leave what looks like a delay."""
+    lag = (suspect("actuator_lag", 1650.0),)
+    assert slight("input_delay", 800.0, [lag])
+    assert not slight("input_delay", 850.0, [lag])
 
 
 def test_what_is_refused_is_left_over_and_told() -> None:
@@ -101,3 +109,23 @@ def test_the_search_starts_off_every_bound() -> None:
     assert (theta[5:] > 0).all()
     assert theta[1] == pytest.approx(0.3 * 0.024)
     assert _anchor(TABLE_3).theta[1] == TABLE_3.theta[1]
+
+
+@pytest.mark.parametrize(
+    ("channel", "variable", "rival", "equals"),
+    [
+        ("input", "command", ("input_cubic_gain", 1950.0), ("input_cubic_gain",)),
+        ("input", "command", ("input_cubic_gain", 1700.0), ()),  # explains much less
+        ("input", "command", ("input_gain_asymmetry", 1950.0), ()),  # no look-alike
+        ("arm", "arm speed", ("input_cubic_gain", 1950.0), ()),  # the form of the saturation may be right
+    ],
+)
+def test_a_form_that_is_wrong_does_not_settle_the_name(
+    channel: str, variable: str, rival: tuple[str, float], equals: tuple[str, ...]
+) -> None:
+    winner = suspect("input_saturation", 2000.0)
+    names = Naming(None, None, (winner,), ((),), ((winner, suspect(*rival)),), {})  # type: ignore[arg-type]
+    left: Any = SimpleNamespace(found=True, channel=channel, variable=variable)
+    assert unsettled(names, left).equals == (equals,)
+    left.found = False
+    assert unsettled(names, left).equals == ((),)
