@@ -27,8 +27,6 @@ _QUIETER = 100.0
 _POWERS = {"frequencies": 1.5, "times": 1.0}
 _FINALISTS = 4  # suspects that are finished at most
 _CONTESTED = 0.3  # of the leader's net gain, of a suspect that may take its place when another effect has been found
-_PLAIN = 200.0  # nats: a gain that no fit which stopped early accounts for
-_NEARLY = 0.3  # nats a step, at which a suspect's fit is finished: names are decided by ten
 
 
 @dataclass(frozen=True)
@@ -150,16 +148,12 @@ class Search:
                 nearest = whole_numbers(fits[name], current, self.anchor)
                 fits[name] = self._fitted(nearest.plant, nearest)
         self.tell("refitting the model without it")
-        leader = min(fits.values(), key=lambda f: f.value)
-        again = fit(without(leader, current), current.noise, current.records, anchor=self.anchor, coarse=True)
-        doubtful = current.value - leader.value < _PLAIN
-        if doubtful or again.value < current.value + THRESHOLD:
-            # to the end: what this one lacks would pass for a gain of the effect
-            again = fit(again.plant, again.noise, again.records, anchor=self.anchor)
+        plant = without(min(fits.values(), key=lambda f: f.value), current)
+        again = self._fitted(plant, current)
         return again if again.value < current.value else current
 
     def _fitted(self, plant: Plant, start: Fit) -> Fit:
-        return fit(plant, start.noise, start.records, anchor=self.anchor, tolerance=_NEARLY)
+        return fit(plant, start.noise, start.records, anchor=self.anchor)
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Refitted without one of its effects."""
@@ -175,6 +169,9 @@ class Search:
             self.tell(f"reconsidering {name}")
             reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
+            stepped = whole_numbers(current, reduced, self.anchor)
+            if stepped is not current:
+                current, changed = self._fitted(stepped.plant, stepped), True
             gain = reduced.value - current.value
             if gain - price(name, current.samples) < THRESHOLD or slight(name, gain, others):
                 found, current, changed = others, reduced, True

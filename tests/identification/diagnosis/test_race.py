@@ -141,7 +141,9 @@ def test_other_sizes_of_a_later_effect_also_start_with_less_of_the_earlier(monke
 
 
 @pytest.fixture
-def search() -> Any:
+def search(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """No whole numbers are stepped, unless a test says how."""
+    monkeypatch.setattr(search_module, "whole_numbers", lambda found, *a: found)
     return search_module.Search(TABLE_3, None, lambda text: None)
 
 
@@ -226,6 +228,25 @@ def test_what_the_last_effect_leaves_little_for_goes(search: Any, monkeypatch: p
     monkeypatch.setattr(search_module, "fit", fitted)
     again = search.reconsidered(found)
     assert [ranking[0].name for ranking in again] == ["arm_ripple", "input_saturation"]
+
+
+def test_whole_numbers_of_an_earlier_effect_are_stepped_again(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thirteen periods a turn were the best while the drag was missing; with it, twelve are."""
+    found = [
+        ranked(("arm_ripple", 900.0), fit=a_fit("arm_ripple", value=100.0)),
+        ranked(("arm_quadratic_drag", 700.0), fit=a_fit("arm_ripple", "arm_quadratic_drag", value=-600.0)),
+    ]
+    twelve = a_fit("arm_ripple", "arm_quadratic_drag", value=-1200.0)
+    monkeypatch.setattr(search_module, "whole_numbers", lambda *a: twelve)
+
+    def fitted(plant: Any, *a: Any, **k: Any) -> Any:
+        return a_fit(*(e.name for e in plant.effects), value=-1250.0 if len(plant.effects) == 2 else 100.0)
+
+    monkeypatch.setattr(search_module, "fit", fitted)
+    again = search.reconsidered(found)
+    assert [ranking[0].name for ranking in again] == ["arm_ripple", "arm_quadratic_drag"]
+    assert again[-1][0].fit.value == -1250.0
+    assert again[-1][0].gain == 1350.0
 
 
 def test_suspects_that_all_went_astray_run_again(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
