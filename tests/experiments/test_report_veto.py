@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
-from experiments.report.gap import brings_nothing, judged
+from experiments.report.gap import TAIL, _of_tails, brings_nothing, judged
+from furuta_gym.plant import TABLE_3
+from tests.identification.loops import loop_log
 
 
 @pytest.mark.parametrize(
@@ -40,3 +42,12 @@ def test_what_names_leave_of_the_gap_is_told(after: float, timed: bool, told: st
     gap: Any = SimpleNamespace(changed=True, closed=closed, tail=None, likelier=500.0, after_over_floor=after)
     diagnosis: Any = SimpleNamespace(timed=timed, falling_short=lambda ratio: f"short {ratio}")
     assert judged(diagnosis, gap) == (told or diagnosis)
+
+
+def test_the_likelihood_of_a_tail_is_the_tails() -> None:
+    """What was fitted must not vouch for itself."""
+    log = loop_log(duration=12.0)[0]
+    tail = _of_tails(TABLE_3, [log])
+    cut = log.t[0] + (1.0 - TAIL) * log.duration
+    assert tail.surprise[:, 1].min() >= cut
+    assert tail.surprise[:, 1].max() > log.t[-1] - 0.1
