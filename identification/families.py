@@ -50,6 +50,10 @@ class Signals:
         return cls(t, states[:, :2], states[:, 2:4], a, path.record.u[:, 0], path.record.y - path.e)
 
 
+ZEROS = {"time (zero of the arm)": "arm angle", "time (zero of the pendulum)": "pendulum angle"}
+"""Variables of the readings' zeros in time, and what is read."""
+
+
 @dataclass(frozen=True)
 class Family:
     """m columns of torque (N, 2, m) on the two rows, or of reading error (N, 2, m) [rad], and what they stand for.
@@ -118,6 +122,7 @@ def families(signals: Signals, plant: Plant, knots: Knots, peaks: Peaks) -> list
         Family("sensor", "pendulum angle", None, _on(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
     ]
     stages = [np.clip(1.0 - np.abs(4.0 * t / t[-1] - j), 0.0, None) for j in range(5)]
+    found += [Family("sensor", zero, None, _on(row, *stages)) for row, zero in enumerate(ZEROS)]
     torques = parameter_torques(s, plant)
     for i in range(9):
         columns = np.stack([torques[:, :, i] * stage[:, None] for stage in stages], axis=2)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import THETA_NAMES, Plant
 
 from ..answers import answers
-from ..families import Knots, Signals, families
+from ..families import ZEROS, Knots, Signals, families
 from ..filter_path import along, follow, refilter, smooth
 from ..flexible import flexible
 from ..likelihood import whiten
@@ -167,7 +167,8 @@ def _nothing(evidence: float) -> str:
 
 def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, unit: str) -> str:
     row = 1 if best.channel == "pendulum" else 0
-    places = {"input": "between the command and the motor", "sensor": f"in the reading of the {best.variable}"}
+    read = ZEROS.get(best.variable, best.variable)
+    places = {"input": "between the command and the motor", "sensor": f"in the reading of the {read}"}
     place = places.get(best.channel, f"in a torque on the {best.channel}'s row")
     zero = "is constant, as a wrong zero of its encoder or a tilted base gives"
     against = {
@@ -178,6 +179,7 @@ def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, uni
         "memory of the motion": "remembers the way the joint has turned",
         "time (friction)": "is friction that changes in time",
         "time (masses)": "is an inertia or a weight that changes in time",
+        **dict.fromkeys(ZEROS, "is a zero that moves in time, as lost counts or a slipping coupling give"),
     }.get(best.variable, f"depends on the {best.variable}")
     rms = np.sqrt(np.mean(np.concatenate([t.mean for t in torques]) ** 2, axis=0))
     lasting = [sum(b - a for a, b in s) > 0.7 * (t.t[-1] - t.t[0]) for s, t in zip(spans, torques, strict=True)]
