@@ -28,7 +28,8 @@ class GapChange:
     """Prediction errors before and after, on the same windows.
 
     closed: share of the squared gap above the floor that closed; 0 where nothing was added. tail: share of each
-    fitted log that was held out (both plants fitted anew to the rest), or None where whole logs were.
+    fitted log that was held out (both plants fitted anew to the rest), or None where whole logs were. own_tail: the
+    same on such tails, beside whole logs that cannot speak about effects which repeat by the clock of their own log.
     """
 
     before: Gap
@@ -36,6 +37,7 @@ class GapChange:
     closed: ClosedFraction
     logs: tuple[Log, ...]
     tail: float | None
+    own_tail: GapChange | None = None
 
     @property
     def changed(self) -> bool:
@@ -100,28 +102,42 @@ def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Lo
         gaps = [validate(plant, held_out) for plant in plants]
     else:
         heads = [log.split(1.0 - TAIL)[0] for log in logs]
-        gaps = [_of_tails(identify(heads, _as_start(plant)).plant, logs) for plant in plants]
+        # from the noise that the search ended with: from more of it, a fit loses what is small against it again
+        noises = [None, diagnosis.naming.final.noise if diagnosis.naming else None]
+        refitted = [identify(heads, _as_start(p), noise=noise).plant for p, noise in zip(plants, noises, strict=False)]
+        gaps = [_of_tails(plant, logs) for plant in refitted]
     before, after = gaps[0], gaps[-1]
     closed = closed_fraction(before, after) if len(gaps) > 1 else ClosedFraction(0.0, (0.0, 0.0))
-    return GapChange(before, after, closed, tuple(held_out or logs), None if held_out else TAIL)
+    own_tail = _own_tail(diagnosis, logs) if held_out and diagnosis.repeating else None
+    return GapChange(before, after, closed, tuple(held_out or logs), None if held_out else TAIL, own_tail)
 
 
-def brings_nothing(diagnosis: Diagnosis, gap: GapChange) -> bool:
+def _own_tail(diagnosis: Diagnosis, logs: Sequence[Log]) -> GapChange | None:
+    try:
+        return measure_gap(diagnosis, logs)
+    except ValueError:  # too short, or its first part alone cannot be fitted
+        return None
+
+
+def brings_nothing(gap: GapChange) -> bool:
     """Whether held-out data speak against the effects found: the gap grows for certain, or it closes for certain
-    neither there nor in the likelihood. Effects that follow a log's own clock are judged on its tail only."""
-    if not gap.changed or (gap.tail is None and diagnosis.timed):
-        return False
+    neither there nor in the likelihood."""
     low, high = gap.closed.interval
-    return high <= 0.0 or not (low > 0.0 or gap.likelier > LIKELIER)
+    return gap.changed and (high <= 0.0 or not (low > 0.0 or gap.likelier > LIKELIER))
 
 
 def judged(diagnosis: Diagnosis, gap: GapChange) -> Diagnosis:
-    """The diagnosis in the light of held-out data: names taken back, or what they leave of the gap."""
-    if brings_nothing(diagnosis, gap):
+    """The diagnosis in the light of held-out data: names taken back, or what they leave of the gap.
+
+    Effects that follow a log's own clock are judged on its tail only, and there if they repeat or nothing else is held
+    out.
+    """
+    witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
+    if witness is None or not witness.changed:
+        return diagnosis
+    if brings_nothing(witness):
         return diagnosis.vetoed()
-    if gap.changed and gap.after_over_floor > FAR and not (gap.tail is None and diagnosis.timed):
-        return diagnosis.falling_short(gap.after_over_floor)
-    return diagnosis
+    return diagnosis.falling_short(witness.after_over_floor) if witness.after_over_floor > FAR else diagnosis
 
 
 def _as_start(plant: Plant) -> Plant:
