@@ -52,7 +52,7 @@ class Split:
 
 SPLITS = {
     "dev": Split(code=1, numbers=(1, 1_000_000), scatter=0.08),
-    "final": Split(code=6, numbers=(3_000_000, 4_000_000), scatter=0.10),
+    "final": Split(code=8, numbers=(3_000_000, 4_000_000), scatter=0.10),
 }
 
 
