@@ -22,6 +22,7 @@ from .probes import Cell, cells
 ANCHOR_STD = 0.5
 _CHUNK = 48  # probes in one pass of the bank
 _COARSER = 2.0  # times the integration step
+PERIODS = 2.0  # in the longest piece of a log: slower than that is a drift, of which no log can say that it repeats
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ def fit(
     coordinates += noise_coordinates(quietest(anchor or plant, records))
     if anchor is not None:
         coordinates = [anchored(c, anchor) for c in coordinates]
+    coordinates = [repeating(c, max(r.t[-1] - r.t[0] for r in records)) for c in coordinates]
     step = _COARSER if coarse else 1.0
     problem = PredictionError(plant, records, coordinates, noise, coarser=step, parallel=not coarse)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=not coarse)
@@ -85,6 +87,14 @@ def anchored(c: Coordinate, anchor: Plant) -> Coordinate:
     if c.noise or c.row > 4 or not c.log:
         return c
     return replace(c, weak_prior=(math.log(anchor.theta[c.row]), ANCHOR_STD))
+
+
+def repeating(c: Coordinate, duration: float) -> Coordinate:
+    """A frequency [Hz] kept to what repeats within a log of some duration [s]; any other coordinate as it is."""
+    effect, _, parameter = c.name.partition(".")
+    declared = EFFECTS[effect].parameters if effect in EFFECTS else ()
+    repeats = any(p.name == parameter and p.grid == "frequencies" for p in declared)
+    return replace(c, low=max(c.low, PERIODS / duration)) if repeats else c
 
 
 @dataclass(frozen=True)
@@ -142,7 +152,7 @@ def _peaks(nominal: Fit, noise: NDArray[np.float64], most: int = 5) -> NDArray[n
     n = len(w)
     power = np.abs(np.fft.rfft(w - w.mean(axis=0), 4 * n, axis=0)) ** 2
     f = np.fft.rfftfreq(4 * n, float(np.median(np.diff(record.t))))
-    total = np.where((f > 1.0 / record.t[-1]) & (f < 25.0), power.sum(axis=1), 0.0)
+    total = np.where((f > PERIODS / record.t[-1]) & (f < 25.0), power.sum(axis=1), 0.0)
     cell, found = 1.0 / record.t[-1], []
     for _ in range(most):
         top = f[int(np.argmax(total))]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimate import Estimate
 from ..identifiability import NotIdentifiable
@@ -66,7 +66,17 @@ class Diagnosis:
     @property
     def timed(self) -> bool:
         """Whether an effect found follows the clock of its log, and so cannot be looked for in another."""
-        return any("t" in a for s in self.found for a in EFFECTS[s.name].arguments.values())
+        return bool(self._timed)
+
+    @property
+    def repeating(self) -> bool:
+        """Whether every such effect repeats, so that a later part of the same log can speak about it."""
+        return self.timed and all(any(p.grid == "frequencies" for p in effect.parameters) for effect in self._timed)
+
+    @property
+    def _timed(self) -> list[EffectType]:
+        found = [EFFECTS[suspect.name] for suspect in self.found]
+        return [effect for effect in found if any("t" in a for a in effect.arguments.values())]
 
     @property
     def found(self) -> tuple[Suspect, ...]:

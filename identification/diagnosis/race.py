@@ -107,7 +107,7 @@ def chase(leader: str, fits: dict[str, Fit], current: Fit, anchor: Plant, tell) 
     rivals = {
         name: (
             without(fits[leader], current).with_effects(added(fits[name], current)),
-            _between(fits[leader], current),
+            between(fits[leader], current),
         )
         for name in _rivals(leader, fits)
         if name != leader
@@ -140,7 +140,7 @@ def alike(one: str, other: str) -> bool:
     return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
 
 
-def _between(leader: Fit, current: Fit) -> Array:
+def between(leader: Fit, current: Fit) -> Array:
     """Noise for a rival at the leader's θ: half way, in the logarithm, back to what the model without it needs."""
     return np.sqrt(leader.noise * np.maximum(current.noise, leader.noise))
 
@@ -159,29 +159,6 @@ def _afresh(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Array]:
     """From the anchor's θ, with noise enough to find the way."""
     plant = current.plant.replace(theta=anchor.theta).with_effects(start)
     return plant, current.noise * np.array([_RESTART, _RESTART, 1.0, 1.0])
-
-
-def whole_numbers(found: Fit, current: Fit, anchor: Plant) -> Fit:
-    """The fit with the whole numbers of the effect it adds (periods a turn) stepped while that makes it better: no
-    descent moves them, and the score that chose them was taken at another θ."""
-    effect = added(found, current)
-    rest = without(found, current)
-    for p in effect.type.parameters:
-        steps = (-1.0, 1.0) if p.integer and p.role == "shape" else ()
-        while steps:
-            near = {f"{s:+.0f}": {p.name: effect.parameters[p.name] + s} for s in steps}
-            entries = {
-                step: (rest.with_effects(Effect(effect.name, {**effect.parameters, **change})), found.noise)
-                for step, change in near.items()
-                if p.lower <= change[p.name] <= p.upper
-            }
-            fits = race(entries, current, anchor, ahead=found.value)
-            best = min(fits, key=lambda step: fits[step].value, default=None)
-            if best is None or fits[best].value >= found.value:
-                break
-            found, steps = fits[best], (float(best),)
-            effect, rest = added(found, current), without(found, current)
-    return found
 
 
 def added(fitted: Fit, current: Fit) -> Effect:

@@ -16,10 +16,12 @@ from furuta_gym.plant import EFFECTS, Plant
 
 from ..prediction_error import quietest
 from .candidates import Fit, Score, fit, scores
-from .race import REACH, added, alike, chase, leading, race, retry, whole_numbers, with_effect, without
+from .race import REACH, added, alike, chase, leading, race, retry, without
+from .stepping import best_of, starts_of, stepped
 
 THRESHOLD = 10.0  # nats, net of the price of the parameters: what an effect must gain to be believed
 OWN_SHARE = 0.2  # of the largest gain before, what a further effect must explain
+LEAST_SHARE = 0.1  # the same where it is just what was missing: structure was left without it, none is with it
 _ALIKE_SHARE = 0.5  # the same of the gain of a look-alike
 _SHORTLIST, _NEAR = 6, 0.15  # effects, and the share of the best score that they must have
 _FAINT = (0.5, 1.5)  # of the price, what a score must reach: the first effect's, later ones'
@@ -62,11 +64,11 @@ def price(name: str, samples: int) -> float:
     return sum(powers) * math.log(samples)
 
 
-def slight(name: str, gain: float, others: Sequence[Ranking]) -> bool:
+def slight(name: str, gain: float, others: Sequence[Ranking], share: float = OWN_SHARE) -> bool:
     """Whether an effect may only mend the form of another: it explains far less, or, if it is a look-alike, not even
     half. No rig has an effect in the library's very words, and what the words miss of a large effect looks like a small
     one of another name, of one that is mistaken for it most of all."""
-    return any(gain < (_ALIKE_SHARE if alike(name, other.name) else OWN_SHARE) * other.gain for other, *_ in others)
+    return any(gain < (_ALIKE_SHARE if alike(name, other.name) else share) * other.gain for other, *_ in others)
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,10 @@ class Search:
             more = [n for n in shortlist(quiet, current.samples, 1.0) if n not in names]
             table |= {n: replace(quiet[n], gain=table[n].gain) for n in more}
             names += more
+        if names:  # something is missing: then also what no score can suspect
+            abrupt = [n for n in table if n not in names and any(p.abrupt for p in EFFECTS[n].parameters)]
+            table |= {n: replace(table[n], start=current.plant.default_effect(n)) for n in abrupt}
+            names += abrupt
         return names, table
 
     def refits(
@@ -113,7 +119,8 @@ class Search:
             return current, ()
         tell(f"racing {', '.join(starts)}")
         ahead = math.inf if held is None else held.value
-        fits = race({n: with_effect(current, start, anchor) for n, start in starts.items()}, current, anchor, ahead)
+        entries = {key: at for start in starts.values() for key, at in starts_of(start, current, anchor).items()}
+        fits = best_of(race(entries, current, anchor, ahead))
         if held is not None and held.value < fits[added(held, current).name].value:
             fits[added(held, current).name] = held
         lost = min(f.value for f in fits.values()) > current.value + REACH  # worse than without any: all went astray
@@ -145,20 +152,21 @@ class Search:
         for name in sorted(hopeful, key=lambda name: fits[name].value)[:_FINALISTS]:
             if fits[name].value < best + REACH and fits[name] is not held:
                 self.tell(f"finishing {name}")
-                nearest = whole_numbers(fits[name], current, self.anchor)
-                fits[name] = self._fitted(nearest.plant, nearest)
+                nearest = stepped(fits[name], current, self.anchor)
+                fits[name] = self.fitted(nearest.plant, nearest)
         self.tell("refitting the model without it")
         plant = without(min(fits.values(), key=lambda f: f.value), current)
-        again = self._fitted(plant, current)
+        again = self.fitted(plant, current)
         return again if again.value < current.value else current
 
-    def _fitted(self, plant: Plant, start: Fit) -> Fit:
+    def fitted(self, plant: Plant, start: Fit) -> Fit:
+        """A plant refitted to the end, from the noise of another fit."""
         return fit(plant, start.noise, start.records, anchor=self.anchor)
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Refitted without one of its effects."""
         plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
-        return self._fitted(plant, fitted)
+        return self.fitted(plant, fitted)
 
     def reconsidered(self, found: list[Ranking]) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
@@ -169,9 +177,9 @@ class Search:
             self.tell(f"reconsidering {name}")
             reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
-            stepped = whole_numbers(current, reduced, self.anchor)
-            if stepped is not current:
-                current, changed = self._fitted(stepped.plant, stepped), True
+            nearest = stepped(current, reduced, self.anchor)
+            if nearest is not current:
+                current, changed = self.fitted(nearest.plant, nearest), True
             gain = reduced.value - current.value
             if gain - price(name, current.samples) < THRESHOLD or slight(name, gain, others):
                 found, current, changed = others, reduced, True

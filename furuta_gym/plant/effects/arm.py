@@ -192,6 +192,7 @@ ARM_EFFECTS = (
                 neutral=math.inf,
                 lower=1e-6,
                 grid=(10.0, 30.0, 100.0, 300.0),
+                abrupt=True,
             ),
         ),
         kernels={"torque": _presliding, "rate": _presliding_rate},
@@ -223,7 +224,14 @@ ARM_EFFECTS = (
         symptom="on each reversal of the command the arm is free for a moment, then is hit",
         parameters=(
             Parameter(
-                "b", "rad", "half-width of the play", 0.01, lower=0.0, upper=1.0, grid=(0.002, 0.005, 0.01, 0.02, 0.05)
+                "b",
+                "rad",
+                "half-width of the play",
+                0.01,
+                lower=0.0,
+                upper=1.0,
+                grid=(0.002, 0.005, 0.01, 0.02, 0.05),
+                rough=True,
             ),
         ),
         kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},

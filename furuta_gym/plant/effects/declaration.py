@@ -34,7 +34,9 @@ class Parameter:
 
     For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that
     the log's length decides); `span` says that a shape enters linearly together with the size, either as a "phase"
-    (A sin(x + φ)) or as a "product" (k (x − s)), so that no grid is needed.
+    (A sin(x + φ)) or as a "product" (k (x − s)), so that no grid is needed; `rough` says that small changes make what
+    follows different throughout (a stop is hit or just missed), so that only trying leads to the best value; `abrupt`
+    that there is no small size, so that what the data answer to one says nothing, and only a fit does.
     """
 
     name: str
@@ -49,6 +51,8 @@ class Parameter:
     integer: bool = False
     grid: tuple[float, ...] | str = ()
     span: str = ""
+    rough: bool = False
+    abrupt: bool = False
 
     @property
     def positive(self) -> bool:

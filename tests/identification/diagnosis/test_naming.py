@@ -10,6 +10,7 @@ from identification.diagnosis.candidates import fit, scores
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.naming import START_NOISE
 from identification.diagnosis.probes import cells
+from identification.diagnosis.search import Search
 from identification.prediction_error import Record
 from tests.identification.test_prediction_error import simulated
 
@@ -63,3 +64,14 @@ def test_scores_rank_the_hidden_effect_first() -> None:
 def test_unknown_suspects_are_refused() -> None:
     with pytest.raises(ValueError, match="arm_sprung"):
         diagnose([simulated(6)], only=["arm_sprung"])
+
+
+@pytest.mark.parametrize("missing", [True, False])
+def test_what_no_score_can_suspect_races_where_something_is_missing(missing: bool) -> None:
+    """Presliding replaces the friction that is there: it has no small size, and its score is nothing."""
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")) if missing else TABLE_3
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(simulated(7, plant, duration=6.0))], anchor=TABLE_3)
+    names, table = Search(TABLE_3, ("arm_spring", "arm_presliding"), lambda text: None).suspects(nominal, 0)
+    assert table["arm_presliding"].gain < 2.0
+    assert ("arm_presliding" in names) == missing
+    assert names == [] or table["arm_presliding"].start is not None

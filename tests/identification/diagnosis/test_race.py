@@ -12,10 +12,11 @@ import pytest
 import identification.diagnosis.naming as naming_module
 import identification.diagnosis.race as race_module
 import identification.diagnosis.search as search_module
+import identification.diagnosis.stepping as stepping_module
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.race import added, chase, resized, retry
-from identification.diagnosis.search import Suspect
+from tests.identification.diagnosis.fits import a_fit, ranked
 
 
 def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,7 +38,7 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
         told = values if math.isinf(ahead) else reached
         return {name: fitted(name if name in told else "arm_ripple", told.get(name, math.inf)) for name in entries}
 
-    for module in (search_module, race_module):
+    for module in (search_module, race_module, stepping_module):
         monkeypatch.setattr(module, "race", race)
     monkeypatch.setattr(search_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
     left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, samples=1000, records=())
@@ -47,29 +48,6 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
     assert asked == [["arm_spring", "arm_ripple"], ["arm_ripple"], ["arm_spring"], ["-1", "+1"]]
     assert ranking[0].name == "arm_spring"
     assert ranking[0].gain == pytest.approx(95.0)
-
-
-def test_whole_numbers_walk_to_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
-    plant = TABLE_3
-
-    def fitted(n: float) -> Any:
-        own = plant.with_effects(Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}))
-        return SimpleNamespace(plant=own, noise=np.ones(4), value=abs(n - 16.0))
-
-    def race(entries: Any, current: Any, anchor: Any, ahead: float) -> dict[str, Any]:
-        return {step: fitted(p.effects[-1].parameters["n"]) for step, (p, _) in entries.items()}
-
-    monkeypatch.setattr(race_module, "race", race)
-    without: Any = SimpleNamespace(plant=plant)
-    for start in (14.0, 16.0, 17.0, 1.0):
-        assert race_module.whole_numbers(fitted(start), without, plant).plant.effects[-1].parameters["n"] == 16.0
-    spring: Any = SimpleNamespace(plant=plant.with_effects(plant.default_effect("arm_spring")), value=1.0)
-    assert race_module.whole_numbers(spring, without, plant) is spring
-
-
-def a_fit(*effects: str, value: float = 0.0) -> Any:
-    plant = TABLE_3.with_effects(*(TABLE_3.default_effect(name) for name in effects))
-    return SimpleNamespace(plant=plant, noise=np.ones(4), value=value, samples=1000, records=())
 
 
 @pytest.mark.parametrize("name", list(EFFECTS))
@@ -143,17 +121,13 @@ def test_other_sizes_of_a_later_effect_also_start_with_less_of_the_earlier(monke
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch) -> Any:
     """No whole numbers are stepped, unless a test says how."""
-    monkeypatch.setattr(search_module, "whole_numbers", lambda found, *a: found)
+    monkeypatch.setattr(search_module, "stepped", lambda found, *a: found)
     return search_module.Search(TABLE_3, None, lambda text: None)
 
 
 def refitted(value: float) -> Any:
     """In place of `fit`: the plant as it is, at a value."""
     return lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=value)
-
-
-def ranked(*suspects: tuple[str, float], fit: Any) -> tuple[Suspect, ...]:
-    return tuple(Suspect(name, net + 5.0, net, fit) for name, net in suspects)
 
 
 def test_a_name_that_stood_in_for_two_is_exchanged(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,7 +211,7 @@ def test_whole_numbers_of_an_earlier_effect_are_stepped_again(search: Any, monke
         ranked(("arm_quadratic_drag", 700.0), fit=a_fit("arm_ripple", "arm_quadratic_drag", value=-600.0)),
     ]
     twelve = a_fit("arm_ripple", "arm_quadratic_drag", value=-1200.0)
-    monkeypatch.setattr(search_module, "whole_numbers", lambda *a: twelve)
+    monkeypatch.setattr(search_module, "stepped", lambda *a: twelve)
 
     def fitted(plant: Any, *a: Any, **k: Any) -> Any:
         return a_fit(*(e.name for e in plant.effects), value=-1250.0 if len(plant.effects) == 2 else 100.0)
@@ -260,7 +234,7 @@ def test_suspects_that_all_went_astray_run_again(search: Any, monkeypatch: pytes
         )
         monkeypatch.setattr(search_module, "retry", lambda names, *a: tried.append(list(names)))
         monkeypatch.setattr(search_module, "chase", lambda *a: None)
-        monkeypatch.setattr(search_module, "whole_numbers", lambda found, *a: found)
+        monkeypatch.setattr(search_module, "stepped", lambda found, *a: found)
         monkeypatch.setattr(search_module, "fit", refitted(0.0))
         search.refits(current, list(table), table)
         assert (["arm_spring", "arm_stribeck"] in tried) == all_of_them

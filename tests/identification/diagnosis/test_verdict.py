@@ -102,6 +102,21 @@ def test_a_veto_takes_the_name_and_the_plant_back() -> None:
     assert Diagnosis("named", "…", *drift, 0.0, 1.0, 1.0).timed
 
 
+@pytest.mark.parametrize(
+    ("names", "timed", "repeating"),
+    [
+        (("arm_spring",), False, False),
+        (("periodic_torque", "arm_spring"), True, True),
+        (("payload_step",), True, False),
+        (("periodic_torque", "arm_friction_drift"), True, False),
+    ],
+)
+def test_what_follows_the_clock_and_what_repeats(names: tuple[str, ...], timed: bool, repeating: bool) -> None:
+    parts: Any = (None, None, naming(*(suspect(name, 200.0) for name in names)), rest())
+    found = Diagnosis("named", "…", *parts, 0.0, 1.0, 1.0)
+    assert (found.timed, found.repeating) == (timed, repeating)
+
+
 def test_the_search_starts_off_every_bound() -> None:
     """A fit without the missing effect may end with no friction and no θ2; from there nothing comes back."""
     stuck = TABLE_3.replace(theta=[0.07, 3e-5, 0.024, 0.024, 0.67, 0.0, 0.0, 0.0, 0.0])
