@@ -77,7 +77,9 @@ def _contents(x: Examination) -> dict[str, Any]:
         "maps": where_figures.maps(x.where, x.where_after) if x.where else [],
         "suspicions": tables.suspicions(x.where) if x.where and x.where.found else None,
         "rankings": search_figures.rankings(d.naming) if d.naming else [],
-        "parameters": tables.parameters(d.before, d.after if changed else d.before) if d.before and d.after else None,
+        "parameters": tables.parameters(d.before, d.after if changed else d.before, d.leftover)
+        if d.before and d.after
+        else None,
         "parameter_figure": search_figures.parameters(d.before, d.after) if d.before and d.after and changed else None,
         "gaps": tables.gaps(x.gap) if x.gap else None,
         "horizons": prediction_figures.horizons(x.gap) if x.gap else None,

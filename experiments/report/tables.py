@@ -28,7 +28,7 @@ class Table:
     caption: str
 
 
-def parameters(before: Estimate, after: Estimate) -> Table:
+def parameters(before: Estimate, after: Estimate, leftover: bool) -> Table:
     """Every parameter with its standard deviation, before and after, and what it stands for."""
     names = list(dict.fromkeys((*before.names, *before.fixed, *after.names, *after.fixed)))
     changed = after is not before
@@ -44,7 +44,7 @@ def parameters(before: Estimate, after: Estimate) -> Table:
         ("parameter", "meaning", *columns, "unit"),
         rows,
         "Values ± one standard deviation. The deviations assume that the model is right; before an effect is added "
-        "they are too small.",
+        "they are too small" + (", and as something is left over here, afterwards as well." if leftover else "."),
     )
 
 

@@ -69,6 +69,10 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("two effects: one of them", share(["two"], "half")),
         ("hard friction alone: named friction_sharpness", share(["hard"], "right", "pair")),
         ("parameters: 95 % intervals that hold the truth", percent(summary["coverage_95"])),
+        *(
+            (f"… in answers that say {name}", percent(share))
+            for name, share in summary["coverage_95_by_leftover"].items()
+        ),
         ("held-out gap closed by right names, median", _quantile(summary["closed_fraction"], "median")),
         (
             "held-out error after right names over the noise floor, median",

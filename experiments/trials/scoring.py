@@ -24,7 +24,7 @@ class Outcome:
     insufficient, error. Where nothing is ("none", "torque_noise", "absorbed"): right (none), false_alarm, unknown,
     insufficient, error. "outside": right (unknown, or leftover structure reported), wrong, missed, insufficient, error.
     named: the names given first, in order. inside: every hidden name is in a stated set. covered: parameter → its 95 %
-    interval holds the truth, for table forms that were named right.
+    interval holds the truth, for table forms that were named right. leftover: the answer says that structure is left.
     """
 
     id: str
@@ -37,6 +37,7 @@ class Outcome:
     named: tuple[str, ...]
     inside: bool
     covered: Mapping[str, bool]
+    leftover: bool
     reported_absorbed: bool
     closed_fraction: float | None
     after_over_floor: float | None
@@ -66,6 +67,7 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
         named=tuple(s[0] for s in sets),
         inside=bool(hidden) and set(hidden) <= {name for s in sets for name in s},
         covered=_covered(sealed["truth"], answer) if trial["kind"] in ("library", "two") and result in RIGHT else {},
+        leftover=bool(answer.get("leftover")),
         reported_absorbed=any(name in answer.get("not_visible", ()) for name in hidden),
         closed_fraction=_gap_number(answer, "closed_fraction"),
         after_over_floor=_after_over_floor(answer),

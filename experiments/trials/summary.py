@@ -52,6 +52,10 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "absorbed_reported": rate(o.reported_absorbed for o in by_kind["absorbed"]),
         **{kind: _results(by_kind[kind]) for kind in KINDS if kind != "library"},
         "coverage_95": rate(covered for o in outcomes for covered in o.covered.values()),
+        "coverage_95_by_leftover": {
+            name: rate(covered for o in outcomes if o.leftover == left for covered in o.covered.values())
+            for name, left in (("nothing left", False), ("something left", True))
+        },
         "coverage_95_by_parameter": _coverage(outcomes),
         "closed_fraction": _quantiles(o.closed_fraction for o in right),
         "after_over_floor": _quantiles(o.after_over_floor for o in right),

@@ -138,6 +138,8 @@ class Diagnosis:
                     lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
         if self.leftover and self.rest:
             lines.append(f"  left over: {self.rest.sentence}")
+            if self.found:
+                lines.append("  the standard deviations above hold where nothing is left: here they are too small")
         lines.append(
             f"  torque that passes for noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
         )

@@ -100,6 +100,14 @@ def test_the_json_keeps_the_contract(examined):
     assert found["next_experiment"]
 
 
+def test_error_bars_are_told_too_small_where_something_is_left(examined):
+    left = examined.diagnosis.falling_short(2.0)
+    told = {d.leftover: (build(replace(examined, diagnosis=d)), str(d)) for d in (examined.diagnosis, left)}
+    for leftover, (page, text) in told.items():
+        assert ("as something is left over here, afterwards as well" in page) == leftover
+        assert ("here they are too small" in text) == leftover
+
+
 def test_the_gap_is_that_of_the_validation(examined, logs):
     change = examined.gap
     before, after = (validate(e.plant, [logs[1]]) for e in (examined.diagnosis.before, examined.diagnosis.after))

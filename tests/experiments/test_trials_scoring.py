@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -213,12 +214,17 @@ def test_power_curve_stays_finite_where_all_or_none_are_named():
 
 
 def outcome(subject: str, result: str, *named: str, kind: str = "library", ratio: float | None = 1.5) -> Outcome:
-    return Outcome(*("x", kind, subject, "servo", "table", ratio, result, named, False, {}, False, None, None, 12.0))
+    return Outcome(
+        *("x", kind, subject, "servo", "table", ratio, result, named, False, {}, False, False, None, None, 12.0)
+    )
 
 
 def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     outcomes = [
-        outcome("arm_spring", "right", "arm_spring"),
+        replace(outcome("arm_spring", "right", "arm_spring"), covered={"arm_spring.k": True, "arm_spring.q1n": False}),
+        replace(
+            outcome("arm_spring", "right", "arm_spring"), covered={"arm_spring.k": False}, leftover=True, ratio=1.05
+        ),
         outcome("arm_spring", "pair", "arm_spring"),
         outcome("arm_spring", "missed", ratio=1.05),
         outcome("input_delay", "wrong", "actuator_lag"),
@@ -230,26 +236,30 @@ def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     summary = summarize(outcomes)
     assert summary["library"]["right_alone"]["count"] == 1
     assert summary["library"]["right_within_two"] == rate([True, True, False])
-    assert summary["library"]["below_visible"]["results"]["missed"]["of"] == 1
+    assert summary["library"]["below_visible"]["results"]["missed"]["of"] == 2
     assert summary["false_alarms"]["count"] == 1
     assert summary["false_alarms"]["of"] == 2
     assert summary["outside"]["right"]["rate"] == 1.0
     assert summary["two"]["half"]["of"] == 1
     assert summary["runtime_s"]["median"] == 12.0
     assert summary["closed_fraction"] is None
-    assert power_curves(outcomes)["arm_spring"].trials == 3
+    assert power_curves(outcomes)["arm_spring"].trials == 4
+
+    left = summary["coverage_95_by_leftover"]
+    assert left == {"nothing left": rate([True, False]), "something left": rate([False])}
 
     lines = dict(headline(summary))
+    assert lines["… in answers that say something left"] == "0 of 1 = 0 % (0 … 98 %)"
     assert lines["nothing to name: false alarms"] == "1 of 2 = 50 % (1 … 99 %)"
     assert lines["outside the library: given a name"] == "0 of 1 = 0 % (0 … 98 %)"
     assert lines["… called unknown"].startswith("0 of 3")
     assert "hard friction alone: named friction_sharpness" not in lines, "no such trial"
 
     table = confusion(outcomes)
-    assert table.loc["arm_spring", "arm_spring"] == 2
+    assert table.loc["arm_spring", "arm_spring"] == 3
     assert table.loc["arm_spring", "none"] == 1
     assert table.loc["input_delay", "actuator_lag"] == 1
     assert table.loc["(none)", "arm_spring"] == 1
     assert table.loc["stick_slip", "unknown"] == 1
     assert list(table.index) == ["arm_spring", "input_delay", "stick_slip", "(none)"]
-    assert int(table.to_numpy().sum()) == 7
+    assert int(table.to_numpy().sum()) == 8
