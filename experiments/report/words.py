@@ -4,8 +4,8 @@ from __future__ import annotations
 
 MEANING = {
     "named": (
-        "One effect of the library explains what model (5) misses on these logs, clearly better than any other. "
-        "The plant file contains it."
+        "What is named here explains what model (5) misses on these logs, clearly better than anything else in the "
+        "library. The plant file contains it."
     ),
     "ambiguous": (
         "An effect is missing, and these logs cannot tell which of several it is. The plant file contains the first; "
