@@ -40,8 +40,9 @@ def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[i
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         kind = "NaN (or an empty cell)" if np.isnan(values[bad[0]]) else "infinity"
+        more = f", and {bad.size - 1} more like it" if bad.size > 1 else ""
         raise LogError(
-            f"{name}: {kind} in column {column} at {where(int(bad[0]))}, and {bad.size - 1} more like it. "
+            f"{name}: {kind} in column {column} at {where(int(bad[0]))}{more}. "
             "Expected finite numbers. Delete those rows: a missing sample is harmless, because the time stamps "
             "are used as they are; an invented value is not."
         )

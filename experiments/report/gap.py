@@ -77,6 +77,7 @@ class GapChange:
             "log_likelihood_gain": self.likelier,
             "held_out": self.tail is None,
             "tail": self.tail,
+            "own_tail": self.own_tail.to_dict() if self.own_tail else None,
             "horizon_s": self.before.horizon,
             "logs": [log.source for log in self.logs],
         }
@@ -129,8 +130,7 @@ def brings_nothing(gap: GapChange) -> bool:
 def judged(diagnosis: Diagnosis, gap: GapChange) -> Diagnosis:
     """The diagnosis in the light of held-out data: names taken back, or what they leave of the gap.
 
-    Effects that follow a log's own clock are judged on its tail only, and there if they repeat or nothing else is held
-    out.
+    Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat.
     """
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None or not witness.changed:

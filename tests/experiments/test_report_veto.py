@@ -86,6 +86,7 @@ def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_tail() -> None:
     assert gap.likelier > LIKELIER
     assert not brings_nothing(gap)
     other, _ = loop_log("periodic_torque", 0.2, duration=12.0, seed=5)
-    beside = measure_gap(found, [log], [other]).own_tail
-    assert beside is not None
-    assert beside.likelier == pytest.approx(gap.likelier)
+    both = measure_gap(found, [log], [other])
+    assert both.own_tail is not None
+    assert both.own_tail.likelier == pytest.approx(gap.likelier)
+    assert both.to_dict()["own_tail"]["tail"] == TAIL

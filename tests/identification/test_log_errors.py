@@ -173,7 +173,7 @@ def test_bad_metadata_names_the_file(tmp_path):
         ("oops", "the text 'oops' in column q2 at line 23"),
         ("", "an empty cell in column q2 at line 23"),
         ("nan", r"NaN.*column q2 at line 23.*Delete those rows"),
-        ("-inf", "infinity in column q2 at line 23"),
+        ("-inf", "infinity in column q2 at line 23. Expected"),
         ("1.2.3", "the text '1.2.3'"),
     ],
 )
