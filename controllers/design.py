@@ -93,10 +93,7 @@ def choose_sample_time(plant: Plant, sample_time: float | None) -> float:
 
 def choose_sensors(plant: Plant, sensors: Sensors | None) -> Sensors:
     """The caller's, else the plant file's, else 4096-count encoders."""
-    if sensors is not None:
-        return sensors
-    known = {"encoder_counts", "noise_std", "offset", "velocity_cutoff"}
-    return Sensors.from_dict({k: v for k, v in (plant.sensors or {}).items() if k in known and v is not None})
+    return sensors if sensors is not None else Sensors.of_file(plant.sensors)
 
 
 def torque_noise_intensity(plant: Plant) -> NDArray[np.float64]:

@@ -115,7 +115,7 @@ class _Network:
 
 
 def algorithm_class(name: str) -> Any:
-    """The class of stable-baselines3 or sb3-contrib. Raises ImportError without them, ValueError for another name."""
+    """The class of stable-baselines3 or sb3-contrib. Raises ValueError without them or for another name."""
     try:
         import stable_baselines3
 
@@ -125,7 +125,7 @@ def algorithm_class(name: str) -> Any:
 
         return getattr(sb3_contrib, name)
     except ImportError as error:
-        raise ImportError(
+        raise ValueError(
             f"learned policies need stable-baselines3 ({error}); install it with `pip install 'furuta-gym[rl]'`"
         ) from error
     except AttributeError:

@@ -42,7 +42,7 @@ def train(
     for logs. command: as typed, for the record. progress(done, of) in env steps.
 
     Raises ValueError if `path` exists (without resume) or is no *.zip, or if there is nothing to resume or it was made
-    for another task, algorithm, plant or observation; ImportError without stable-baselines3.
+    for another task, algorithm, plant or observation, or without stable-baselines3.
     """
     path = Path(path)
     checkpoint = path.with_suffix(".checkpoint")

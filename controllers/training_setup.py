@@ -44,11 +44,6 @@ class Training:
             raise ValueError(f"--steps {self.steps}: expected at least 1")
         if self.seed < 0:
             raise ValueError(f"--seed {self.seed}: expected a whole number of at least 0")
-        if self.randomize and self.plant.covariance is None:
-            raise ValueError(
-                "--randomize draws plants from the covariance that identification stores, and this plant has none; "
-                "identify it from a log with `furuta identify`, or leave --randomize out"
-            )
         _ = self.recipe, self.setup  # both refuse what they cannot do
 
     @property

@@ -120,7 +120,7 @@ def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Sa
     from experiments.report import build, examine
     from identification.diagnosis.diagnose import diagnose
 
-    say("\n4  The gap is far above the noise: diagnose what model (5) misses (about half a minute) …")
+    say("\n4  The gap is far above the noise: diagnose what model (5) misses (up to a minute) …")
     examination = examine(diagnose([log]), [log], [held_out])
     _write_json(out / "diagnosis.json", examination.to_dict())
     if examination.diagnosis.plant is not None:

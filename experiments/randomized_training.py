@@ -2,7 +2,7 @@
 
 A rig of the bench is recorded and identified as model (5), which misses what the rig hides. Policies are trained
 on that plant alone, on plants drawn from its covariance, and on drawn plants with effects that come and go; all see
-the same observations. They balance 100 plants drawn from the covariance, the same with θ off by 20 %, and the rig.
+the same observations. They balance plants drawn from the covariance, plants with each θ off by 20 %, and the rig.
 """
 
 from __future__ import annotations

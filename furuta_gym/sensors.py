@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -60,11 +60,18 @@ class Sensors:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Sensors":
-        known = {"encoder_counts", "noise_std", "offset", "velocity_cutoff"}
+        known = {f.name for f in fields(cls)}
         if strange := set(data) - known:
             raise ValueError(f"unknown sensor settings {sorted(strange)}; known are {sorted(known)}")
         settings: Any = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
         return cls(**settings)
+
+    @classmethod
+    def of_file(cls, stored: Mapping[str, Any] | None, **given: Any) -> "Sensors":
+        """What a plant file says of its sensors, whose further entries and nulls are ignored; `given` beats it."""
+        known = {f.name for f in fields(cls)}
+        told = {name: value for name, value in (stored or {}).items() if name in known and value is not None}
+        return cls.from_dict(told | {name: value for name, value in given.items() if value is not None})
 
     def read(
         self, X: NDArray[np.float64], P: NDArray[np.float64], codes: NDArray[np.int64], rng: np.random.Generator

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
+from .log_checks import GAP
+
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
 _TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
 _TRUSTED_R2_ARM = 0.5
@@ -31,32 +33,44 @@ class Signs:
     coupling: int
     command: int
 
-    def advice(self, zero: str, flip: Iterable[str]) -> str | None:
-        """What is wrong and the options that mend it, given those declared; None if nothing is known wrong."""
+    @property
+    def wrong(self) -> str | None:
+        """What is wrong in words, None if nothing is known wrong."""
         found: list[str] = []
-        flips = set(flip)
         coupling = self.coupling
         if self.gravity < 0:
             found.append("the pendulum falls towards q2 = 0, which should be upright")
-            zero = "upright" if zero == "hanging" else "hanging"
             coupling = -coupling  # the shift by half a turn turns cos q2 around
         if coupling < 0:
             found.append("with that zero, the arm would push the pendulum to the wrong side (θ3 < 0)")
-            flips ^= {"q1"} if self.command < 0 else {"q2"}
         elif self.command < 0:
             found.append("a positive command turns the arm towards negative q1")
-            flips ^= {"u"}
-        if not found:
+        return "; ".join(found) or None
+
+    def advice(self, zero: str, flip: Iterable[str]) -> str | None:
+        """What is wrong and the options that mend it, given those declared; None if nothing is known wrong."""
+        if self.wrong is None:
             return None
+        flips = set(flip)
+        coupling = self.coupling
+        if self.gravity < 0:
+            zero = "upright" if zero == "hanging" else "hanging"
+            coupling = -coupling
+        if coupling < 0:
+            flips ^= {"q1"} if self.command < 0 else {"q2"}
+        elif self.command < 0:
+            flips ^= {"u"}
         options = f"--pendulum-zero {zero}" + (f" --flip {','.join(sorted(flips))}" if flips else " and no --flip")
-        return f"{'; '.join(found)}. Unless you know better, read it with {options}."
+        return f"{self.wrong}. Unless you know better, read it with {options}."
 
 
 def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -> Signs:
-    """Signs of gravity, coupling and command that a log shows, each 0 where it is not clear."""
+    """Signs of gravity, coupling and command that a log shows between two gaps, each 0 where it is not clear."""
     T = float(np.median(np.diff(t)))
+    longest = max(np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > GAP * T) + 1), key=len)
+    t, q1, q2, u = t[longest], q1[longest], q2[longest], u[longest]
     window = int(_SPAN / T) | 1
-    if window < 5 or len(t) < 4 * window or np.any(np.diff(t) > 1.5 * T):
+    if window < 5 or len(t) < 4 * window:
         return Signs(0, 0, 0)
     inner = slice(window, -window)
 

@@ -94,9 +94,6 @@ class Estimate:
         slope = self.problem.coordinates[i].slope(self.optimum.z[i])
         return profile(self.problem, self.optimum.z, name, float(self.std[self.names.index(name)] / abs(slope)))
 
-    def to_plant(self) -> Plant:
-        return self.plant
-
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plant file."""
         return self.plant.save(path)

@@ -92,8 +92,7 @@ class Setup:
 
         A plant that no log was fitted to gets `assumed_torque_noise`.
         """
-        known = {k: v for k, v in (plant.sensors or {}).items() if v is not None}
-        sensors = Sensors.from_dict(known) if known else Sensors()
+        sensors = Sensors.of_file(plant.sensors)
         found = plant.provenance.get("torque_noise")
         noise = (float(found[0]), float(found[1])) if found else assumed_torque_noise(plant)
         off = _BY_HAND if policy is not None else 0.0

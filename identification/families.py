@@ -121,7 +121,7 @@ def families(signals: Signals, plant: Plant, knots: Knots, peaks: Peaks) -> list
         Family("sensor", "arm angle", None, _on(0, np.sin(y1), np.cos(y1) - 1.0)),
         Family("sensor", "pendulum angle", None, _on(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
     ]
-    stages = [np.clip(1.0 - np.abs(4.0 * t / t[-1] - j), 0.0, None) for j in range(5)]
+    stages = [np.clip(1.0 - np.abs(4.0 * (t - t[0]) / (t[-1] - t[0]) - j), 0.0, None) for j in range(5)]
     found += [Family("sensor", zero, None, _on(row, *stages)) for row, zero in enumerate(ZEROS)]
     torques = parameter_torques(s, plant)
     for i in range(9):

@@ -155,8 +155,9 @@ def informative(record: Record) -> NDArray[np.bool_]:
     rounding = np.minimum(record.quantum**2 / 12.0, record.variance)
     other = record.variance - rounding  # noise before rounding whitens as motion does
     speed = np.sqrt(np.maximum(moved - 2.0 * record.variance, 0.01 * moved)) / span
-    apart = np.divide(record.quantum, np.sqrt(speed**2 + 2.0 * other), out=np.zeros(2), where=record.quantum > 0)
-    every = int(np.clip(round(0.6 * float(apart.max())), 1, max(1, round(0.02 / T))))
+    with np.errstate(divide="ignore"):  # an axis at rest repeats its count for ever
+        apart = np.divide(record.quantum, np.sqrt(speed**2 + 2.0 * other), out=np.zeros(2), where=record.quantum > 0)
+    every = round(np.clip(0.6 * float(apart.max()), 1, max(1, round(0.02 / T))))
     return np.arange(len(t)) % every == 0
 
 

@@ -84,12 +84,12 @@ def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
     w = whiten(path.e, path.S)[path.used]
     f = np.fft.rfftfreq(len(w), float(np.median(np.diff(path.record.t[path.used]))))
     power = np.sum(np.abs(np.fft.rfft(w - w.mean(axis=0), axis=0)) ** 2, axis=1)
-    inside = (f >= 3.0 / path.record.t[-1]) & (f <= 25.0)
+    inside = (f >= 3.0 / path.record.duration) & (f <= 25.0)
     power[~inside] = 0.0
     hertz: list[float] = []
     for _ in range(most):
         hertz.append(float(f[int(np.argmax(power))]))
-        power[np.abs(f - hertz[-1]) < 2.5 / path.record.t[-1]] = 0.0
+        power[np.abs(f - hertz[-1]) < 2.5 / path.record.duration] = 0.0
     return Peaks(tuple(hertz), max(1, int(inside.sum())))
 
 

@@ -24,6 +24,7 @@ from .estimate import Estimate, Noise
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
 from .logs import Log
 from .prediction_error import Optimum, PredictionError, Record, minimise, quietest
+from .record import stretches
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
 
@@ -71,10 +72,10 @@ def identify(
         fixed |= {"r": float(sharpness)}
     if verdict := gate(logs, known={*fixed, *priors}):
         raise NotIdentifiable(verdict)
-    pieces = [piece for log in logs for piece in log.pieces() if len(piece) >= 20]
-    records = [Record.from_log(piece) for piece in pieces]
+    used = stretches(logs)
+    records = [stretch.record for stretch in used]
     template = _template(logs, start)
-    known = {n: v for n, v in fixed.items() if v is not None}
+    known = _known(fixed, template if start is not None else None)
 
     def free(plant: Plant) -> list[Coordinate]:
         return _coordinates(plant, fixed, priors, negative_friction, records)
@@ -82,7 +83,8 @@ def identify(
     if start is not None and noise is not None:
         winner = Start(_with_known(template, known), noise)
     else:
-        starts = candidates(pieces, template, known | {n: m for n, (m, _) in priors.items()})
+        told = known | {n: m for n, (m, _) in priors.items()}
+        starts = candidates([stretch.piece for stretch in used], template, told)
         if start is not None:
             starts = [Start(template, _restless(template)), *starts]
         starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
@@ -91,6 +93,19 @@ def identify(
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical)
     optimum = minimise(problem, problem.start(), iterations)
     return _estimate(logs, problem, optimum, plant, fixed, start)
+
+
+def _known(fixed: Mapping[str, float | None], start: Plant | None) -> dict[str, float]:
+    """Fixed values, None replaced by the start plant's. Raises ValueError where there is none."""
+    known = {}
+    for name, value in fixed.items():
+        if value is None and (name in THETA_NAMES or name in R_ROWS):
+            if start is None:
+                raise ValueError(f"{name} is to stay at the start plant's value, and there is no start; give its value")
+            value = _value_of(start, name)
+        if value is not None:
+            known[name] = value
+    return known
 
 
 def _check(logs: Sequence[Log], method: str) -> None:
@@ -252,8 +267,10 @@ def with_plant(estimate: Estimate, logs: Sequence[Log], start: Plant | str | Non
         for e in plant.effects
     )
     sensors = plant.sensors
-    if estimate.noise is not None:
-        counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
+    counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
+    if estimate.noise is None and counts.any():
+        sensors = Sensors((float(counts[0]), float(counts[1]))).to_dict()
+    elif estimate.noise is not None:
         quantum = np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0)
         extra = np.sqrt(np.maximum(np.square(estimate.noise.reading_std[0]) - quantum**2 / 12.0, 0.0))
         sensors = Sensors((float(counts[0]), float(counts[1])), (float(extra[0]), float(extra[1]))).to_dict()
@@ -319,8 +336,8 @@ def _warnings(
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
     for log in logs:
         signs = motion_signs(log.t, log.q1, log.q2, log.u)
-        if advice := signs.advice("upright", ()):
-            yield f"{log.source}: {advice}"
+        if wrong := signs.wrong:
+            yield f"{log.source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
     if failures := physical_consistency(plant.theta).failures:
         remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
         yield "; ".join(failures) + f". {remedy}"

@@ -79,27 +79,3 @@ def _score_row(w1, w2, l11, l21, l22, de, dS, rows, scores, i):
     rows[0, i], rows[1, i] = d1, d2
     rows[2, i], rows[3, i], rows[4, i] = a11 * math.sqrt(0.5), a12, a22 * math.sqrt(0.5)
     scores[i] = w1 * d1 + w2 * d2 + 0.5 * (a11 + a22 - w1 * w1 * a11 - 2.0 * w1 * w2 * a12 - w2 * w2 * a22)
-
-
-def scores_of(e, S, de, dS, noisy):
-    """Per-sample gradient (N, n) of V and the summed Fisher information (n, n) of e (N, 2), S (N, 3) and their
-    derivatives de (N, 2, n) and dS (N, 3, n); those of S count for the coordinates `noisy` only."""
-    N, _, n = de.shape
-    rows, g = np.empty((N, 5, n)), np.empty((N, n))
-    counted = np.zeros_like(dS)
-    counted[:, :, noisy] = dS[:, :, noisy]
-    _all_rows(e, S, de, counted, rows, g)
-    flat = rows.reshape(-1, n)
-    return g, flat.T @ flat
-
-
-@compiled(nogil=True)
-def _all_rows(e, S, de, dS, rows, scores):
-    for k in range(e.shape[0]):
-        l11 = math.sqrt(S[k, 0])
-        l21 = S[k, 1] / l11
-        l22 = math.sqrt(S[k, 2] - l21 * l21)
-        w1 = e[k, 0] / l11
-        w2 = (e[k, 1] - l21 * w1) / l22
-        for i in range(de.shape[2]):
-            _score_row(w1, w2, l11, l21, l22, de[k, :, i], dS[k, :, i], rows[k], scores[k], i)

@@ -19,6 +19,7 @@ GAP = 1.5
 """A spacing beyond this many median spacings counts as dropped samples."""
 
 _MAX_STEP_RAD = 0.02  # encoders below 314 counts per revolution are not built into such rigs
+_MIN_STEP_DEG = 0.0126  # nor above 28 600 as a rule; as radians, this is an encoder of 500
 _MAX_SPEED = 60.0  # rad/s; a pendulum of 5 cm that falls from upright reaches about 30
 
 
@@ -111,13 +112,13 @@ def warn_about_clock(name: str, t: np.ndarray) -> None:
         longest = int(gaps[np.argmax(steps[gaps])])
         warn(
             f"{name}: {gaps.size} gaps in the clock, about {max(missing, 1)} samples dropped; the longest lasts "
-            f"{steps[longest]:.3g} s, after t = {t[longest]:g} s. The stamps are used as they are, and the "
-            "command is taken as held over a gap. If it was not, cut the log there with Log.slice or Log.pieces."
+            f"{steps[longest]:.3g} s, after t = {t[longest]:g} s. The log is cut there, and prediction starts anew "
+            "after each gap. If samples are dropped often, record with a longer sample time."
         )
     if typical > 0.2:
         warn(
             f"{name}: the samples are {typical:g} s apart, which is very long for this plant. If the time column "
-            "is in milliseconds, say so: time_unit='ms' (or 'us')."
+            "is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python."
         )
 
 
@@ -134,20 +135,25 @@ def unwrap(name: str, column: str, q: np.ndarray) -> np.ndarray:
     return np.unwrap(q)
 
 
-def check_angle_unit(name: str, column: str, t: np.ndarray, raw: np.ndarray, unit: str) -> bool:
+def check_angle_unit(
+    name: str, column: str, t: np.ndarray, raw: np.ndarray, unit: str, counts: float | None = None
+) -> bool:
     """Warn about angles that do not look like the declared unit; `raw` is in that unit. True if it warned.
 
     An encoder's smallest step tells: 0.04 to 0.7 in degrees, 0.0006 to 0.013 in radians for 500 to 10 000
-    counts. Angles that do not move in steps are judged by their speed.
+    counts; or the declared counts per revolution, if it is theirs. Angles that do not move in steps are judged by
+    their speed.
     """
     step = encoder_step(raw)
+    if step is not None and counts and abs(step * counts / (360.0 if unit == "deg" else 2 * np.pi) - 1) < 0.1:
+        return False
     if unit == "rad":
         speed = float(np.quantile(np.abs(np.diff(raw)) / np.diff(t), 0.99))
         if (step is not None and step > _MAX_STEP_RAD) or (step is None and speed > _MAX_SPEED):
             seen = f"moves in steps of {step:.3g}" if step is not None else f"reaches a speed of {speed:.3g} /s"
             warn(f"{name}: {column} {seen}, which looks like degrees, but radians were declared. If so: --unit deg.")
             return True
-    elif step is not None and step < _MAX_STEP_RAD:
+    elif step is not None and step < _MIN_STEP_DEG:
         warn(
             f"{name}: {column} moves in steps of {step:.3g}, which looks like radians ({2 * np.pi / step:.0f} "
             f"counts per revolution), but degrees were declared ({360 / step:.0f} counts). If so: --unit rad."

@@ -20,7 +20,7 @@ import numpy as np
 from .log_checks import GAP, LogError, LogWarning
 from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
 from .readers import read_table, write_table
-from .signals import encoder_step, noise_std
+from .signals import encoder_step, noise_std, shortest_for_noise
 
 __all__ = ["Log", "LogError", "LogWarning", "read_log", "read_logs", "write_log"]
 
@@ -115,8 +115,16 @@ class Log:
 
     @property
     def noise_std(self) -> tuple[float, float]:
-        """Measurement noise of q1 and q2 [rad], quantisation included, estimated without a model."""
-        return noise_std(self.q1, self.sample_time), noise_std(self.q2, self.sample_time)
+        """Measurement noise of q1 and q2 [rad], quantisation included, estimated without a model.
+
+        Raises ValueError for a log that is too short."""
+        T = self.sample_time
+        parts = [piece for piece in self.pieces() if len(piece) >= shortest_for_noise(T)] or [self]
+        each = np.array([(noise_std(part.q1, T), noise_std(part.q2, T)) for part in parts])
+        if len(parts) == 1:
+            return float(each[0, 0]), float(each[0, 1])
+        q1, q2 = np.sqrt(np.average(each**2, axis=0, weights=[len(part) for part in parts]))
+        return float(q1), float(q2)
 
     def slice(self, start: float = -np.inf, stop: float = np.inf) -> Log:
         """The samples with start ≤ t < stop [s, as in the stamps]. Raises LogError if fewer than 2 are left."""

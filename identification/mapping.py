@@ -130,7 +130,8 @@ def map_table(
     if time_unit not in _SECONDS:
         raise LogError(f"time_unit {time_unit!r}: expected one of {', '.join(_SECONDS)}")
     names = _find_columns(table, parse_columns(columns))
-    stored = table.metadata.get
+    metadata = _named(table.metadata)
+    stored = metadata.get
     units = _prefer(name, "angle unit", unit, stored("angle_unit"), parse_angle_units) or parse_angle_units("rad")
     zero = _prefer(name, "pendulum_zero", pendulum_zero, stored("pendulum_zero"), parse_zero) or "upright"
     flips = parse_flip(flip)
@@ -148,7 +149,9 @@ def map_table(
     log_checks.check_length(name, len(t))
     log_checks.check_command(name, raw["u"], constant_command)
 
-    odd_unit = [log_checks.check_angle_unit(name, names[q], t, raw[q], units[q]) for q in ("q1", "q2")]
+    counts = _prefer(name, "encoder_counts", encoder_counts, stored("encoder_counts"), parse_counts)
+    known = dict(zip(("q1", "q2"), counts or (None, None), strict=True))
+    odd_unit = [log_checks.check_angle_unit(name, names[q], t, raw[q], units[q], known[q]) for q in known]
     scale = {q: np.pi / 180 if units[q] == "deg" else 1.0 for q in ("q1", "q2")}
     q1, q2 = (raw[q] * scale[q] for q in ("q1", "q2"))
     if not any(odd_unit):
@@ -163,7 +166,6 @@ def map_table(
     chosen = _prefer(name, "input_unit", input_unit, stored("input_unit"), parse_unit)
     facts["input_unit"] = chosen or "V"
     facts["device"] = _prefer(name, "device", device, stored("device"))
-    counts = _prefer(name, "encoder_counts", encoder_counts, stored("encoder_counts"), parse_counts)
     facts["encoder_counts"] = counts
     gain = _prefer(name, "controller_gain", controller_gain, stored("controller_gain"), parse_gain)
     if gain is not None:
@@ -180,8 +182,8 @@ def map_table(
         advice = motion_signs(t, q1, q2, u).advice(zero, flips)
         if advice:
             log_checks.warn(f"{name}: zero or signs look wrong: {advice}")
-    rest = {_identifier(k): v for k, v in table.metadata.items() if k not in KNOWN_KEYS and _identifier(k)}
-    return Mapped({"t": t, "q1": q1, "q2": q2, "u": u}, facts, {k: v for k, v in rest.items() if k not in COLUMNS})
+    rest = {k: v for k, v in metadata.items() if k not in KNOWN_KEYS and k not in COLUMNS}
+    return Mapped({"t": t, "q1": q1, "q2": q2, "u": u}, facts, rest)
 
 
 def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
@@ -243,6 +245,14 @@ def _floats(key: str, value: float | str | Sequence[float]) -> tuple[float, ...]
         raise LogError(f"{key} {value!r}: expected numbers") from None
 
 
-def _identifier(key: str) -> str:
-    """A metadata key as a name: letters, digits and underscores."""
-    return re.sub(r"\W+", "_", key).strip("_")
+def _named(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Metadata by names of letters, digits and underscores, each on one line.
+
+    A comment that only looks like `key: value`, such as one that starts with a date, is no metadata."""
+    found: dict[str, str] = {}
+    for key in sorted(metadata, key=str.isidentifier):  # exact names have the last word
+        value = metadata[key]
+        name = re.sub(r"\W+", "_", key).strip("_")
+        if name.isidentifier():
+            found[name] = " ".join(value.splitlines())
+    return found

@@ -21,6 +21,8 @@ from .free_run import Windows, floor_covariance
 from .logs import Log
 from .record import Record
 
+_SAME_PLACE = 0.1  # of the range of an angle
+
 Array = NDArray[np.float64]
 
 
@@ -46,18 +48,28 @@ def noise_floor(plant: Plant, record: Record, windows: Windows) -> Floor:
 
 
 def repeats(logs: Sequence[Log]) -> list[list[int]]:
-    """Groups of two or more logs that ran the same command at the same times."""
+    """Groups of two or more logs that ran the same command at the same times from the same place.
+
+    Free decays from different places have their command in common too, but not their motion: what a plant misses in
+    them would pass for the spread of repeated runs.
+    """
     groups: list[list[int]] = []
     for i, log in enumerate(logs):
         for group in groups:
             other = logs[group[0]]
             same = len(log) == len(other) and np.allclose(log.t - log.t[0], other.t - other.t[0], atol=1e-9)
-            if same and np.allclose(log.u, other.u, atol=1e-9):
+            if same and np.allclose(log.u, other.u, atol=1e-9) and _same_start(log, other):
                 group.append(i)
                 break
         else:
             groups.append([i])
     return [group for group in groups if len(group) > 1]
+
+
+def _same_start(log: Log, other: Log) -> bool:
+    """Whether first readings differ by no more than a small part of how far the axes go, or by their noise."""
+    reach = np.maximum(_SAME_PLACE * np.ptp(log.angles, axis=0), 5.0 * np.asarray(log.noise_std))
+    return bool(np.all(np.abs(log.angles[0] - other.angles[0]) <= reach))
 
 
 def spread(errors: Sequence[Array]) -> Array:

@@ -24,7 +24,7 @@ from furuta_gym.plant.dynamics import substep
 
 from .filter_bank import _STEP, _add_torque_noise, _propagate, _read, _steps, effective_sharpness
 from .logs import Log
-from .record import Record
+from .record import stretches
 from .start import candidates
 
 _LOG = 5  # θ1 … θ5 are carried as logarithms
@@ -80,8 +80,7 @@ def track(
     noise = np.empty(4)
     noise[:2] = torque_noise or 0.01 * (0.02 * np.std(first.u) * np.array([1.0, theta[3] / theta[0]])) ** 2
     times, etas, variances, offset, spent = [], [], [], 0.0, 0.0
-    for piece in (p for log in logs for p in log.pieces()):
-        record = Record.from_log(piece)
+    for piece, record in ((stretch.piece, stretch.record) for stretch in stretches(logs)):
         noise[2:] = np.where(record.quantum > 0, 0.05 * record.quantum**2 / 12.0, record.variance)
         x = np.concatenate([record.y[0], record.velocity, eta])
         C[:4], C[:, :4] = 0.0, 0.0
@@ -97,7 +96,7 @@ def track(
             raise ValueError(f"{piece.source}: the joint filter diverges; give a better start, or check the signs")
         spent += time.perf_counter() - begun
         eta = x[4:].copy()
-        times.append(record.t + offset)
+        times.append(record.t - record.t[0] + offset)
         offset = float(times[-1][-1]) + piece.sample_time
         etas.append(history)
         variances.append(spread)

@@ -28,15 +28,15 @@ def fit_covariance(problem: PredictionError, expansion: Expansion) -> FitCovaria
     if expansion.scores is None:
         raise ValueError("the expansion holds no scores; make it with expand(z, exact=True, scores=True)")
     inverse = inverse_information(expansion.information)
-    n = inverse.shape[0]
-    meat = np.zeros((n, n))
-    total = sum(float(r.t[-1]) for r in problem.records)
+    total = sum(r.duration for r in problem.records)
     block = max(_BLOCK, total / _MOST_BLOCKS)
+    blocks = []
     for record, scores in zip(problem.records, expansion.scores, strict=True):
-        edges = np.searchsorted(record.t, np.arange(0.0, record.t[-1] + 1e-9, block))
-        sums = np.add.reduceat(scores, edges, axis=0)
-        sums = sums - sums.mean(axis=0)
-        meat += sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
+        edges = np.searchsorted(record.t, record.t[0] + np.arange(0.0, record.duration + 1e-9, block))
+        blocks.append(np.add.reduceat(scores, edges, axis=0))
+    sums = np.concatenate(blocks)
+    sums = sums - sums.mean(axis=0)
+    meat = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
     return FitCovariance(inverse, inverse @ meat @ inverse)
 
 
@@ -98,9 +98,11 @@ def profile(
         for k in range(1, 3 * points + 1):
             at[i] = np.clip(z[i] + side * k * std * 3.0 / points, problem.low[i], problem.high[i])
             fit = minimise(problem, at, iterations, free=free)
+            if not math.isfinite(fit.value):
+                break
             at = fit.z.copy()
             found.append((float(at[i]), 2.0 * (fit.value - best)))
-            if found[-1][1] > 6.0 or at[i] in (problem.low[i], problem.high[i]) or not math.isfinite(fit.value):
+            if found[-1][1] > 6.0 or at[i] in (problem.low[i], problem.high[i]):
                 break
     found.sort()
     zs, deviance = np.array(found).T

@@ -24,7 +24,7 @@ from .likelihood import sample_costs
 from .logs import Log
 from .noise_fit import fit_noise
 from .noise_floor import Floor, noise_floor, repeats, spread
-from .record import Record
+from .record import Record, Stretch, stretches
 from .whiteness import Innovations, innovations
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
@@ -150,8 +150,8 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) 
         raise ValueError("validate needs at least one log, got none")
     if not (math.isfinite(horizon) and 0 < horizon <= 5):
         raise ValueError(f"the horizon must lie in (0, 5] s, got {horizon!r}")
-    pieces = [_Piece.of(plant, i, log, piece, horizon) for i, log in enumerate(logs) for piece in log.pieces()]
-    kept = [piece for piece in pieces if piece is not None]
+    long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon]
+    kept = [_Piece.of(plant, stretch, horizon) for stretch in long]
     if not kept:
         raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
@@ -200,22 +200,20 @@ class _Piece:
     surprise: Array
 
     @classmethod
-    def of(cls, plant: Plant, index: int, log: Log, piece: Log, horizon: float) -> _Piece | None:
-        if piece.duration < SETTLE + 2 * horizon:
-            return None
-        record = Record.from_log(piece)
+    def of(cls, plant: Plant, stretch: Stretch, horizon: float) -> _Piece:
+        piece, record = stretch.piece, stretch.record
         windows = Windows.over(record.t, tuple(f * horizon for f in _CURVE), SETTLE)
         try:
             floor = noise_floor(plant, record, windows)
         except ValueError as error:
-            raise ValueError(f"{log.source}: {error}") from error
+            raise ValueError(f"{piece.source}: {error}") from error
         errors = free_run(floor.path, windows)
         if not np.isfinite(errors).all():
-            raise ValueError(f"{log.source}: the plant's free run over {horizon:g} s leaves all bounds")
+            raise ValueError(f"{piece.source}: the plant's free run over {horizon:g} s leaves all bounds")
         at = windows.targets[:, -1]
         costs = sample_costs(floor.path.e, floor.path.S)
-        surprise = np.column_stack([np.full(len(costs), index), piece.t, costs])[floor.path.used]
-        return cls(index, errors, record.y[at], piece.t[at], floor, innovations(floor.path), surprise)
+        surprise = np.column_stack([np.full(len(costs), stretch.log), piece.t, costs])[floor.path.used]
+        return cls(stretch.log, errors, record.y[at], piece.t[at], floor, innovations(floor.path), surprise)
 
 
 def filtered(plant: Plant, log: Log) -> FilterPath:

@@ -17,13 +17,14 @@ _NAMES = ("arm q1", "pendulum q2")
 _MEASURED, _PREDICTED, _FLOOR = "0.25", "tab:orange", "tab:blue"
 
 
-def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int = 0, span: float = 5.0) -> Figure:
+def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int | None = None, span: float = 5.0) -> Figure:
     """Readings of one log, each window's prediction for its end, and the ± 2 floor band around the predictions.
 
-    Shows `span` seconds, those with the largest errors.
+    Shows `span` seconds, those with the largest errors, by default of the first log that was long enough.
     """
     from matplotlib.figure import Figure
 
+    log = int(gap.log[0]) if log is None else log
     source = logs if isinstance(logs, Log) else logs[log]
     mine = gap.log == log
     t, error = gap.times[mine], gap.errors[mine]

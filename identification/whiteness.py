@@ -14,6 +14,8 @@ from .likelihood import whiten
 Array = NDArray[np.float64]
 
 LAGS = 25
+FEWEST = 30
+"""Readings below which nothing is said about innovations; a filter takes at least 50 a second."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +45,17 @@ class Innovations:
 
 
 def innovations(path: FilterPath, lags: int = LAGS) -> Innovations:
-    """Test the innovations of a path. Raises ValueError if the log holds fewer than 10 readings a lag."""
+    """Test the innovations of a path, at fewer lags where it holds fewer than ten readings a lag.
+
+    Raises ValueError below FEWEST readings."""
     from scipy.stats import chi2
 
     w = whiten(path.e, path.S)[path.used]
     w = w - w.mean(axis=0)
     n = len(w)
-    if n < 10 * lags:
-        raise ValueError(f"{n} readings are too few for {lags} lags; expected at least {10 * lags}")
+    if n < FEWEST:
+        raise ValueError(f"{n} readings are too few to test the innovations; expected at least {FEWEST}")
+    lags = min(lags, n // 10)
     scale = np.sum(w * w, axis=0)
     own = np.array([np.sum(w[j:] * w[:-j], axis=0) / scale for j in range(1, lags + 1)])
     ljung_box = n * (n + 2) * np.sum(own**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)

@@ -9,7 +9,7 @@ from typer.core import TyperGroup
 
 from .compare import compare_command
 from .demo import demo_command
-from .diagnose import diagnose_command
+from .diagnose import DiagnoseCommand, diagnose_command
 from .errors import explained
 from .excite import excite_command
 from .export import export_command
@@ -49,7 +49,7 @@ def options(
 app.command("demo")(demo_command)
 app.command("identify")(identify_command)
 app.command("validate")(validate_command)
-app.command("diagnose")(diagnose_command)
+app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
 app.command("excite")(excite_command)
 app.command("simulate")(simulate_command)
 app.command("compare")(compare_command)

@@ -86,7 +86,9 @@ def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[
     names = []
     for name, policy in result.policies.items():
         task = "swing_up" if swing_up and "swing_up" in getattr(policy, "tasks", ()) else "balance"
-        path = folder / (Path(name).stem.replace(" ", "-") + ".gif")
+        stem = Path(name).stem.replace(" ", "-")
+        same = sum(Path(other).stem.replace(" ", "-") == stem for other in list(result.policies)[: len(names)])
+        path = folder / (stem + (f"-{same + 1}" if same else "") + ".gif")
         film(result.plant, policy, result.settings["sample_time"], sensors, path, task=task, seed=seed)
         names.append(path.name)
     return names

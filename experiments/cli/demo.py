@@ -18,9 +18,11 @@ def demo_command(
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
-    """The whole story in about a minute: log → plant → held-out check → environment → controllers compared."""
+    """The whole story in some minutes: log → plant → held-out check → what is missing → controllers compared."""
     from experiments.demo import run_demo
+    from experiments.report import require_extra
 
+    require_extra()
     if out.exists() and not out.is_dir():
         raise ValueError(f"--out {out} is a file; expected the name of a folder")
     figures = run_demo(out, seed=seed, say=(lambda line="": typer.echo(line, err=as_json)))

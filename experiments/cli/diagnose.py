@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from . import options as opt
 from .output import errors, print_json, whole_folder, write_json
@@ -16,14 +17,39 @@ if TYPE_CHECKING:
     from identification.logs import Log
 
 
+class DiagnoseCommand(TyperCommand):
+    """Takes several logs after one --held-out where the logs to be fitted stand before it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, _repeated(args, "--held-out", lambda before: self._has_logs(ctx, before)))
+
+    def _has_logs(self, ctx: Any, args: list[str]) -> bool:
+        return bool(self.make_parser(ctx).parse_args(list(args))[0].get("logs"))
+
+
+def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]) -> list[str]:
+    """`option a b c` as `option a option b option c`, up to the next option, where `may` says so of what is before."""
+    given: list[str] = []
+    rest = list(args)
+    while rest:
+        word = rest.pop(0)
+        given.append(word)
+        if word == option and rest and may(given[:-1]):
+            given.append(rest.pop(0))
+            while rest and not rest[0].startswith("-"):
+                given += [option, rest.pop(0)]
+    return given
+
+
 def diagnose_command(
     logs: opt.Logs,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html.")],
     held_out: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Log that is not fitted, to show the gap shrink; repeat it for more. Default: the last 30 % of each "
-            "log, with plants fitted to the rest."
+            help="Logs that are not fitted, to show the gap shrink; more may follow. Default: the last 30 % of each "
+            "log, with plants fitted to the rest.",
+            metavar="LOG…",
         ),
     ] = None,
     plant: Annotated[str | None, typer.Option(help="Plant to start from; default: from the logs.")] = None,
@@ -34,6 +60,7 @@ def diagnose_command(
     flip: opt.Flip = None,
     encoder_counts: opt.EncoderCounts = None,
     input_unit: opt.InputUnit = None,
+    time_unit: opt.TimeUnit = "s",
     skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -45,13 +72,14 @@ def diagnose_command(
     require_extra()
     if plant is not None:
         Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit)
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
     read = opt.skipped(read_logs(logs, **mapping), skip)
-    held = opt.skipped(read_logs(held_out, constant_command="warn", **mapping), skip) if held_out else ()
+    held = opt.skipped(read_logs(held_out, constant_command="ignore", **mapping), skip) if held_out else ()
     _check_apart(read, held)
     from identification.diagnosis.diagnose import diagnose
 
-    with whole_folder(output) as folder, errors.status("diagnosing …") as status:
+    own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
+    with whole_folder(output, own) as folder, errors.status("diagnosing …") as status:
 
         def tell(text: str) -> None:
             status.update(f"{text} …")

@@ -51,6 +51,7 @@ def identify_command(
     flip: opt.Flip = None,
     encoder_counts: opt.EncoderCounts = None,
     input_unit: opt.InputUnit = None,
+    time_unit: opt.TimeUnit = "s",
     skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -69,7 +70,7 @@ def identify_command(
     if start is not None:
         Plant.resolve(start)  # a wrong name is told before the logs are read
 
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit)
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
     read = opt.skipped(read_logs(logs, **mapping), skip)
     if u_max is not None and not u_max >= (largest := max(float(abs(log.u).max()) for log in read)):
         raise ValueError(f"--u-max {u_max:g}: the logs' command reaches {largest:g}; expected at least that")
@@ -84,9 +85,9 @@ def identify_command(
         plant = estimate.plant
         known = plant.replace(u_max=u_max, provenance=dict(plant.provenance) | {"u_max": "given"})
         estimate = replace(estimate, plant=known)
+    estimate.save(output)
     with busy("profiling …"):
         profiles = [estimate.profile(name) for name in profiled]
-    estimate.save(output)
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
         print_json(estimate.to_dict() | found | {"plant": str(output)})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from furuta_gym.plant import Effect, Plant
+    from furuta_gym.plant import Plant
     from identification.logs import Log
 
 _MAPPING = "How the file is written"
@@ -34,6 +34,7 @@ EncoderCounts = Annotated[
     typer.Option(help="Counts per revolution, one number or two: 2048 or 2048,4096.", rich_help_panel=_MAPPING),
 ]
 InputUnit = Annotated[str | None, typer.Option(help="Unit of the command: V or N·m.", rich_help_panel=_MAPPING)]
+TimeUnit = Annotated[str, typer.Option(help="Of the time column: s, ms or us.", rich_help_panel=_MAPPING)]
 Skip = Annotated[
     float,
     typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller."),
@@ -49,6 +50,7 @@ def mapping(
     flip: list[str] | None,
     encoder_counts: str | None,
     input_unit: str | None,
+    time_unit: str,
 ) -> dict[str, Any]:
     """The mapping options as `read_log` takes them."""
     return {
@@ -58,6 +60,7 @@ def mapping(
         "flip": ",".join(flip or ()),
         "encoder_counts": encoder_counts,
         "input_unit": input_unit,
+        "time_unit": time_unit,
     }
 
 
@@ -117,24 +120,11 @@ def prior_values(texts: Iterable[str] | None) -> dict[str, tuple[float, float]]:
 
 def with_effects(plant: Plant, texts: Iterable[str] | None) -> Plant:
     """The plant with `NAME:p=v,…` added; parameters left out have a size worth noticing. Raises ValueError."""
+    from furuta_gym.plant import Effect
+
     for text in texts or ():
-        plant = plant.with_effects(_effect(plant, text))
+        plant = plant.with_effects(Effect.parse(text, plant.default_effect))
     return plant
-
-
-def _effect(plant: Plant, text: str) -> Effect:
-    from furuta_gym.plant import EFFECTS, Effect
-
-    name, _, rest = (s.strip() for s in text.partition(":"))
-    if name not in EFFECTS:
-        raise ValueError(f"--effect {name!r}: no such effect; there are {', '.join(EFFECTS)}")
-    values = dict(plant.default_effect(name).parameters)
-    for pair in filter(None, rest.split(",")):
-        key, equals, value = (s.strip() for s in pair.partition("="))
-        if key not in values or not equals:
-            raise ValueError(f"--effect {text!r}: {name} has the parameters {', '.join(values)}; expected p=value")
-        values[key] = numbers(f"--effect {name}:{key}", value, (1,))[0]
-    return Effect(name, values)
 
 
 def skipped(logs: Sequence[Log], seconds: float) -> tuple[Log, ...]:

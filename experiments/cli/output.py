@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,15 +35,20 @@ def write_json(path: Path, data: Any) -> None:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder whose files are moved to `path` at the end, and thrown away on an error."""
+def whole_folder(path: Path, own: Iterable[str] = ()) -> Iterator[Path]:
+    """A temporary folder whose files are moved to `path` at the end, and thrown away on an error.
+
+    own: names that belong to the command; what an earlier run left there under them does not stay beside new files."""
     if path.exists() and not path.is_dir():
         raise ValueError(f"output {path} is a file; expected the name of a folder")
     with tempfile.TemporaryDirectory() as temporary:
         yield Path(temporary)
         path.mkdir(parents=True, exist_ok=True)
-        for file in sorted(Path(temporary).iterdir()):
+        written = sorted(Path(temporary).iterdir())
+        for file in written:
             shutil.move(file, path / file.name)
+        for name in set(own) - {file.name for file in written}:
+            (path / name).unlink(missing_ok=True)
 
 
 @contextmanager

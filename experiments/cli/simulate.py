@@ -60,7 +60,7 @@ def simulate_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Simulate a rig and write what its computer would have recorded."""
-    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"])
+    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"], [Path(plant), Path(excitation)])
     if not 0 < duration <= 3600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
     if sample_time is not None and not 0 < sample_time <= 1:

@@ -20,7 +20,7 @@ def train_command(
     algo: Annotated[str, typer.Option(help="ppo, sac or tqc.")] = "ppo",
     steps: Annotated[int, typer.Option(help="Env steps in all.", min=1)] = 2_000_000,
     randomize: Annotated[
-        bool, typer.Option("--randomize", help="A plant from the identified covariance for each episode.")
+        bool, typer.Option("--randomize", help="A plant from its covariance for each episode.")
     ] = False,
     effect_chance: Annotated[
         list[str] | None,
@@ -67,8 +67,6 @@ def train_command(
                 command="furuta " + shlex.join(sys.argv[1:]),
                 progress=lambda done, of: bar.update(row, completed=done, total=of),
             )
-    except ImportError as error:
-        raise ValueError(str(error)) from error
     except KeyboardInterrupt:
         if output.with_suffix(".checkpoint").exists():
             typer.echo("Interrupted; the same command with --resume goes on from the last checkpoint.", err=True)

@@ -38,11 +38,13 @@ def trials_command(
 
     Stop it at any time (Ctrl-C): it reports on what was answered, and the same command goes on from there.
     """
+    from experiments.report import require_extra
     from experiments.trials.plan import make_plan
     from experiments.trials.report import FILES, headline, write_report
     from experiments.trials.run import read_results, read_unanswerable, run_trials
     from experiments.trials.scoring import score
 
+    require_extra()
     if output.exists() and not output.is_dir():
         raise ValueError(f"output {output} is a file; expected the name of a folder")
     plan = make_plan(split, seeds, _names(effects), _names(rigs), _names(kinds), share, power)

@@ -25,6 +25,7 @@ def validate_command(
     flip: opt.Flip = None,
     encoder_counts: opt.EncoderCounts = None,
     input_unit: opt.InputUnit = None,
+    time_unit: opt.TimeUnit = "s",
     skip: opt.Skip = 0.0,
 ) -> None:
     """Measure the gap between a plant and logs that were not fitted, against the noise floor."""
@@ -35,8 +36,8 @@ def validate_command(
     from identification.logs import read_logs
 
     rig = Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit)
-    read = opt.skipped(read_logs(logs, **mapping), skip)
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
+    read = opt.skipped(read_logs(logs, constant_command="ignore", **mapping), skip)
     if rig.unit != read[0].input_unit:
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from .outcomes import outcomes_table
 from .power import PowerCurve
 from .scoring import Outcome
 from .summary import ALL, VISIBLE, confusion, power_curves, power_table, rate, summarize
@@ -25,7 +25,7 @@ def write_report(folder: Path, outcomes: Sequence[Outcome], about: Mapping[str, 
         "summary.json": json.dumps(summary, ensure_ascii=False, indent=2, allow_nan=False) + "\n",
         "confusion.csv": table.to_csv(),
         "power.csv": power_table(curves).to_csv(index=False),
-        "outcomes.csv": _outcomes_table(outcomes).to_csv(index=False),
+        "outcomes.csv": outcomes_table(outcomes).to_csv(index=False),
         "summary.md": markdown(summary, curves),
         "report.html": _html(summary, table, curves, outcomes),
     }
@@ -45,6 +45,7 @@ def percent(share: Mapping[str, Any] | None) -> str:
 def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(question, answer) of the main results; questions that no trial asked are left out."""
     library, nothing = summary["library"], ("none", "torque_noise", "absorbed")
+    forms, outside = summary["library_by_form"], summary["outside_answers"]
 
     def share(kinds: Sequence[str], *results: str) -> str:
         of = sum(summary["trials"][kind] for kind in kinds)
@@ -59,12 +60,13 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         (f"library effect (gap ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
         ("… named right, alone or in a set of two equals", percent(library["right_within_two"])),
         ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
+        *((f"… alone, {said}", percent(forms[form]["right_alone"])) for form, said in _FORMS.items()),
         *((f"… {said}", of_library(result)) for result, said in _SHORTCOMINGS.items()),
         ("nothing to name: false alarms", percent(summary["false_alarms"])),
         *((f"… of these: {said}", share([kind], "false_alarm")) for kind, said in _NOTHING.items()),
         ("nothing to name: called unknown", share(nothing, "unknown")),
-        ("outside the library: recognised as unknown", share(["outside"], "right")),
-        ("outside the library: given a name", share(["outside"], "wrong")),
+        ("outside the library: something unknown is said to be there", share(["outside"], "right")),
+        *((f"… of these: {said}", percent(share)) for said, share in outside.items()),
         ("two effects: both named right, alone or in sets of two", share(["two"], "right", "pair")),
         ("two effects: one of them", share(["two"], "half")),
         ("hard friction alone: named friction_sharpness", share(["hard"], "right", "pair")),
@@ -79,6 +81,7 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
             _quantile(summary["after_over_floor"], "median"),
         ),
         ("time of one diagnosis [s]: median / 95 %", _times(summary["runtime_s"])),
+        *((f"… {said}", _times(times)) for said, times in summary["runtime_s_by_answer"].items()),
     ]
     return [row for row in rows if row[1] != "–"]
 
@@ -94,6 +97,7 @@ _SHORTCOMINGS = {
     "insufficient": "called insufficient excitation",
     "error": "error",
 }
+_FORMS = {"table": "where the effect has the library's own equation", "bench": "where another law of the same cause"}
 _NOTHING = {
     "none": "nothing hidden",
     "torque_noise": "random torque",
@@ -135,11 +139,6 @@ def _quantile(quantiles: Mapping[str, float] | None, name: str) -> str:
 
 def _times(quantiles: Mapping[str, float] | None) -> str:
     return "–" if quantiles is None else f"{quantiles['median']:.0f} / {quantiles['q95']:.0f}"
-
-
-def _outcomes_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
-    rows = [asdict(o) | {"named": " ".join(o.named), "covered": json.dumps(dict(o.covered))} for o in outcomes]
-    return pd.DataFrame(rows)
 
 
 def _html(

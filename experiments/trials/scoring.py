@@ -68,7 +68,7 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
         inside=bool(hidden) and set(hidden) <= {name for s in sets for name in s},
         covered=_covered(sealed["truth"], answer) if trial["kind"] in ("library", "two") and result in RIGHT else {},
         leftover=bool(answer.get("leftover")),
-        reported_absorbed=any(name in answer.get("not_visible", ()) for name in hidden),
+        reported_absorbed=any(name in answer.get("absorbed", ()) for name in hidden),
         closed_fraction=_gap_number(answer, "closed_fraction"),
         after_over_floor=_after_over_floor(answer),
         runtime_s=answer.get("runtime_s"),

@@ -51,6 +51,11 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "false_alarms": rate(o.result == "false_alarm" for o in nothing),
         "absorbed_reported": rate(o.reported_absorbed for o in by_kind["absorbed"]),
         **{kind: _results(by_kind[kind]) for kind in KINDS if kind != "library"},
+        "outside_answers": {
+            "no name": rate(o.right and not o.named for o in by_kind["outside"]),
+            "a name for a part, and something left": rate(o.right and bool(o.named) for o in by_kind["outside"]),
+            "a name, and nothing left": rate(o.result == "wrong" for o in by_kind["outside"]),
+        },
         "coverage_95": rate(covered for o in outcomes for covered in o.covered.values()),
         "coverage_95_by_leftover": {
             name: rate(covered for o in outcomes if o.leftover == left for covered in o.covered.values())
@@ -60,6 +65,10 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "closed_fraction": _quantiles(o.closed_fraction for o in right),
         "after_over_floor": _quantiles(o.after_over_floor for o in right),
         "runtime_s": _quantiles(o.runtime_s for o in outcomes),
+        "runtime_s_by_answer": {
+            "at most one name, nothing left": _quantiles(o.runtime_s for o in outcomes if _simple(o)),
+            "several names or something left": _quantiles(o.runtime_s for o in outcomes if not _simple(o)),
+        },
     }
 
 
@@ -122,6 +131,10 @@ def _results(some: Sequence[Outcome]) -> dict[str, Any]:
 
 def _subjects(some: Iterable[Outcome]) -> list[str]:
     return sorted({o.subject for o in some})
+
+
+def _simple(outcome: Outcome) -> bool:
+    return len(outcome.named) <= 1 and not outcome.leftover
 
 
 def _row(outcome: Outcome) -> str:

@@ -64,7 +64,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     plant: Plant, plant file, or the name of a set (`table3`, `qube`, `large`). Default `table3`, the paper's.
     task: `balance` (default) or `swing_up`.
     randomize (False): draw the plant at every reset from the covariance in its file, truncated to M > 0, friction ≥ 0
-        and the effects' bounds.
+        and the effects' bounds. The three sets have none; there each θ varies by 5 % (`plant.sets.SPREAD`).
     effect_probabilities ({}): {name: p} lets an effect act in an episode with probability p; at its own size if the
         plant carries it, else at a size drawn up to `Plant.default_effect`. Works without `randomize` too.
     sample_time (the plant's, else 0.01 s): control period T.

@@ -20,9 +20,7 @@ from .randomization import draw_parameters
 from .streams import normal_pair, uniform
 
 # Rows of a block before X.
-(TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, TRUNCATED, DONE, N_FIXED) = range(
-    13
-)
+TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE, N_FIXED = range(12)
 
 # Entries of `sizes`.
 (STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, N_SIZES) = range(8)

@@ -176,11 +176,10 @@ def _friction_rate(plant: Plant) -> float:
 
 def _sensors(plant: Plant, options: Options) -> Sensors:
     """The options where given, else what the plant file says of its sensors, else the defaults of `Sensors`."""
-    given = {
-        "encoder_counts": options.encoder_counts,
-        "noise_std": options.noise_std,
-        "offset": options.encoder_offset,
-        "velocity_cutoff": options.velocity_cutoff,
-    }
-    from_file = {name: value for name, value in (plant.sensors or {}).items() if name in given and value is not None}
-    return Sensors.from_dict(from_file | {name: value for name, value in given.items() if value is not None})
+    return Sensors.of_file(
+        plant.sensors,
+        encoder_counts=options.encoder_counts,
+        noise_std=options.noise_std,
+        offset=options.encoder_offset,
+        velocity_cutoff=options.velocity_cutoff,
+    )

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from .covariance import Covariance
 from .effects.effect import Effect
@@ -248,8 +248,3 @@ def sampled_plants(plant: Plant, n: int, rng: np.random.Generator) -> Iterable[P
             "which stores one, or switch randomisation off"
         )
     return (plant.covariance.draw(plant, rng) for _ in range(n))
-
-
-def plant_from_theta(theta: ArrayLike, **fields: Any) -> Plant:
-    """Shorthand for a plant from nine numbers."""
-    return Plant(theta=theta_vector(theta), **fields)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .parameters import RigidBody, theta_vector
+from .covariance import Covariance
+from .parameters import THETA_NAMES, RigidBody, theta_vector
 from .plant import Plant
 
 TABLE_3 = Plant(
@@ -58,6 +59,18 @@ LARGE_RIG = Plant(
 )
 
 PLANTS: dict[str, Plant] = {"table3": TABLE_3, "qube": QUBE, "large": LARGE_RIG}
+
+SPREAD = 0.05
+"""Standard deviation of each θ of a set above over its value, where plants are to be drawn: an assumption, as nobody
+has measured how sure these values are."""
+
+
+def with_spread(plant: Plant) -> Plant:
+    """One of the sets above with independent θ of standard deviation SPREAD; any other plant as it is."""
+    if plant not in PLANTS.values():
+        return plant
+    return plant.replace(covariance=Covariance(THETA_NAMES, np.diag((SPREAD * plant.theta) ** 2)))
+
 
 # The gain of Eq. (24), to be used as u = −K x (errata, row 4).
 PAPER_GAIN = 0.8 * np.array([-9.1265, -5.2953, -41.5431, -5.6176])

@@ -70,7 +70,7 @@ def fit(
     coordinates += noise_coordinates(quietest(anchor or plant, records))
     if anchor is not None:
         coordinates = [anchored(c, anchor) for c in coordinates]
-    coordinates = [repeating(c, max(r.t[-1] - r.t[0] for r in records)) for c in coordinates]
+    coordinates = [repeating(c, max(r.duration for r in records)) for c in coordinates]
     step = _COARSER if coarse else 1.0
     problem = PredictionError(plant, records, coordinates, noise, coarser=step, parallel=not coarse)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=not coarse)
@@ -143,7 +143,7 @@ def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.
 
 def _peaks(nominal: Fit, noise: NDArray[np.float64], most: int = 5) -> NDArray[np.float64]:
     """Frequencies [Hz] of the largest peaks in the whitened innovations of the longest record, each bracketed."""
-    record = max(nominal.records, key=lambda r: r.t[-1])
+    record = max(nominal.records, key=lambda r: r.duration)
     problem = PredictionError(nominal.plant, [record], nominal.coordinates[:1], noise)
     result = problem.run(record, nominal.optimum.z[None, :1], 1)
     if result is None:
@@ -152,8 +152,8 @@ def _peaks(nominal: Fit, noise: NDArray[np.float64], most: int = 5) -> NDArray[n
     n = len(w)
     power = np.abs(np.fft.rfft(w - w.mean(axis=0), 4 * n, axis=0)) ** 2
     f = np.fft.rfftfreq(4 * n, float(np.median(np.diff(record.t))))
-    total = np.where((f > PERIODS / record.t[-1]) & (f < 25.0), power.sum(axis=1), 0.0)
-    cell, found = 1.0 / record.t[-1], []
+    total = np.where((f > PERIODS / record.duration) & (f < 25.0), power.sum(axis=1), 0.0)
+    cell, found = 1.0 / record.duration, []
     for _ in range(most):
         top = f[int(np.argmax(total))]
         found += [top - 0.25 * cell, top, top + 0.25 * cell]

@@ -16,7 +16,7 @@ from ..estimate import Estimate
 from ..identifiability import NotIdentifiable
 from ..identify import identify
 from ..logs import Log
-from ..prediction_error import Record
+from ..record import stretches
 from .candidates import Fit, fit
 from .locate import locate
 from .naming import START_NOISE, Naming, name_effects, unsettled
@@ -27,6 +27,13 @@ SCHEMA = "furuta-diagnosis/1"
 SHARPNESS = 100.0  # s/rad; what model (5) is taken to have, so that another r is itself a finding
 CONSTANT = 1e-3  # level of the test that parameters are the same all along a log
 _LEAST_SHARE = 0.3  # of θ4 in θ2; a uniform rod has 0.75
+ABSORBED = {
+    "back_emf": "adds to θ6",
+    "amplifier_gain": "scales every θ",
+    "arm_encoder_offset": "changes nothing in model (5)",
+}
+"""What no log can tell from the parameters of model (5), and what becomes of it: never named, always reported."""
+
 _ABSORBED = 0.995  # share of an effect's answer that θ imitates, from which it cannot be seen in principle
 
 
@@ -105,6 +112,7 @@ class Diagnosis:
             "effects": effects,
             "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
             "not_visible": sorted(n for n, share in naming.absorbed.items() if share > _ABSORBED) if naming else [],
+            "absorbed": dict(ABSORBED),
             "leftover": self.leftover,
             "rest": self.rest.to_dict() if self.rest else None,
             "left_over_torque": self.left_over,
@@ -143,6 +151,8 @@ class Diagnosis:
         lines.append(
             f"  torque that passes for noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
         )
+        taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
+        lines.append(f"  no log can tell from θ: {taken}")
         return "\n".join(lines)
 
 
@@ -174,7 +184,7 @@ def diagnose(
             "insufficient_excitation", text, None, None, None, None, math.nan, rms, time.monotonic() - began
         )
     anchor = _anchor(before.plant)
-    records = [Record.from_log(piece) for log in logs for piece in log.pieces() if len(piece) >= 20]
+    records = [stretch.record for stretch in stretches(logs)]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor)
     naming, after, rest = _searched(nominal, anchor, before, logs, most, only, tell)
     verdict, summary = _verdict(naming, rest)

@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Look:
-    """One piece of a log: the corrected plant, and the plain one at its own noise along the same motion."""
+    """A stretch of a log: the corrected plant, and the plain one at its own noise along the same motion.
+
+    start [s]: stamp of the log's first sample, from which the signals' time counts."""
 
     log: int
     start: float

@@ -21,7 +21,7 @@ from ..flexible import flexible
 from ..likelihood import whiten
 from ..logs import Log
 from ..noise_fit import likeliest
-from ..record import Record
+from ..record import Stretch, stretches
 from ..whiteness import innovations
 from .constancy import constancy
 from .evidence import Look, evidence_of, parameters_of, suspicions_of
@@ -45,12 +45,14 @@ def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     looks = [
-        _look(plant, i, piece) for i, log in enumerate(logs) for piece in log.pieces() if piece.duration >= _SHORTEST
+        _look(plant, stretch, float(logs[stretch.log].t[0]))
+        for stretch in stretches(logs)
+        if stretch.record.duration >= _SHORTEST
     ]
     if not looks:
         raise ValueError(f"locate needs at least one log of {_SHORTEST:g} s without gaps")
     knots = Knots.of([look.signals for look in looks])
-    peaks = max(looks, key=lambda look: look.signals.t[-1]).flexible.peaks
+    peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
     columns = [families(look.signals, plant, knots, peaks) for look in looks]
     suspicions = suspicions_of(looks, columns)
     best = suspicions[0]
@@ -89,14 +91,14 @@ def _channel(best: Suspicion) -> str:
     return "sensor" if (best.channel, best.variable) == ("pendulum", "constant") else best.channel
 
 
-def _look(plant: Plant, index: int, piece: Log) -> Look:
+def _look(plant: Plant, stretch: Stretch, start: float) -> Look:
     try:
-        found = flexible(plant, Record.from_log(piece))
+        found = flexible(plant, stretch.record)
     except ValueError as error:
-        raise ValueError(f"{piece.source}: {error}") from error
+        raise ValueError(f"{stretch.piece.source}: {error}") from error
     smoothed = smooth(found.plain.path)
     plain = along(found.plain.path, smoothed.mean, smoothed.variance[:, 2:4]) or found.uncorrected
-    return Look(index, float(piece.t[0]), found, plain, Signals.of(found.uncorrected))
+    return Look(stretch.log, start, found, plain, Signals.of(found.uncorrected))
 
 
 def _missing(look: Look, source: str) -> MissingTorque:
@@ -153,9 +155,6 @@ def _constancy(look: Look, plant: Plant):
     free = [i for i in range(9) if np.any(D[:, :, i])]
     used = look.plain.used
     return constancy(D[used][:, :, free], w[used], [THETA_NAMES[i] for i in free])
-
-
-_ROW = {"arm": "on the arm's row", "pendulum": "on the pendulum's row"}
 
 
 def _nothing(evidence: float) -> str:

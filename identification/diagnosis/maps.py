@@ -71,7 +71,7 @@ def torque_map(paths: Sequence[FilterPath], row: int, name: str, bins: int = 12)
     meat = np.zeros((m, m))
     for path, D, w in found:
         left = D * (w + D @ mean)[:, None]
-        block = np.repeat((path.record.t / _BLOCK).astype(int), 2)
+        block = np.repeat(((path.record.t - path.record.t[0]) / _BLOCK).astype(int), 2)
         sums = np.stack([np.bincount(block, left[:, j]) for j in range(m)])
         meat += sums @ sums.T
         blocks += sums.shape[1]

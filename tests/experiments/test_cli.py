@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
 from experiments.cli import app
@@ -333,3 +334,51 @@ def test_the_installed_command_is_quick_and_leaves_no_traceback(tmp_path: Path) 
     assert bad.returncode == 2
     assert "none.csv" in bad.stderr
     assert "Traceback" not in bad.stderr
+
+
+def test_milliseconds_and_plain_letters(tmp_path: Path, recorded: Path) -> None:
+    """A log with `millis()` and a keyboard without Greek letters."""
+    log = read_log(recorded).slice(stop=4.0)
+    slow = some_log(tmp_path / "ms.csv", len(log), t=1000 * log.t, q1=log.q1, q2=log.q2, u=log.u)
+    result = furuta("validate", "table3", slow, "--time-unit", "ms", "--encoder-counts", 4096)
+    assert result.exit_code == 0, result.output
+    assert "Prediction 0.3 s ahead" in result.stdout
+    refused(furuta("validate", "table3", slow, "--time-unit", "h"), "one of s, ms, us")
+    plant = with_effects(TABLE_3, ["arm_stribeck:dF=0.1"])
+    assert plant.effect("arm_stribeck").parameters["ΔF"] == 0.1
+    assert plant.effect("arm_stribeck").parameters["vs"] == TABLE_3.default_effect("arm_stribeck").parameters["vs"]
+
+
+def test_what_is_played_is_not_overwritten(tmp_path: Path) -> None:
+    d = tmp_path / "d.csv"
+    d.write_text("t,u\n0,1\n")
+    refused(furuta("simulate", "--plant", "table3", "--excitation", d, "-o", d), "also an input")
+    assert d.read_text() == "t,u\n0,1\n"
+
+
+def test_a_lone_free_decay_can_be_predicted(tmp_path: Path) -> None:
+    """It tells no scale, and a prediction asks for none."""
+    for start in ("upright", "hanging"):  # the second is at rest all the time
+        log = tmp_path / f"{start}.csv"
+        assert furuta("simulate", "--plant", "qube", "--duration", 4, "--start", start, "-o", log).exit_code == 0
+        refused(furuta("identify", log, "-o", tmp_path / "rig.json"), "command")
+        result = furuta("validate", "qube", log)
+        assert result.exit_code == 0, result.output
+        assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "fitted", "held"),
+    [
+        ("a.csv --held-out b.csv c.csv -o d", ["a.csv"], ["b.csv", "c.csv"]),
+        ("-o d a.csv b.csv --held-out c.csv d.csv --skip 1", ["a.csv", "b.csv"], ["c.csv", "d.csv"]),
+        ("a.csv --held-out b.csv --held-out c.csv -o d", ["a.csv"], ["b.csv", "c.csv"]),
+        ("--held-out b.csv a.csv -o d", ["a.csv"], ["b.csv"]),
+        ("a.csv --held-out=b.csv -o d", ["a.csv"], ["b.csv"]),
+    ],
+)
+def test_several_logs_may_follow_held_out(words: str, fitted: list[str], held: list[str]) -> None:
+    command = typer.main.get_command(app).commands["diagnose"]  # type: ignore[attr-defined]
+    given = command.make_context("diagnose", words.split()).params
+    assert [str(path) for path in given["logs"]] == fitted
+    assert [str(path) for path in given["held_out"]] == held

@@ -92,6 +92,7 @@ def test_the_json_keeps_the_contract(examined):
     found = json.loads(json.dumps(examined.to_dict(), allow_nan=False))
     assert {"verdict", "effects", "ranking", "where", "gap", "next_experiment", "runtime_s"} <= set(found)
     assert {"channel", "intervals_s", "variable", "map"} <= set(found["where"])
+    assert {"back_emf", "amplifier_gain"} <= set(found["absorbed"])
     names = {"before", "after", "noise_floor", "closed_fraction", "closed_interval", "held_out"}
     assert names <= set(found["gap"])
     for side in ("before", "after", "noise_floor"):
@@ -170,7 +171,17 @@ def test_the_page_says_what_was_found(page, examined):
     assert f"k = {k:.4g}" in page
     assert "arm_spring" in page
     assert f"<strong>{100 * examined.gap.closed.value:.1f} %</strong>" in page
+    assert "back emf (adds to θ6); amplifier gain (scales every θ)" in page
     assert examined.where.sentence.split(":")[0].replace("'", "&#39;") in page
+
+
+def test_the_page_shows_the_tail_that_judged_a_repeating_effect(page, examined, logs):
+    assert "On the last part of the searched logs" not in page
+    own_tail = measure_gap(examined.diagnosis, [logs[0]])
+    html = build(replace(examined, gap=replace(examined.gap, own_tail=own_tail)))
+    assert "On the last part of the searched logs" in html
+    for change in (examined.gap, own_tail):
+        assert f"<strong>{100 * change.closed.value:.1f} %</strong>" in html
 
 
 @pytest.mark.parametrize("verdict", ["none", "unknown", "insufficient_excitation"])
@@ -262,6 +273,10 @@ def test_the_command_writes_all_three_files(files, tmp_path):
     assert found["gap"]["held_out"] is True
     assert "gap closed" in result.stdout
     assert "other.csv" in (out / "report.html").read_text()
+    (out / "next_experiment.csv").write_text("an earlier run's")
+    (out / "mine.txt").write_text("mine")
+    assert CliRunner().invoke(app, [str(a) for a in arguments]).exit_code == 0
+    assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "mine.txt", "plant.json", "report.html"]
 
 
 @pytest.mark.parametrize("case", ["same log", "output is a file"])

@@ -94,7 +94,6 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "randomize": (("--plant", "large", "--randomize"), ("covariance", "furuta identify")),
     "plant": (("--plant", "none.json"), ("none.json", "table3")),
     "algo": (("--plant", "large", "--algo", "ddpg"), ("ddpg", "ppo, sac, tqc")),
     "task": (("--plant", "large", "--task", "juggle"), ("juggle", "balance, swing_up")),
@@ -110,6 +109,12 @@ def test_refusals_leave_nothing(case: str, tmp_path: Path) -> None:
     arguments, words = REFUSED[case]
     refused(furuta("train", *arguments, "-o", tmp_path / "policy.zip"), *words)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_drawing_plants_needs_a_covariance(tmp_path: Path) -> None:
+    rig = LARGE_RIG.replace(u_max=5.0).save(tmp_path / "rig.json")
+    refused(furuta("train", "--plant", rig, "--randomize", "-o", tmp_path / "p.zip"), "covariance", "furuta identify")
+    assert list(tmp_path.iterdir()) == [rig]
 
 
 def test_other_names_are_refused(tmp_path: Path) -> None:

@@ -101,8 +101,8 @@ def test_nothing_to_name(kind):
 
 def test_what_theta_takes_in_may_be_reported():
     truth = hidden("back_emf", kind="absorbed")
-    assert score(truth, said(not_visible=["back_emf"])).reported_absorbed
-    assert not score(truth, said(not_visible=["amplifier_gain"])).reported_absorbed
+    assert score(truth, said(absorbed={"back_emf": "adds to θ6"})).reported_absorbed
+    assert not score(truth, said(absorbed={"amplifier_gain": "scales every θ"})).reported_absorbed
     assert not score(truth, said()).reported_absorbed
 
 
@@ -242,6 +242,7 @@ def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     assert summary["outside"]["right"]["rate"] == 1.0
     assert summary["two"]["half"]["of"] == 1
     assert summary["runtime_s"]["median"] == 12.0
+    assert summary["runtime_s_by_answer"]["several names or something left"]["of"] == 1, "the one with leftover"
     assert summary["closed_fraction"] is None
     assert power_curves(outcomes)["arm_spring"].trials == 4
 
@@ -251,9 +252,11 @@ def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     lines = dict(headline(summary))
     assert lines["… in answers that say something left"] == "0 of 1 = 0 % (0 … 98 %)"
     assert lines["nothing to name: false alarms"] == "1 of 2 = 50 % (1 … 99 %)"
-    assert lines["outside the library: given a name"] == "0 of 1 = 0 % (0 … 98 %)"
+    assert lines["… of these: no name"] == "1 of 1 = 100 % (3 … 100 %)"
+    assert lines["… of these: a name, and nothing left"] == "0 of 1 = 0 % (0 … 98 %)"
     assert lines["… called unknown"].startswith("0 of 3")
     assert "hard friction alone: named friction_sharpness" not in lines, "no such trial"
+    assert lines["… alone, where the effect has the library's own equation"].startswith("1 of 3")
 
     table = confusion(outcomes)
     assert table.loc["arm_spring", "arm_spring"] == 3

@@ -244,3 +244,19 @@ def test_an_axis_of_the_wrong_sign_is_told(real_data: Path) -> None:
     with pytest.warns(UserWarning, match="flip"):
         log = read_log(raw, pendulum_zero="hanging", encoder_counts=2048)
     assert any("flip" in warning for warning in identify(log).warnings)
+
+
+def test_a_value_kept_at_the_starts_needs_a_start(upright: Log) -> None:
+    with pytest.raises(ValueError, match="theta4 is to stay at the start plant's value, and there is no start"):
+        identify(upright, fixed={"theta4": None})
+    start = TABLE_3.replace(theta=TABLE_3.theta * np.where(np.arange(9) == 3, 1.1, 1.0))
+    kept = identify(upright, start, fixed={"theta4": None})
+    assert kept.plant.theta[3] == start.theta[3]
+    assert kept.fixed == {"theta4": start.theta[3]}
+
+
+@pytest.mark.parametrize("method", ["filtered-ls", "recursive-ls", "ekf"])
+def test_every_method_writes_the_logs_encoders(upright: Log, method: str) -> None:
+    sensors = identify(upright, method=method).plant.sensors
+    assert sensors is not None
+    assert tuple(sensors["encoder_counts"]) == upright.encoder_counts

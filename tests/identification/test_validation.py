@@ -18,6 +18,7 @@ from identification.free_run import Windows, free_run
 from identification.identify import identify
 from identification.logs import Log, read_log
 from identification.noise_fit import fit_noise
+from identification.noise_floor import repeats
 from identification.record import Record
 from identification.resimulation import resimulate
 from identification.validation import closed_fraction, validate
@@ -152,6 +153,19 @@ def test_runs_of_one_input_give_a_floor_without_a_noise_model():
     assert not mixed.repeats
     assert mixed.ratio_to_floor == pytest.approx(1.0, abs=0.3)
     assert np.all(mixed.floor > 2.0 * gap.floor)
+
+
+def test_free_decays_from_different_places_are_no_repeats():
+    """Nor may a wrong plant's own errors pass for their spread."""
+    logs = []
+    for seed, q2 in enumerate((np.pi + 1.0, np.pi - 0.7)):
+        run = simulate(TABLE_3, open_loop(np.zeros(1500)), 6.0, 0.004, x0=(0, q2, 0, 0), seed=seed)
+        logs.append(Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096)))
+    wrong = TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)])
+    gap = validate(wrong, logs)
+    assert not gap.repeats
+    assert gap.ratio_to_floor > 2.0
+    assert repeats([logs[0], logs[0]]) == [[0, 1]]
 
 
 def test_the_file_has_the_names_that_were_agreed():

@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -77,8 +77,10 @@ class Effect:
         return EFFECTS[self.name]
 
     @classmethod
-    def parse(cls, text: str) -> "Effect":
-        """Read `name:parameter=value,…` as the command line gives it."""
+    def parse(cls, text: str, left_out: Callable[[str], "Effect"] | None = None) -> "Effect":
+        """Read `name:parameter=value,…` as the command line gives it.
+
+        Parameters that the text leaves out are those of `left_out(name)`, such as `Plant.default_effect`."""
         name, _, rest = text.partition(":")
         pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
         for key, equals, value in pairs:
@@ -87,7 +89,11 @@ class Effect:
         keys = [key.strip() for key, _, _ in pairs]
         if twice := sorted({key for key in keys if keys.count(key) > 1}):
             raise ValueError(f"effect {text!r}: {', '.join(twice)} is given twice")
-        return cls(name.strip(), {key.strip(): value for key, _, value in pairs})  # type: ignore[misc]
+        given = cls(name.strip(), {key.strip(): value for key, _, value in pairs})  # type: ignore[misc]
+        if left_out is None:
+            return given
+        named = {_PLAIN.get(key, key): given.parameters[_PLAIN.get(key, key)] for key in keys}
+        return cls(given.name, {**left_out(given.name).parameters, **named})
 
     def to_dict(self, unit: str) -> dict[str, Any]:
         units = {p.name: p.unit.format(u=unit) for p in self.type.parameters}

@@ -16,6 +16,7 @@ import furuta_gym
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.sets import SPREAD
 from furuta_gym.sensors import FilteredDifference, Sensors
 
 from .helpers import OPTION_SETS
@@ -46,7 +47,12 @@ def test_made_as_the_interface_says(tmp_path):
     env = made(plant=str(file), task="swing_up")
     assert env.unwrapped.plant == QUBE
     assert env.unwrapped.setup.sample_time == QUBE.sample_time
-    env = gym.make("furuta_gym:FurutaID-v0", task="balance", plant=LARGE_RIG, render_mode="rgb_array")
+    env = gym.make("furuta_gym:FurutaID-v0", task="balance", randomize=True, render_mode="rgb_array")
+    drawn = [env.reset(seed=seed)[1]["plant"]["theta"] for seed in (0, 1)]
+    assert not np.array_equal(*drawn)
+    assert np.all(np.abs(drawn / TABLE_3.theta - 1) < 5 * SPREAD)
+    assert env.render().ndim == 3
+    env = gym.make("furuta_gym:FurutaID-v0", plant=LARGE_RIG)
     assert env.action_space.high[0] == LARGE_RIG.u_max
 
 
@@ -286,7 +292,7 @@ def test_a_state_that_leaves_all_bounds_terminates():
     [
         ({"task": "juggle"}, "balance, swing_up"),
         ({"plant": "no-such-rig"}, "table3, qube, large"),
-        ({"randomize": True}, "covariance"),
+        ({"plant": TABLE_3.replace(u_max=9.0), "randomize": True}, "covariance"),
         ({"effect_probabilities": {"gremlins": 0.5}}, "library has"),
         ({"effect_probabilities": {"arm_spring": 1.5}}, r"\[0, 1\]"),
         ({"effect_probabilities": ["arm_spring"]}, "map effect names"),

@@ -7,9 +7,10 @@ from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.randomization import draw_parameters, randomization
 from furuta_gym.envs.streams import normal_pair, uniform
 from furuta_gym.envs.vector import FurutaVectorEnv
-from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect
+from furuta_gym.plant import EFFECTS, PLANTS, QUBE, TABLE_3, Covariance, Effect
 from furuta_gym.plant.covariance import _shifted
 from furuta_gym.plant.plant import sampled_plants
+from furuta_gym.plant.sets import SPREAD
 
 from .helpers import SPRING, uncertain
 
@@ -61,6 +62,14 @@ def test_drawn_plants_have_the_covariance_of_the_file():
     np.testing.assert_allclose(np.cov((theta / scale).T), plant.covariance.matrix / np.outer(scale, scale), atol=0.1)
     drawn = np.array([p.theta for p in sampled_plants(plant, 2000, np.random.default_rng(0))])
     np.testing.assert_allclose(theta.std(axis=0), drawn.std(axis=0), rtol=0.08)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_sets_without_covariance_vary_by_the_stated_spread(name):
+    theta = FurutaVectorEnv(4000, plant=name, randomize=True).reset(seed=0)[1]["plant"]["theta"]
+    np.testing.assert_allclose(theta.std(axis=0) / PLANTS[name].theta, SPREAD, rtol=0.05)
+    np.testing.assert_allclose(np.corrcoef(theta.T), np.eye(9), atol=0.06)
+    assert PLANTS[name].covariance is None, "the set itself states no covariance that nobody has measured"
 
 
 def test_the_drawn_plant_is_the_one_that_moves():

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from furuta_gym.plant import EFFECTS, LARGE_RIG, Effect
+from furuta_gym.plant import EFFECTS, LARGE_RIG, TABLE_3, Effect
 
 every_effect = pytest.mark.parametrize("name", EFFECTS)
 
@@ -93,6 +93,13 @@ def test_plain_letters_stand_for_the_greek_ones():
     assert Effect.parse("base_tilt:alphax=0.1,alphay=0.2") == Effect("base_tilt", {"αx": 0.1, "αy": 0.2})
     assert Effect.parse("arm_presliding:sigma0=9") == Effect("arm_presliding", {"σ0": 9.0})
     assert Effect.parse("arm_ripple:phi=0.1") == Effect("arm_ripple", {"φ": 0.1})
+
+
+def test_what_the_text_leaves_out_may_come_from_elsewhere():
+    default = TABLE_3.default_effect("arm_stribeck").parameters
+    found = Effect.parse("arm_stribeck:dF=0.1", TABLE_3.default_effect)
+    assert found == Effect("arm_stribeck", {**default, "ΔF": 0.1})
+    assert default["vs"] == found.parameters["vs"]
 
 
 def test_ripple_order_is_whole():

@@ -1,0 +1,85 @@
+"""Outcomes that are kept can be read and counted again; the documented figures are those of the kept ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from experiments.trials.outcomes import outcomes_table, read_outcomes
+from experiments.trials.report import headline
+from experiments.trials.scoring import Outcome
+from experiments.trials.summary import summarize
+
+DOCS = Path(__file__).parents[2] / "docs"
+KEPT = DOCS / "data" / "trials_outcomes.csv"
+
+names = st.from_regex(r"[a-zφω][a-z0-9_φω]{0,12}", fullmatch=True)
+numbers = st.none() | st.floats(0, 1e6)
+outcomes = st.builds(
+    Outcome,
+    id=names,
+    kind=names,
+    subject=names,
+    rig=names,
+    form=st.sampled_from(("", "table", "table+bench", "null", "NA")),
+    ratio=numbers,
+    result=names,
+    named=st.lists(names, max_size=3).map(tuple),
+    inside=st.booleans(),
+    covered=st.dictionaries(names, st.booleans(), max_size=3),
+    leftover=st.booleans(),
+    reported_absorbed=st.booleans(),
+    closed_fraction=numbers | st.floats(-50, 1),
+    after_over_floor=numbers,
+    runtime_s=numbers,
+)
+
+
+@given(some=st.lists(outcomes, min_size=1, max_size=5))
+@settings(max_examples=50, deadline=None)
+def test_what_is_written_is_read_again(some, tmp_path_factory):
+    file = tmp_path_factory.mktemp("kept") / "outcomes.csv"
+    outcomes_table(some).to_csv(file, index=False)
+    assert read_outcomes(file) == some
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("runtime_s", "seconds"), "lacks runtime_s"),
+        (lambda text: text.replace("True", "perhaps"), "line 2: cannot read 'perhaps'"),
+        (lambda text: text.replace("{}", "{"), "line 2: cannot read"),
+        (lambda text: "", "is no table"),
+    ],
+)
+def test_what_cannot_be_read_is_said(change, message, tmp_path):
+    one = Outcome("a", "none", "none", "servo", "", None, "right", (), True, {}, False, False, None, None, 1.0)
+    file = tmp_path / "outcomes.csv"
+    outcomes_table([one]).to_csv(file, index=False)
+    file.write_text(change(file.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        read_outcomes(file)
+
+
+def test_the_documented_figures_are_those_of_the_kept_outcomes():
+    page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
+    lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
+    for question, answer in headline(summarize(read_outcomes(KEPT))):
+        assert (question, answer) in lines, f"docs/diagnosis_trials.md has no row: | {question} | {answer} |"
+
+
+def test_the_command_counts_a_kept_file_again(monkeypatch):
+    import typer
+
+    from experiments.trials.recount import main
+
+    app = typer.Typer()
+    app.command()(main)
+    done = CliRunner().invoke(app, [str(KEPT)])
+    assert done.exit_code == 0
+    assert f"{len(read_outcomes(KEPT))} trials" in done.output
+    assert CliRunner().invoke(app, ["nowhere.csv"]).exit_code != 0
