@@ -85,8 +85,9 @@ class DesignModel:
 
 def choose_sample_time(plant: Plant, sample_time: float | None) -> float:
     """The caller's, else the plant's, else 2 ms. Raises ValueError unless in (0, 1] s."""
-    T = DEFAULT_SAMPLE_TIME if sample_time is None and plant.sample_time is None else sample_time or plant.sample_time
-    if not (T is not None and np.isfinite(T) and 0 < T <= 1):
+    given = plant.sample_time if sample_time is None else sample_time
+    T = DEFAULT_SAMPLE_TIME if given is None else given
+    if not (np.isfinite(T) and 0 < T <= 1):
         raise ValueError(f"sample_time must lie in (0, 1] s, got {sample_time!r}")
     return float(T)
 
@@ -111,10 +112,11 @@ def torque_noise_intensity(plant: Plant) -> NDArray[np.float64]:
 def balance_point(plant: Plant) -> tuple[float, float]:
     """(q2e, τ): the pendulum angle near upright and the motor torque that leave the arm at rest at q1 = 0.
 
-    Newton's method on the plant's own equations, its memoryless effects included. Raises DesignError if there is
-    none within 0.5 rad.
+    Newton's method on the plant's own equations, without effects that have memory or follow time. Raises DesignError
+    if there is none within 0.5 rad.
     """
-    still = plant.replace(effects=tuple(e for e in plant.effects if not e.type.memory))
+    passing = [e for e in plant.effects if e.type.memory or "t" in e.type.arguments.get("torque", ())]
+    still = plant.replace(effects=tuple(e for e in plant.effects if e not in passing))
     at = lambda z: state_derivative(still, np.array([0.0, z[0], 0.0, 0.0]), z[1])[2:4]  # noqa: E731
     z = np.zeros(2)
     for _ in range(20):

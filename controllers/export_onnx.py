@@ -10,7 +10,7 @@ import numpy as np
 from furuta_gym.plant import Plant
 
 from .layers import Network, network_of
-from .learned import LearnedController, load_policy, read_record
+from .learned import SPEED_LIMIT, LearnedController, load_policy, read_record
 
 OPSET = 17
 
@@ -20,11 +20,11 @@ _OBSERVATION = (
 )
 
 
-def onnx_model(network: Network, u_max: float, about: dict[str, Any]) -> Any:
+def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, Any]) -> Any:
     """The network as an `onnx.ModelProto`.
 
     Input `observation` (N, n) float32. Outputs (N, 1): `action`, as the policy's `predict` gives it, and `command`,
-    u_max times the action's share of its range. about: strings for the model's metadata.
+    scale times the action within ± u_max. about: strings for the model's metadata.
     """
     from onnx import TensorProto, helper, numpy_helper
 
@@ -49,7 +49,8 @@ def onnx_model(network: Network, u_max: float, about: dict[str, Any]) -> Any:
         node("Mul", [node("Tanh", [x], "squashed"), limit], "action")
     else:
         node("Clip", [x, constant("lowest", -network.limit), limit], "action")
-    node("Mul", ["action", constant("unit", u_max / network.limit)], "command")
+    node("Mul", ["action", constant("unit", scale)], "unclipped")
+    node("Clip", ["unclipped", constant("least", -u_max), constant("most", u_max)], "command")
     value = lambda name, n: helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", n])  # noqa: E731
     graph = helper.make_graph(
         nodes, "policy", [value("observation", network.size)], [value("action", 1), value("command", 1)], constants
@@ -73,7 +74,8 @@ def export_onnx(
         import onnx
     except ImportError as error:
         raise ValueError("ONNX needs the package onnx: `pip install onnx`") from error
-    model = onnx_model(network_of(controller.predict.model()), plant.u_max, _about(controller, plant, Path(policy)))
+    about = _about(controller, plant, Path(policy))
+    model = onnx_model(network_of(controller.predict.model()), controller.scale, plant.u_max, about)
     onnx.checker.check_model(model)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -83,10 +85,11 @@ def export_onnx(
 
 def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:
     more = "; then the last command / u_max" if controller.observe_command else ""
+    clipped = f"; q1 within ±{2 * controller.arm_limit:.6g} rad, speeds within ±{SPEED_LIMIT:g} rad/s"
     past = f"; {controller.history} of them, oldest first" if controller.history > 1 else ""
     record = read_record(policy)
     return {
-        "observation": _OBSERVATION + more + past,
+        "observation": f"{_OBSERVATION}{clipped}{more}{past}",
         "sample_time": controller.every * controller.sample_time,
         "velocity_cutoff": controller.velocity_cutoff,
         "u_max": plant.u_max,

@@ -2,6 +2,7 @@
 
 import copy
 import os
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,12 @@ from furuta_gym.sensors import Sensors
 PICTURES = 20  # per second
 SIZE = (480, 320)  # pixels
 LEAN = (0.5, 0.1, 0.0, 0.0)  # q1, q2, q̇1, q̇2; where a balancing film starts
+
+
+def require_film() -> None:
+    """Raises ValueError without the libraries that a film is made with, to be called before long work."""
+    if lacking := [name for name in ("imageio", "pygame", "PIL") if find_spec(name) is None]:
+        raise ValueError(f"a film needs {' and '.join(lacking)}: pip install 'furuta-gym[report]'")
 
 
 def film(
@@ -31,12 +38,10 @@ def film(
     task: "balance" starts leaning, "swing_up" hanging. The film ends early if the pendulum falls or the arm winds up.
     Raises ValueError without imageio and pygame.
     """
-    try:
-        import imageio.v3 as imageio
-        import pygame  # noqa: F401  (the environment draws with it)
-        from PIL import Image
-    except ImportError as error:
-        raise ValueError(f"a film needs imageio and pygame ({error}): pip install 'furuta-gym[report]'") from error
+    require_film()
+    import imageio.v3 as imageio
+    from PIL import Image
+
     from furuta_gym.envs import FurutaEnv
 
     env = FurutaEnv(

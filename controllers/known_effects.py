@@ -13,6 +13,8 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import rates
 from furuta_gym.plant.effects.dispatch import add_torques, map_command, read_sensors
 
+from .base import DesignError
+
 _TABLE = 513  # points of the tabulated command map
 
 
@@ -45,6 +47,8 @@ class KnownEffects:
         tau = self._torques(u)
         tau[middle:] = np.maximum.accumulate(tau[middle:])
         tau[middle::-1] = np.minimum.accumulate(tau[middle::-1])
+        if not tau[-1] > tau[0]:
+            raise DesignError("no command within ±u_max moves this plant; check the size of its dead zone")
         # no more command than it takes to reach the limits, and a little slope to make dead zones invertible
         first, last = np.flatnonzero(tau <= tau[0])[-1], np.flatnonzero(tau >= tau[-1])[0]
         u, tau = u[first : last + 1], tau[first : last + 1]

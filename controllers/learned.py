@@ -154,6 +154,12 @@ def trained_sample_time(path: str | os.PathLike[str], plant: Plant) -> float:
     return float((read_record(path).get("env") or {}).get("sample_time") or plant.sample_time or SAMPLE_TIME)
 
 
+def _clock(plant: Plant, trained: float) -> float:
+    """The plant's sample time, on every n-th of which the policy acts; its own period where that does not fit."""
+    T = plant.sample_time or trained
+    return T if abs(max(1, round(trained / T)) * T - trained) < 1e-9 else trained
+
+
 def load_policy(
     path: str | os.PathLike[str],
     plant: Plant,
@@ -163,9 +169,11 @@ def load_policy(
 ) -> LearnedController:
     """The policy in `path` (stable-baselines3's zip) as a controller for `plant`.
 
-    Its training record says how it saw the env. Without a record the observation's size gives the history, and an
-    action space of ±1 means shares of u_max. Raises FileNotFoundError, or ValueError if the file is no policy, was
-    made for another observation, or for a sample time that is no multiple of the one asked for.
+    sample_time [s]: of the loop that it is played in; default is the plant's where the trained period is a multiple
+    of it, else that period. The training record says how the policy saw the env. Without a record the observation's
+    size gives the history, and an action space of ±1 means shares of u_max. Raises FileNotFoundError, or ValueError
+    if the file is no policy, was made for another observation, or for a sample time that is no multiple of the one
+    asked for.
     """
     path = Path(path)
     if not path.exists():
@@ -173,7 +181,7 @@ def load_policy(
     record = read_record(path)
     env: Mapping[str, Any] = record.get("env") or {}
     trained = trained_sample_time(path, plant)
-    T = float(sample_time or trained)
+    T = float(sample_time or _clock(plant, trained))
     every = max(1, round(trained / T))
     if env.get("sample_time") is None:  # nothing is known: it acts at every sample
         every = 1

@@ -99,11 +99,15 @@ class _Run:
         )
 
     def _keep(self, best_return: float) -> None:
-        """Write the checkpoint. Its state comes last: it says that the rest is whole."""
+        """Write the checkpoint, each file whole. Its state comes last: it says that the rest is there."""
         self.best_return = best_return
-        self.model.save(self.folder / "model.zip")
+        save = {"model.zip": self.model.save}
         if self.training.recipe.off_policy:
-            self.model.save_replay_buffer(self.folder / "replay_buffer.pkl")
+            save["replay_buffer.pkl"] = self.model.save_replay_buffer
+        for name, write in save.items():
+            write(self.folder / f"new-{name}")
+        for name in save:
+            os.replace(self.folder / f"new-{name}", self.folder / name)
         state = self.training.identity | {"best_return": best_return, "resumed_at": self.resumed_at}
         (self.folder / "state.json").write_text(json.dumps(state), encoding="utf-8")
 
@@ -122,7 +126,7 @@ class _Run:
         )
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
             policy = Path(folder) / path.name
-            shutil.move(best, policy)
+            shutil.copy(best, policy)  # not moved: what fails below must not lose it
             write_record(policy.with_suffix(".json"), record)  # tells the trials how the policy sees the rig
             record["evaluation"] = evaluate(policy, self.training)
             write_record(policy.with_suffix(".json"), record)

@@ -3,7 +3,7 @@
 import json
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,13 @@ def evaluate(policy: Path, training: Training) -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Of Python and of the packages that a training run depends on."""
     packages = ("furuta-gym", "stable-baselines3", "sb3-contrib", "torch", "gymnasium", "numpy")
-    return {"python": platform.python_version()} | {package: version(package) for package in packages}
+    found = {"python": platform.python_version()}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
 
 
 def write_record(path: Path, record: Mapping[str, Any]) -> None:

@@ -45,6 +45,12 @@ class Training:
         if self.seed < 0:
             raise ValueError(f"--seed {self.seed}: expected a whole number of at least 0")
         _ = self.recipe, self.setup  # both refuse what they cannot do
+        clock, period = self.plant.sample_time, self.setup.sample_time
+        if clock is not None and abs(max(1, round(period / clock)) * clock - period) > 1e-9:
+            raise ValueError(
+                f"sample_time {period:g} s is no multiple of the plant's {clock:g} s, so the rig cannot play the "
+                f"policy; choose a multiple, such as {training_period(self.plant, None):g}"
+            )
 
     @property
     def env(self) -> dict[str, Any]:

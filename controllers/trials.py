@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import advance, substep
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import LONGEST_STEP
+from furuta_gym.simulate import LONGEST_STEP, check_clock
 
 from .base import Controller
 
@@ -132,6 +132,7 @@ def run_trials(
     plants = [plant] * L if isinstance(plant, Plant) else list(plant)
     if len(plants) != L:
         raise ValueError(f"{L} trials need one plant or {L}, got {len(plants)}")
+    check_clock(policy, T)
     n = round(duration / T)
     if n < 1 or (swing_up and duration <= HOLD):
         raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {HOLD:g} s)")
@@ -139,7 +140,7 @@ def run_trials(
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
     P, codes, rows = pack(plants)
-    h_max = substep(float(P[9:11].max()), LONGEST_STEP)
+    h_max = substep(max(p.sharpest for p in plants), LONGEST_STEP)
     u_max = np.array([p.u_max for p in plants])
     impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright
     first_push, push_samples = np.round(starts.push_time / T), max(1, round(PUSH_LENGTH / T))

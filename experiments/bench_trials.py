@@ -10,6 +10,7 @@ import numpy as np
 
 from controllers.statistics import Interval, success_rate, typical
 from experiments.bench import Laboratory, Rig
+from furuta_gym.simulate import check_clock
 
 FALLEN = 0.8  # rad from upright
 WOUND = 2 * np.pi  # rad of the arm
@@ -31,6 +32,7 @@ class Run:
 def run_on_bench(rig: Rig, policy: Any, seed: int, duration: float) -> Run:
     """Let `policy` (readings in, command out) balance the rig; start and noise follow from the seed."""
     lab = Laboratory(rig, seed)
+    check_clock(policy, lab.period)
     y = lab.reset(q=tuple(np.random.default_rng([seed, 0x57A]).uniform(-1, 1, 2) * START))
     policy.reset()
     n = round(duration / lab.period)

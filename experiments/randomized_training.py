@@ -24,6 +24,7 @@ from controllers.conditions import conditions
 from controllers.design import choose_sensors
 from controllers.statistics import Interval, success_rate, typical
 from controllers.training import Training, train
+from controllers.trials import Outcome
 from experiments.bench_trials import run_on_bench
 from experiments.cli.errors import explained
 from experiments.reidentify_retrain import RIGS, Arguments, recorded
@@ -77,10 +78,14 @@ def run(size: Size, out: Path, say: Callable[[str], None] = print) -> dict[str, 
             say(f"{kind}: training policy {seed + 1} of {size.policies}")
             path = out / f"{kind.replace(', ', '-').replace(' ', '-')}-{seed}.zip"
             train(Training(plant, steps=size.steps, seed=seed, history=3, observe_command=True, **options), path)
-            policies.append(make_controller(path, plant))
+            policies.append(make_controller(path, plant, rig.period))
         say(f"{kind}: trials")
         scores[kind] = _on_plants(plant, policies, size)
-        runs = [run_on_bench(rig, p, SEED + i, size.duration) for p in policies for i in range(size.runs)]
+        runs = [
+            run_on_bench(rig, policy, SEED + 1000 * k + i, size.duration)
+            for k, policy in enumerate(policies)
+            for i in range(size.runs)
+        ]
         won = [r.rms_q2 for r in runs if r.success]
         scores[kind]["the rig"] = {"success": success_rate([r.success for r in runs]), "rms_q2": typical(won)}
     result = {
@@ -93,26 +98,32 @@ def run(size: Size, out: Path, say: Callable[[str], None] = print) -> dict[str, 
 
 
 def _on_plants(plant: Plant, policies: list[Any], size: Size) -> dict[str, dict[str, Interval]]:
-    """The trials of `furuta compare --groups parameters`, all policies of a kind together."""
+    """The trials of `furuta compare --groups parameters`, all policies of a kind together.
+
+    Each policy meets plants, starts and noise of its own, so that no trial counts twice."""
     T = plant.sample_time
     assert T is not None
     sensors = choose_sensors(plant, None)
-    rows = conditions(plant, sensors, size.trials, size.trials, size.duration, ("parameters",), seed=SEED)
     names = {"θ as uncertain as identified": "drawn plants", "θ ±20 %": "θ ±20 %"}
+    outcomes: dict[str, list[Outcome]] = {name: [] for name in names.values()}
+    for k, policy in enumerate(policies):
+        seed = SEED + 1000 * k
+        rows = conditions(plant, sensors, size.trials, size.trials, size.duration, ("parameters",), seed=seed)
+        for row in rows:
+            if row.name in names:
+                outcomes[names[row.name]].append(row.play(policy, row.starts(seed), T, seed))
     found = {}
-    for row in rows:
-        if row.name in names:
-            outcomes = [row.play(policy, row.starts(SEED), T, SEED) for policy in policies]
-            success = np.concatenate([o.success for o in outcomes])
-            rms = np.concatenate([o.rms_q2 for o in outcomes])
-            found[names[row.name]] = {"success": success_rate(success), "rms_q2": typical(rms[success])}
+    for name, some in outcomes.items():
+        success, rms = (np.concatenate([getattr(o, figure) for o in some]) for figure in ("success", "rms_q2"))
+        found[name] = {"success": success_rate(success), "rms_q2": typical(rms[success])}
     return found
 
 
 def main(
-    out: Annotated[Path, typer.Option(help="Folder for plant, policies and results.json.")] = Path(
-        "out/randomized_training"
-    ),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for plant, policies and results.json; default: out/randomized_training/RIG."),
+    ] = None,
     rig: Annotated[str, typer.Option(help=f"What the rig hides: {', '.join(RIGS)}.")] = "late",
     quick: Annotated[
         bool, typer.Option("--quick", help="One short training each; for a look at what it does.")
@@ -124,6 +135,7 @@ def main(
         if rig not in RIGS:
             raise ValueError(f"--rig {rig!r}: expected one of {', '.join(RIGS)}")
         size = replace(Size.quick() if quick else Size(), rig=rig)
+        out = out or Path("out/randomized_training") / rig.replace(" ", "-")
         scores = run(size, out, Console(stderr=True).print)
     table = Table(title="95 % intervals in brackets; rms q2 [rad] of the successful trials")
     table.add_column("trained on")

@@ -23,6 +23,7 @@ from controllers import DesignError, make_controller
 from controllers.training import Training, train
 from experiments.bench import HiddenEffect, Rig, record
 from experiments.bench_trials import FIGURES, Contrast, Run, contrast, run_on_bench, summary
+from experiments.cli.errors import explained
 from furuta_gym.plant import Plant
 from identification.diagnosis.diagnose import diagnose
 from identification.logs import Log, read_log
@@ -176,10 +177,10 @@ def to_dict(arguments: Arguments, stories: list[Story]) -> dict[str, Any]:
 def run(arguments: Arguments, out: Path, say: Callable[[str], None] = print) -> list[Story]:
     """All rigs; plants and policies of each go to a folder of its own in `out`, the numbers to results.json."""
     stories = []
-    for name in arguments.rigs:
-        folder = out / name.replace(" ", "-")
-        if folder.exists():
-            raise ValueError(f"{folder} exists; remove it or choose another --out")
+    folders = {name: out / name.replace(" ", "-") for name in arguments.rigs}
+    if there := [str(folder) for folder in folders.values() if folder.exists()]:
+        raise ValueError(f"{', '.join(there)} exists; remove it or choose another --out")
+    for name, folder in folders.items():
         folder.mkdir(parents=True)
         stories.append(tell_story(name, arguments, folder, say))
         text = json.dumps(to_dict(arguments, stories), ensure_ascii=False, indent=2)  # a later rig may take long
@@ -197,7 +198,8 @@ def main(
     """Controllers and policies before and after the missing effect was found, on the rigs that hide it."""
     began = time.perf_counter()
     progress = Console(stderr=True)
-    stories = run(Arguments.quick(seed) if quick else Arguments(seed=seed), out, progress.print)
+    with explained():
+        stories = run(Arguments.quick(seed) if quick else Arguments(seed=seed), out, progress.print)
     console = Console()
     console = console if console.is_terminal else Console(width=140)
     for story in stories:

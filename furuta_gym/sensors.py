@@ -35,7 +35,9 @@ class Sensors:
     velocity_cutoff: float = 100.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "encoder_counts", _pair(self.encoder_counts or 0.0, "encoder_counts"))
+        object.__setattr__(
+            self, "encoder_counts", _pair(0.0 if self.encoder_counts is None else self.encoder_counts, "encoder_counts")
+        )
         object.__setattr__(self, "noise_std", _pair(self.noise_std, "noise_std"))
         offset = np.asarray(self.offset, dtype=float)
         if offset.shape != (2,) or not np.isfinite(offset).all():

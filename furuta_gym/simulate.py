@@ -47,6 +47,16 @@ def open_loop(values: Sequence[float] | NDArray[np.float64] | float = 0.0) -> Ca
     return lambda y: float(sequence[min(next(position), sequence.size - 1)])
 
 
+def check_clock(policy: Any, sample_time: float) -> None:
+    """Raises ValueError where a controller is made for another sample time [s] than it is to be played at."""
+    own = getattr(policy, "sample_time", None)
+    if own is not None and abs(own - sample_time) > 1e-9:
+        raise ValueError(
+            f"{getattr(policy, 'name', 'the controller')} is made for a sample time of {own:g} s and is to be played "
+            f"at {sample_time:g} s; make it for {sample_time:g} s, or play it at its own"
+        )
+
+
 def simulate(
     plant: Plant,
     policy: Callable[[NDArray[np.float64]], float],
@@ -62,12 +72,14 @@ def simulate(
 ) -> Simulation:
     """Simulate `duration` seconds with commands u = clip(policy(y) + d(t), ±u_max) held for `sample_time`.
 
-    sensors: default 4096-count encoders. excitation: d(t) as a function of an array of times or as one value a
-    sample. x0: q1, q2, q̇1, q̇2. torque_noise: intensities [{u}² s] of white torque on the two rows, held over each
-    sample. Stops early when |q2| passes q2_limit [rad]. Raises ValueError on impossible durations or excitations, and
+    sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.
+    excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2, q̇1, q̇2. torque_noise:
+    intensities [{u}² s] of white torque on the two rows, held over each sample. Stops early when |q2| passes q2_limit
+    [rad]. Raises ValueError on impossible durations or excitations or a controller made for another sample time, and
     FloatingPointError if the motion leaves all bounds.
     """
-    T = sample_time or plant.sample_time or 0.002
+    T = float(sample_time or getattr(policy, "sample_time", None) or plant.sample_time or 0.002)
+    check_clock(policy, T)
     n = round(duration / T)
     if not (np.isfinite(duration) and n >= 1):
         raise ValueError(f"duration must hold at least one sample of {T:g} s, got {duration!r}")
@@ -83,7 +95,7 @@ def simulate(
     W = np.zeros((2, 1))
     noise_std = np.sqrt(np.asarray(torque_noise, dtype=float) / T)
     state, measured = np.empty((n, 4)), np.empty((n, 2))
-    h_max = substep(max(plant.sharpness), longest_step)
+    h_max = substep(plant.sharpest, longest_step)
     if hasattr(policy, "reset"):
         policy.reset()
     end, fell = n, None

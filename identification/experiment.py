@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import Policy, open_loop, simulate
+from furuta_gym.simulate import Policy, check_clock, open_loop, simulate
 
 from .excitation import Scaled, Signal
 from .record import Record
@@ -85,6 +85,7 @@ class Setup:
             raise ValueError(
                 f"an experiment needs at least 50 samples, got {self.duration:g} s at {self.sample_time:g} s a sample"
             )
+        check_clock(self.policy, self.sample_time)
 
     @classmethod
     def of(cls, plant: Plant, policy: Policy | None, duration: float = 20.0, sample_time: float | None = None) -> Setup:
@@ -96,7 +97,8 @@ class Setup:
         found = plant.provenance.get("torque_noise")
         noise = (float(found[0]), float(found[1])) if found else assumed_torque_noise(plant)
         off = _BY_HAND if policy is not None else 0.0
-        return cls(plant, policy, duration, float(sample_time or plant.sample_time or 0.002), sensors, noise, off)
+        T = float(sample_time or getattr(policy, "sample_time", None) or plant.sample_time or 0.002)
+        return cls(plant, policy, duration, T, sensors, noise, off)
 
     @property
     def usual_limits(self) -> Limits:

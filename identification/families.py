@@ -86,8 +86,10 @@ class Peaks:
         return len(self.hertz) * math.log(self.looked_at)
 
 
-def families(signals: Signals, plant: Plant, knots: Knots, peaks: Peaks) -> list[Family]:
-    """Every family along a log."""
+def families(
+    signals: Signals, plant: Plant, knots: Knots, peaks: Peaks, span: tuple[float, float] | None = None
+) -> list[Family]:
+    """Every family along a log. span [s]: of its clock, over which parameters may move; default: that of `signals`."""
     s = signals
     (q1, q2), (v1, v2), (y1, y2), u, t = s.q.T, s.v.T, s.expected.T, s.u, s.t
     r1, r2 = plant.sharpness
@@ -121,7 +123,8 @@ def families(signals: Signals, plant: Plant, knots: Knots, peaks: Peaks) -> list
         Family("sensor", "arm angle", None, _on(0, np.sin(y1), np.cos(y1) - 1.0)),
         Family("sensor", "pendulum angle", None, _on(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
     ]
-    stages = [np.clip(1.0 - np.abs(4.0 * (t - t[0]) / (t[-1] - t[0]) - j), 0.0, None) for j in range(5)]
+    first, last = span or (t[0], t[-1])
+    stages = [np.clip(1.0 - np.abs(4.0 * (t - first) / (last - first) - j), 0.0, None) for j in range(5)]
     found += [Family("sensor", zero, None, _on(row, *stages)) for row, zero in enumerate(ZEROS)]
     torques = parameter_torques(s, plant)
     for i in range(9):

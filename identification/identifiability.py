@@ -161,9 +161,12 @@ def judge(
     information: NDArray[np.float64],
     motion: Motion,
     std: NDArray[np.float64],
+    sizes: Mapping[str, float] | None = None,
 ) -> Identifiability:
-    """The verdict of a fit: `information` (n, n) of the values with everything else profiled out; std as reported."""
-    reference = _references(names, values, motion)
+    """The verdict of a fit: `information` (n, n) of the values with everything else profiled out; std as reported.
+
+    sizes: of parameters that may well be zero, what would be worth noticing of them."""
+    reference = np.maximum(_references(names, values, motion), [(sizes or {}).get(name, 0.0) for name in names])
     scaled = information * np.outer(reference, reference)
     eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     singular = np.sqrt(np.maximum(eigenvalues[::-1], 0.0))

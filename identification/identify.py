@@ -230,7 +230,7 @@ def _estimate(
     )
     motion = Motion.of(logs)
     std = np.sqrt(np.diag(covariance))
-    verdict = judge(names, values, inverse_information(covariance), motion, std)
+    verdict = judge(names, values, inverse_information(covariance), motion, std, _noticeable(start))
     _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
     reading = tuple(tuple(np.sqrt(noise[2:] * r.variance).tolist()) for r in problem.records)  # rounding included
     plant = filled_plant(start, coordinates, optimum.z)
@@ -256,6 +256,15 @@ def _estimate(
         optimum=optimum,
     )
     return with_plant(estimate, logs, user_start)
+
+
+def _noticeable(plant: Plant) -> dict[str, float]:
+    """ "effect.parameter" → a size worth noticing; 1 where the declaration has none, as for a phase [rad]."""
+    return {
+        f"{effect.name}.{name}": abs(value) if value and math.isfinite(value) else 1.0
+        for effect in plant.effects
+        for name, value in plant.default_effect(effect.name).parameters.items()
+    }
 
 
 def with_plant(estimate: Estimate, logs: Sequence[Log], start: Plant | str | None = None) -> Estimate:

@@ -137,7 +137,7 @@ def _track(t, y, u, quantum, x, C, scale, r, noise, wander, age, history, spread
                     Phi[i, m] = (X[i, 1 + m] - X[i, 0]) / (_STEP if m < 4 else _PARAMETER_STEP)
             _propagate(C, Phi, work)
             torques[:] = noise
-            torques[:2] *= 1.0 + _UNREST * math.exp(-(age + t[k]) / _SETTLING)
+            torques[:2] *= 1.0 + _UNREST * math.exp(-(age + t[k] - t[0]) / _SETTLING)
             _add_torque_noise(C, x[1], P[:4, 0], torques, T)
             for i in range(9):
                 C[4 + i, 4 + i] += wander * wander * T

@@ -33,7 +33,7 @@ def fit_covariance(problem: PredictionError, expansion: Expansion) -> FitCovaria
     blocks = []
     for record, scores in zip(problem.records, expansion.scores, strict=True):
         edges = np.searchsorted(record.t, record.t[0] + np.arange(0.0, record.duration + 1e-9, block))
-        blocks.append(np.add.reduceat(scores, edges, axis=0))
+        blocks.append(np.add.reduceat(scores, edges[edges < len(record.t)], axis=0))
     sums = np.concatenate(blocks)
     sums = sums - sums.mean(axis=0)
     meat = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))

@@ -25,7 +25,7 @@ from .logs import Log
 from .noise_fit import fit_noise
 from .noise_floor import Floor, noise_floor, repeats, spread
 from .record import Record, Stretch, stretches
-from .whiteness import Innovations, innovations
+from .whiteness import FEWEST, Innovations, innovations
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
 SETTLE = 0.5  # s that the filter gets before the first prediction
@@ -150,7 +150,7 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) 
         raise ValueError("validate needs at least one log, got none")
     if not (math.isfinite(horizon) and 0 < horizon <= 5):
         raise ValueError(f"the horizon must lie in (0, 5] s, got {horizon!r}")
-    long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon]
+    long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon and len(s.piece) >= FEWEST]
     kept = [_Piece.of(plant, stretch, horizon) for stretch in long]
     if not kept:
         raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")

@@ -48,9 +48,12 @@ def compare_command(
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
     from controllers.conditions import GROUPS
     from controllers.evaluation import compare
+    from controllers.film import require_film
 
+    if gif:
+        require_film()
     chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
-    with whole_folder(output) as folder:
+    with whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder:
         with progress_bar() as bar:
             task = bar.add_task("trials", total=None)
             result = compare(

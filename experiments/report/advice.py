@@ -27,9 +27,9 @@ def design_next(diagnosis: Diagnosis, logs: Sequence[Log]) -> Separation | None:
     Raises ValueError where no experiment can be run.
     """
     equals = _equals(diagnosis)
-    if not equals or diagnosis.before is None:
+    if not equals or diagnosis.after is None:
         return None
-    plant = diagnosis.before.plant
+    plant = diagnosis.after.plant  # `between` takes the equals off; the one before has θ bent to imitate them
     upright = any(np.median(np.abs(np.remainder(log.q2 + np.pi, 2 * np.pi) - np.pi)) < _UPRIGHT for log in logs)
     sample_time = max(float(np.median(np.diff(log.t))) for log in logs)
     policy = usual_controller(plant, sample_time) if upright else None

@@ -39,7 +39,7 @@ def drawing(name: str, figure: go.Figure, alt: str, caption: str, height: int, s
         height=height,
         font={"family": "system-ui, sans-serif", "size": 11 if small else 13, "color": _INK},
         paper_bgcolor="white",
-        plot_bgcolor="white",
+        plot_bgcolor=figure.layout["plot_bgcolor"] or "white",
         margin={"l": 10, "r": 12, "t": 8 if small else 36, "b": 40 if small else 50},
         legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom", "xanchor": "left"},
         hoverlabel={"font": {"size": 12}},
@@ -57,10 +57,12 @@ def pattern(shape: str) -> dict[str, str]:
     return {"shape": shape, "fgcolor": "white", "fillmode": "overlay"}
 
 
-def thinned(*arrays: Array) -> tuple[NDArray[np.float32], ...]:
-    """Every n-th row of arrays of equal length, in single precision, so that at most `MOST_POINTS` are left."""
-    stride = -(-len(arrays[0]) // MOST_POINTS)
-    return tuple(np.asarray(a[::stride], dtype=np.float32) for a in arrays)
+def thinned(x: Array, *arrays: Array) -> tuple[NDArray[np.floating], ...]:
+    """Every n-th row of arrays of equal length, so that at most `MOST_POINTS` are left; all but x in single precision.
+
+    x may be a clock that counts seconds since 1970."""
+    stride = -(-len(x) // MOST_POINTS)
+    return x[::stride], *(np.asarray(a[::stride], dtype=np.float32) for a in arrays)
 
 
 def curve(x: Array, y: Array, name: str, colour: str, legend: bool = True, width: float = 1.4) -> go.Scatter:

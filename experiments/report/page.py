@@ -95,7 +95,7 @@ def _contents(x: Examination) -> dict[str, Any]:
 
 def _found(effect: dict[str, Any]) -> Found:
     values = tuple(
-        f"{name} = {_number(p['value'])}" + (f" ± {p['std']:.2g}" if p.get("std") else "") + f" {p['unit']}".rstrip()
+        f"{name} = {_number(p['value'])}" + (f" ± {p['std']:.2g}" if p.get("std") else "") + _unit(p["unit"])
         for name, p in effect["parameters"].items()
     )
     return Found(
@@ -106,6 +106,10 @@ def _found(effect: dict[str, Any]) -> Found:
         f"{effect['log_likelihood_gain']:.0f}",
         tuple(effect["confused_with"]),
     )
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 def _number(value: float | None) -> str:

@@ -32,15 +32,18 @@ def seal(trial: Trial) -> dict[str, Any]:
     found = [_sized(trial, hidden) for hidden in trial.hidden]
     strengths = [strength for strength, _ in found]
     ratios = [ratio for _, ratio in found]
+    wanted = strengths
     sealed = {"trial": trial.to_dict(), "subject": trial.subject}
     for _ in range(_ROUNDS):
         rig = _rig(trial, strengths)
         try:
             record(rig, trial.experiment, trial.seed, DURATION)
             held_out = _held_out(rig, trial)
+            if strengths != wanted:
+                sizes_now = zip(trial.hidden, strengths, strict=True)
+                ratios = [_measured(trial, h, s) if h.ratio else None for h, s in sizes_now]
         except PendulumLost:
             strengths = [_GENTLER * s for s in strengths]
-            ratios = [_measured(trial, h, s) if h.ratio else None for h, s in zip(trial.hidden, strengths, strict=True)]
             continue
         more = {"strengths": strengths, "ratios": ratios, "held_out": held_out, "truth": rig.truth()}
         if trial.kind == "hard":

@@ -118,6 +118,12 @@ class Plant:
         r = self.friction_sharpness
         return r if isinstance(r, tuple) else (r, r)
 
+    @property
+    def sharpest(self) -> float:
+        """Largest sharpness r [s/rad] that friction has, the effect `friction_sharpness` included."""
+        other = self.effect("friction_sharpness")
+        return max(*self.sharpness, *(other.parameters.values() if other else ()))
+
     def default_effect(self, name: str) -> Effect:
         """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""
         effect = Effect(name)

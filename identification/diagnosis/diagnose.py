@@ -18,7 +18,7 @@ from ..identify import identify
 from ..logs import Log
 from ..record import stretches
 from .candidates import Fit, fit
-from .locate import locate
+from .locate import locate, long_enough
 from .naming import START_NOISE, Naming, name_effects, unsettled
 from .search import THRESHOLD, Suspect
 from .where import Where
@@ -165,8 +165,8 @@ def diagnose(
 ) -> Diagnosis:
     """Search the library for what model (5) misses in these logs of one rig.
 
-    start: a plant to start from (default: the logs alone). most: effects at most. only: restrict the library.
-    progress is told each step. Raises ValueError for bad arguments.
+    start: a plant to start from, without its effects (default: the logs alone). most: effects at most. only: restrict
+    the library. progress is told each step. Raises ValueError for bad arguments.
     """
     began = time.monotonic()
     tell = progress or (lambda text: None)
@@ -174,6 +174,9 @@ def diagnose(
         raise ValueError(f"unknown effects {sorted(strange)}; the library has: {', '.join(EFFECTS)}")
     if most < 1:
         raise ValueError(f"most must be at least 1, got {most}")
+    if start is not None:  # effects are for the search to find, and to be judged
+        start = Plant.resolve(start).replace(effects=())
+    long_enough(logs)  # or nothing could be said at the end
     rms = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
     tell("identifying model (5)")
     try:

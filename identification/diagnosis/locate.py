@@ -19,10 +19,11 @@ from ..families import ZEROS, Knots, Signals, families
 from ..filter_path import along, follow, refilter, smooth
 from ..flexible import flexible
 from ..likelihood import whiten
+from ..log_checks import LogError
 from ..logs import Log
 from ..noise_fit import likeliest
 from ..record import Stretch, stretches
-from ..whiteness import innovations
+from ..whiteness import FEWEST, innovations
 from .constancy import constancy
 from .evidence import Look, evidence_of, parameters_of, suspicions_of
 from .leftover import largest_line, predictable
@@ -44,16 +45,10 @@ def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD
     filter loses it.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
-    looks = [
-        _look(plant, stretch, float(logs[stretch.log].t[0]))
-        for stretch in stretches(logs)
-        if stretch.record.duration >= _SHORTEST
-    ]
-    if not looks:
-        raise ValueError(f"locate needs at least one log of {_SHORTEST:g} s without gaps")
+    looks = [_look(plant, stretch, float(logs[stretch.log].t[0])) for stretch in long_enough(logs)]
     knots = Knots.of([look.signals for look in looks])
     peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
-    columns = [families(look.signals, plant, knots, peaks) for look in looks]
+    columns = [families(look.signals, plant, knots, peaks, (0.0, logs[look.log].duration)) for look in looks]
     suspicions = suspicions_of(looks, columns)
     best = suspicions[0]
     evidence = evidence_of(looks, columns, (best.channel, best.variable))
@@ -84,6 +79,17 @@ def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD
         ),
         unit=plant.unit,
     )
+
+
+def long_enough(logs: Sequence[Log]) -> list[Stretch]:
+    """The stretches between gaps in which `locate` looks. Raises LogError if there is none."""
+    found = [s for s in stretches(logs) if s.record.duration >= _SHORTEST and len(s.piece) >= FEWEST]
+    if not found:
+        raise LogError(
+            f"{', '.join(log.source for log in logs)}: no stretch of {_SHORTEST:g} s without a gap of the clock. "
+            "Expected one at least, to say what a model misses; record without dropping samples, or more slowly."
+        )
+    return found
 
 
 def _channel(best: Suspicion) -> str:

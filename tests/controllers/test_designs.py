@@ -26,6 +26,19 @@ def test_lqr_gain_solves_the_riccati_equation(plant):
     assert lqr_gain(plant) == pytest.approx(expected, rel=1e-6)
 
 
+def test_what_follows_time_does_not_move_the_balance_point(plant):
+    """A torque that repeats holds nothing up on the average, whatever its phase at the start."""
+    wobbling = plant.with_effects(Effect("periodic_torque", {"A": 0.05 * plant.u_max, "f": 3.3, "φ": 1.57}))
+    assert balance_point(wobbling) == balance_point(plant)
+    assert make_controller("lqr", wobbling, 0.004)([0.0, 0.0]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_dead_zone_as_wide_as_the_limit_is_refused():
+    dead = LARGE_RIG.with_effects(Effect("input_dead_zone", {"w": LARGE_RIG.u_max}))
+    with pytest.raises(DesignError, match="dead zone"):
+        make_controller("lqr", dead, 0.002)
+
+
 def test_dlqr_gain_is_the_limit_of_value_iteration(plant):
     model, weights = design_model(plant, 0.004), Weights.of(plant)
     A, B, Q, R = model.A, model.B, weights.Q, weights.R

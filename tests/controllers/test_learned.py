@@ -11,7 +11,11 @@ from controllers import make_controller
 from controllers.evaluation import compare
 from controllers.learned import LearnedController
 from controllers.trials import balance_starts, run_trials
+from experiments.bench import Rig
+from experiments.bench_trials import run_on_bench
 from furuta_gym.plant import QUBE, TABLE_3
+from furuta_gym.simulate import simulate
+from identification.experiment import Setup
 
 
 def recording(seen, actions):
@@ -97,6 +101,29 @@ def test_policy_file_plays_what_the_model_says(policy_file):
     frame = [0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0]
     expected = QUBE.u_max * np.clip(model.predict(np.float32(frame * 2), deterministic=True)[0][0], -1, 1)
     assert controller([0.2, 0.1]) == pytest.approx(expected, rel=1e-4, abs=1e-6)
+
+
+def test_without_a_sample_time_it_plays_on_the_plants_clock(policy_file):
+    """An observation of differences over another period than the trained one is another observation."""
+    for clock, every in ((0.005, 2), (0.01, 1), (0.004, 1), (None, 1)):
+        controller = make_controller(policy_file, QUBE.replace(sample_time=clock))
+        assert controller.every == every
+        assert controller.every * controller.sample_time == pytest.approx(0.01)
+
+
+def test_a_controller_is_played_at_its_own_sample_time():
+    policy = make_controller("lqr", QUBE, 0.004)
+    assert simulate(QUBE.replace(sample_time=None), policy, 0.1).t[1] == pytest.approx(0.004)
+    starts = balance_starts(QUBE, 3, 1.0, np.random.default_rng(0))
+    rig = Rig("servo")
+    for play in (
+        lambda: simulate(QUBE, policy, 1.0, 0.002),
+        lambda: run_trials(QUBE, policy, starts, 1.0, 0.002),
+        lambda: run_on_bench(rig, make_controller("lqr", QUBE, 2 * rig.period), 0, 1.0),
+        lambda: Setup.of(QUBE, policy, 10.0, 0.002),
+    ):
+        with pytest.raises(ValueError, match=r"is made for a sample time of 0\.\d+ s and is to be played at"):
+            play()
 
 
 def test_policy_file_in_a_comparison(policy_file):

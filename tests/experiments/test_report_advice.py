@@ -26,7 +26,7 @@ def diagnosis(equals: tuple[tuple[str, ...], ...]) -> Any:
 
     ranking = [suspect(name) for name in NAMES]
     naming = SimpleNamespace(accepted=[ranking[0], ranking[2]], equals=equals, rankings=[ranking, ranking])
-    return SimpleNamespace(naming=naming, before=SimpleNamespace(plant=PLANT))
+    return SimpleNamespace(naming=naming, after=SimpleNamespace(plant=PLANT))
 
 
 def log(q2: float) -> Log:

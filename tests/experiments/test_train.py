@@ -101,6 +101,7 @@ REFUSED = {
     "no effect": (("--plant", "large", "--effect-chance", "spring=0.5"), ("spring", "arm_spring")),
     "resume": (("--plant", "large", "--resume"), ("neither", "policy.zip")),
     "sample time": (("--plant", "large", "--sample-time", "3"), ("sample_time",)),
+    "off the rig's clock": (("--plant", "qube", "--sample-time", "0.01"), ("no multiple", "0.004", "such as 0.02")),
 }
 
 

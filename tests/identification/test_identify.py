@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from furuta_gym.plant import TABLE_3, Plant
+from furuta_gym.plant import TABLE_3, Effect, Plant
 from furuta_gym.plant.parameters import physical_consistency
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulate import open_loop, simulate
@@ -260,3 +261,25 @@ def test_every_method_writes_the_logs_encoders(upright: Log, method: str) -> Non
     sensors = identify(upright, method=method).plant.sensors
     assert sensors is not None
     assert tuple(sensors["encoder_counts"]) == upright.encoder_counts
+
+
+def test_an_effects_parameter_may_be_known_to_be_zero(upright: Log) -> None:
+    """Against itself, a spring at zero angle would never be identified."""
+    spring = Effect("arm_spring", {"k": 0.3, "q1n": 0.0})
+    run = simulate(TABLE_3.with_effects(spring), PaperPolicy(0.002), 8.0, 0.002, excitation=paper_signal())
+    log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
+    estimate = identify(log, TABLE_3, effects=["arm_spring"])
+    i = estimate.names.index("arm_spring.q1n")
+    assert estimate.std[i] < 0.05
+    assert abs(estimate.values[i]) < 4 * estimate.std[i]
+    assert estimate.identifiability.relative_std["arm_spring.q1n"] < 0.2
+    assert "arm_spring.q1n" not in estimate.identifiability.unidentified
+
+
+@pytest.mark.parametrize("start", [0.0, 8.4, 1.7e9])
+def test_stamps_may_start_anywhere(upright: Log, start: float) -> None:
+    """Blocks of the scores' sums may end at the last sample, whatever rounding says of it."""
+    log = upright.slice(stop=float(upright.t[0]) + 5.001)
+    moved = replace(log, t=np.round(log.t - log.t[0] + start, 6))
+    problem = identify(moved, TABLE_3, iterations=3).problem
+    assert problem.records[0].duration == pytest.approx(5.0)

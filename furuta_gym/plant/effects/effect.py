@@ -60,7 +60,8 @@ class Effect:
                 raise ValueError(f"effect {self.name}: {name} is given twice")
             value = _number(f"effect {self.name}: {name}", raw)
             p = known[name]
-            if value != p.neutral and not (math.isfinite(value) and p.lower <= value <= p.upper):
+            free = p.role == "size" and value == p.neutral  # off, though perhaps on the open end of its range
+            if not free and not (math.isfinite(value) and p.lower <= value <= p.upper):
                 raise ValueError(
                     f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}, got {value:g}"
                 )

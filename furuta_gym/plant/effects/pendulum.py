@@ -129,7 +129,7 @@ PENDULUM_EFFECTS = (
         name="payload_step",
         place="parameters",
         equation="from t0 on θ1 … θ5 change as a mass m·m2 added at the pendulum's centre of mass would change them",
-        symptom="the pendulum is heavier from some moment on",
+        symptom="the pendulum is heavier from some moment on, or lighter (m < 0)",
         parameters=(
             Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0),
             Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times"),

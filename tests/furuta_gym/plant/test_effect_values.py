@@ -95,6 +95,13 @@ def test_plain_letters_stand_for_the_greek_ones():
     assert Effect.parse("arm_ripple:phi=0.1") == Effect("arm_ripple", {"φ": 0.1})
 
 
+@pytest.mark.parametrize("text", ["arm_stribeck:vs=0", "periodic_torque:f=0", "arm_ripple:n=0"])
+def test_a_shape_of_zero_is_out_of_bounds(text):
+    """Nothing is divided by it, and no neutral value excuses it."""
+    with pytest.raises(ValueError, match="must lie in"):
+        Effect.parse(text)
+
+
 def test_what_the_text_leaves_out_may_come_from_elsewhere():
     default = TABLE_3.default_effect("arm_stribeck").parameters
     found = Effect.parse("arm_stribeck:dF=0.1", TABLE_3.default_effect)
