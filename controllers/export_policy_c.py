@@ -12,7 +12,7 @@ from .layers import Layer, network_of
 from .learned import SPEED_LIMIT, LearnedController
 
 _HEADER = """\
-/* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h and string.h; its network is in single precision.
+/* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; single precision.
  *
  * Call {prefix}_step once every {T:g} s with the encoders' angles and hold the command until the next call:
  *
