@@ -114,8 +114,12 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
     return starts
 
 
-def reduced(record: Record, duration: float = _REDUCED[0], sample_time: float = _REDUCED[1]) -> Record:
-    """The liveliest `duration` seconds of a record at about `sample_time`, the command averaged over each sample."""
+def reduced(
+    record: Record, duration: float = _REDUCED[0], sample_time: float = _REDUCED[1], clock: bool = False
+) -> Record:
+    """The liveliest `duration` seconds of a record at about `sample_time`, the command averaged over each sample.
+
+    clock: keep the time of the record, which an effect that follows time needs; else it starts at zero."""
     T = float(np.median(np.diff(record.t)))
     n, m = len(record.t), max(1, int(sample_time / T + 0.5))
     length = min(n, max(int(duration / T), 50))
@@ -126,7 +130,8 @@ def reduced(record: Record, duration: float = _REDUCED[0], sample_time: float = 
     charge = np.concatenate([[0.0], np.cumsum(width * record.u[:, 0])])
     held = np.diff(charge[np.append(index, min(index[-1] + m, n))])
     spans = np.diff(record.t[index], append=record.t[index[-1]] + float(np.sum(width[index[-1] : index[-1] + m])))
-    return Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance, record.quantum)
+    start = float(record.t[first]) if clock else 0.0
+    return Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance, record.quantum, start)
 
 
 def race(
@@ -140,7 +145,8 @@ def race(
 
     The Optimum is that of the winner (None if every fit diverged: then the first start is returned).
     """
-    short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2)) for r in records]
+    clock = any("t" in names for e in starts[0].plant.effects for names in e.type.arguments.values())
+    short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2), clock=clock) for r in records]
 
     def run(start: Start, iterations: int, z: NDArray[np.float64] | None = None) -> tuple[PredictionError, Optimum]:
         problem = PredictionError(
