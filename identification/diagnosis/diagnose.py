@@ -176,7 +176,6 @@ def diagnose(
         raise ValueError(f"most must be at least 1, got {most}")
     if start is not None:  # effects are for the search to find, and to be judged
         start = Plant.resolve(start).replace(effects=())
-    long_enough(logs)  # or nothing could be said at the end
     rms = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
     tell("identifying model (5)")
     try:
@@ -186,6 +185,7 @@ def diagnose(
         return Diagnosis(
             "insufficient_excitation", text, None, None, None, None, math.nan, rms, time.monotonic() - began
         )
+    long_enough(logs)  # or nothing could be said after the search
     anchor = _anchor(before.plant)
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor)

@@ -172,7 +172,7 @@ def test_structure_of_a_series():
 
 def test_bad_input_is_refused():
     log, plant = loop_log()
-    with pytest.raises(ValueError, match="at least one log"):
+    with pytest.raises(ValueError, match="no stretch of 1 s without a gap"):
         locate(plant, log.slice(stop=0.5))
 
 

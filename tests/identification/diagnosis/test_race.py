@@ -17,6 +17,7 @@ from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.candidates import Score
 from identification.diagnosis.race import added, chase, resized, retry
 from tests.identification.diagnosis.fits import a_fit, ranked
+from tests.identification.loops import loop_log
 
 
 def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,7 +283,7 @@ def test_unknown_is_said_after_a_thorough_search_only(
     monkeypatch.setattr(module, "fit", lambda *a, **k: None)
     monkeypatch.setattr(module, "_searched", searched)
     monkeypatch.setattr(module, "_verdict", lambda naming, rest: ("named" if naming.thorough else "unknown", ""))
-    log: Any = SimpleNamespace(u=np.ones(5), pieces=list)
+    log = loop_log(duration=2.0)[0]
     assert module.diagnose([log]).verdict == verdict
 
 
@@ -300,6 +301,6 @@ def test_the_model_before_a_sharpness_was_found_does_not_have_it(
     monkeypatch.setattr(module, "fit", lambda *a, **k: None)
     monkeypatch.setattr(module, "_searched", lambda *a, **k: (naming, None, None))
     monkeypatch.setattr(module, "_verdict", lambda *a: ("named", ""))
-    log: Any = SimpleNamespace(u=np.ones(5), pieces=list)
+    log = loop_log(duration=2.0)[0]
     before: Any = module.diagnose([log]).before
     assert before.given.get("sharpness") == fixed

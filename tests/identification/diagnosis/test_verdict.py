@@ -13,6 +13,7 @@ from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _anchor, _verdict, structured
 from identification.diagnosis.naming import Naming, unsettled
 from identification.diagnosis.search import Suspect, price, shortlist, slight
+from tests.identification.loops import loop_log
 
 
 def suspect(name: str, gain: float) -> Suspect:
@@ -144,3 +145,16 @@ def test_a_form_that_is_wrong_does_not_settle_the_name(
     assert unsettled(names, left).equals == (equals,)
     left.found = False
     assert unsettled(names, left).equals == ((),)
+
+
+def test_a_start_with_effects_is_compared_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was found before is for the search to find again, and for held-out data to judge."""
+    import identification.diagnosis.diagnose as module
+
+    def asked(logs: Any, start: Any) -> Any:
+        raise LookupError(start)
+
+    monkeypatch.setattr(module, "identify", asked)
+    with pytest.raises(LookupError) as error:
+        module.diagnose([loop_log(duration=2.0)[0]], TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")))
+    assert error.value.args == (TABLE_3,)
