@@ -276,10 +276,10 @@ def test_an_effects_parameter_may_be_known_to_be_zero(upright: Log) -> None:
     assert "arm_spring.q1n" not in estimate.identifiability.unidentified
 
 
-@pytest.mark.parametrize("start", [0.0, 8.4, 1.7e9])
+@pytest.mark.parametrize("start", [0.0, 3.2, 1.7e9])
 def test_stamps_may_start_anywhere(upright: Log, start: float) -> None:
     """Blocks of the scores' sums may end at the last sample, whatever rounding says of it."""
     log = upright.slice(stop=float(upright.t[0]) + 5.001)
     moved = replace(log, t=np.round(log.t - log.t[0] + start, 6))
-    problem = identify(moved, TABLE_3, iterations=3).problem
-    assert problem.records[0].duration == pytest.approx(5.0)
+    assert (moved.t[-1] - moved.t[0] < 5.0) == (start == 3.2)  # by a bit or two
+    assert identify(moved, TABLE_3, iterations=3).problem.records[0].duration == pytest.approx(5.0)

@@ -385,35 +385,3 @@ def test_damaged_binary_files_never_crash(tmp_path_factory, suffix, data):
     damaged.write_bytes(content[: data.draw(st.integers(1, len(content)))])
     with contextlib.suppress(LogError):
         assert isinstance(quietly(damaged), Log)
-
-
-@pytest.mark.parametrize(
-    "comment", ["2024-05-01 12:33:05", "12:30 started", "1. channel: arm", ": nothing", "t: seconds", "q1: the arm"]
-)
-def test_a_comment_that_only_looks_like_metadata_is_harmless(tmp_path, comment):
-    log = read_log(csv(tmp_path, head=f"# {comment}\n"))
-    assert len(log.metadata) <= 1
-    assert all(key.isidentifier() for key in log.metadata)
-
-
-def test_known_facts_may_be_written_with_blanks(tmp_path):
-    log = read_log(csv(tmp_path, head="# encoder counts: 4096\n# input unit: Nm\n"))
-    assert log.encoder_counts == (4096, 4096)
-    assert log.input_unit == "N·m"
-
-
-@pytest.mark.parametrize("declared", [None, 20000])
-def test_fine_encoders_in_degrees_are_believed_and_unwrapped(tmp_path, declared):
-    """5000 lines, all four edges; hanging zero, so that balancing wraps at ±180°."""
-    log, _ = paper_log(counts=20000)
-    hanging = np.rad2deg(np.remainder(log.q2, 2 * np.pi)) - 180.0  # 0 where the pendulum hangs
-    table = table_of(log, q1=np.rad2deg(log.q1), q2=hanging)
-    with pytest.warns(LogWarning, match="Taken as a wrapped encoder"):
-        read = read_log(csv(tmp_path, table), unit="deg", pendulum_zero="hanging", encoder_counts=declared)
-    assert np.ptp(read.q2) == pytest.approx(np.ptp(log.q2), abs=1e-6)
-
-
-def test_coarse_encoders_in_radians_are_believed_where_they_are_declared(tmp_path):
-    log, _ = paper_log(counts=300)
-    assert "looks like degrees" in warned(csv(tmp_path, table_of(log)))
-    assert "looks like degrees" not in warned(csv(tmp_path, table_of(log)), encoder_counts=300)
