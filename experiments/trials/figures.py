@@ -55,7 +55,7 @@ def power_figure(curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]) 
         ratio = 1.0 + np.exp(np.linspace(low, max(high, low + 1e-3), 80))
         figure.add_scatter(
             x=ratio - 1.0,
-            y=curve.probability(ratio),
+            y=curve.probability(ratio)[1],
             name=name,
             mode="lines",
             showlegend=name == ALL,
@@ -80,8 +80,8 @@ def power_figure(curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]) 
         "power",
         figure,
         "Curves: the share of trials named right, alone or in a set of two, against the gap ratio less one.",
-        "Share named right (alone or in a set of two equals) against the size of the gap, by logistic regression: all "
-        "effects together in black, each effect in grey, over the ratios that were tried. Marks are single trials. The "
+        "Share named right (alone or in a set of two equals) against the size of the gap, by a logistic curve with "
+        "lapses: all effects together in black, each effect in grey, over the ratios that were tried. Marks are single trials. The "
         "gap ratio is the error that model (5) leaves after its parameters are refitted, over the encoders' noise.",
         height=560,
     )

@@ -1,4 +1,4 @@
-"""What the trials say: confusion.csv, power.csv, summary.json, summary.md and report.html."""
+"""What the trials say: tables, summary.json, summary.md, report.html and two pictures."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from typing import Any
 import pandas as pd
 
 from .outcomes import outcomes_table
+from .pictures import PICTURES, draw_pictures
 from .power import PowerCurve
 from .scoring import Outcome
 from .summary import ALL, VISIBLE, confusion, power_curves, power_table, rate, summarize
 
-FILES = ("summary.json", "confusion.csv", "power.csv", "outcomes.csv", "summary.md", "report.html")
+FILES = ("summary.json", "confusion.csv", "power.csv", "outcomes.csv", "summary.md", "report.html", *PICTURES)
 
 
-def write_report(folder: Path, outcomes: Sequence[Outcome], about: Mapping[str, Any]) -> dict[str, Any]:
-    """Write all files into `folder`; returns the summary. about: how the trials were run, goes into it as it is."""
-    table, curves = confusion(outcomes), power_curves(outcomes)
+def write_report(
+    folder: Path, outcomes: Sequence[Outcome], about: Mapping[str, Any], for_power: Sequence[Outcome] = ()
+) -> dict[str, Any]:
+    """Write all files into `folder`; returns the summary.
+
+    about: how the trials were run, goes into it as it is. for_power: trials of `--power`, which only the power curves
+    count: they are of other sizes, and their rates would be other rates.
+    """
+    tried = [*outcomes, *for_power]
+    table, curves = confusion(outcomes), power_curves(tried)
     summary = {"run": dict(about)} | summarize(outcomes)
     write = {
         "summary.json": json.dumps(summary, ensure_ascii=False, indent=2, allow_nan=False) + "\n",
@@ -27,10 +35,11 @@ def write_report(folder: Path, outcomes: Sequence[Outcome], about: Mapping[str, 
         "power.csv": power_table(curves).to_csv(index=False),
         "outcomes.csv": outcomes_table(outcomes).to_csv(index=False),
         "summary.md": markdown(summary, curves),
-        "report.html": _html(summary, table, curves, outcomes),
+        "report.html": _html(summary, table, curves, tried),
     }
     for name, text in write.items():
         (folder / name).write_text(text, encoding="utf-8")
+    draw_pictures(table, curves, tried, folder)
     return summary
 
 
@@ -88,7 +97,11 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 _INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
 _LIMITS_HEAD = ("effect", f"right within two, gap ratio ≥ {VISIBLE}", "half are named at a ratio of", "95 % at")
-_LIMITS_CAPTION = "Gap ratios from the logistic regression, with its 95 % interval; 1 is invisible."
+_LIMITS_CAPTION = (
+    "Gap ratios, medians and 95 % intervals of a logistic curve with lapses; 1 is invisible. Below, above: all or none of "
+    "the trials were named right, and this is the end of the interval. Never: misses that size does not explain may be "
+    "more than 5 %."
+)
 _SHORTCOMINGS = {
     "extra": "right, with a false one beside it",
     "wrong": "wrong name",
@@ -125,12 +138,15 @@ def _limits_rows(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -
 
 
 def _limits(curve: PowerCurve) -> tuple[str, str]:
-    if curve.limit == "below":
-        return f"below {curve.tried[0]:.3f} (all were named)", "–"
-    if curve.limit == "above":
-        return f"above {curve.tried[1]:.2f} (none was named)", "–"
-    low, high = curve.interval50
-    return f"{curve.ratio50:.3f} ({low:.3f} … {high:.3f})", f"{curve.ratio95:.2f}"
+    """The ratios at which half and 95 % are named; where the trials bound them on one side, only that side."""
+
+    def said(share: float) -> str:
+        low, median, high = (f"{r:.3f}" if r < 100.0 else "never" for r in curve.ratio_at(share))
+        if curve.limit == "below":
+            return f"below {high}" if high != "never" else f"{median}, or never"
+        return f"above {low}" if curve.limit == "above" else f"{median} ({low} … {high})"
+
+    return said(0.5), said(0.95)
 
 
 def _quantile(quantiles: Mapping[str, float] | None, name: str) -> str:

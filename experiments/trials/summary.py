@@ -103,10 +103,11 @@ def power_table(curves: dict[str, PowerCurve]) -> pd.DataFrame:
             "effect": name,
             "trials": curve.trials,
             "named_right": curve.right,
-            "ratio50": curve.ratio50,
-            "ratio50_low": curve.interval50[0],
-            "ratio50_high": curve.interval50[1],
-            "ratio95": curve.ratio95,
+            **{
+                f"ratio{share}{end}": ratio
+                for share in (50, 95)
+                for end, ratio in zip(("_low", "", "_high"), curve.ratio_at(share / 100), strict=True)
+            },
             "limit": curve.limit,
             "smallest_tried": curve.tried[0],
             "largest_tried": curve.tried[1],

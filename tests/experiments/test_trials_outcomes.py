@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from experiments.trials.outcomes import outcomes_table, read_outcomes
-from experiments.trials.report import headline
+from experiments.trials.report import FILES, headline
 from experiments.trials.scoring import Outcome
 from experiments.trials.summary import summarize
 
@@ -83,3 +85,27 @@ def test_the_command_counts_a_kept_file_again(monkeypatch):
     assert done.exit_code == 0
     assert f"{len(read_outcomes(KEPT))} trials" in done.output
     assert CliRunner().invoke(app, ["nowhere.csv"]).exit_code != 0
+
+
+def test_trials_of_other_sizes_count_for_the_curves_only(tmp_path):
+    import typer
+
+    from experiments.trials.recount import main
+
+    pytest.importorskip("plotly")
+    small = Outcome(
+        "a", "library", "arm_spring", "servo", "table", 1.2, "missed", (), False, {}, False, False, *[None] * 3
+    )
+    plain = replace(small, id="b", ratio=2.0, result="right", named=("arm_spring",), inside=True)
+    for name, some in (("draw.csv", [plain]), ("power.csv", [small])):
+        outcomes_table(some).to_csv(tmp_path / name, index=False)
+    app = typer.Typer()
+    app.command()(main)
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, [str(tmp_path / "draw.csv"), "--power", str(tmp_path / "power.csv"), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "1 of 1 = 100 %" in done.output
+    curves = pd.read_csv(out / "power.csv", index_col="effect")
+    assert list(curves.loc["arm_spring", ["trials", "named_right"]]) == [2, 1]
+    assert all((out / name).stat().st_size > 50 for name in FILES)
+    assert "counted again" in (out / "report.html").read_text(encoding="utf-8")

@@ -185,17 +185,41 @@ def test_rates_have_exact_intervals(count, of):
     assert rate([]) is None
 
 
+def named(rng: np.random.Generator, x: np.ndarray, lapses: float = 0.0) -> list[bool]:
+    return list(rng.uniform(size=len(x)) < (1.0 - lapses) * expit(1.7 * (x - math.log(0.08))))
+
+
 def test_power_curve_finds_the_truth():
     rng = np.random.default_rng(3)
     x = rng.uniform(math.log(0.005), math.log(2.0), 3000)
-    right = rng.uniform(size=3000) < expit(1.7 * (x - math.log(0.08)))
-    curve = fit_power(list(1 + np.exp(x)), list(right))
+    curve = fit_power(list(1 + np.exp(x)), named(rng, x))
     assert curve is not None
-    assert curve.ratio50 == pytest.approx(1.08, abs=0.01)
-    assert curve.interval50[0] < 1.08 < curve.interval50[1]
-    assert curve.ratio95 == pytest.approx(1 + 0.08 * 19 ** (1 / 1.7), rel=0.05)
-    assert curve.probability(np.array([curve.ratio50, curve.ratio95])) == pytest.approx([0.5, 0.95])
+    low, half, high = curve.ratio_at(0.5)
+    assert half == pytest.approx(1.08, abs=0.01)
+    assert low < 1.08 < high < 1.1
+    assert curve.ratio_at(0.95)[1] == pytest.approx(1 + 0.08 * 19 ** (1 / 1.7), rel=0.05)
+    assert curve.probability(np.array([1.08]))[1] == pytest.approx([0.5], abs=0.03)
     assert curve.limit == ""
+
+
+@pytest.mark.parametrize(("n", "lapses"), [(10, 0.0), (20, 0.03), (60, 0.05)])
+def test_power_intervals_hold_the_truth(n, lapses):
+    rng = np.random.default_rng(n)
+    half = 1.0 + 0.08 * (0.5 / (0.5 - lapses)) ** (1 / 1.7)
+    held, trials = 0, 120
+    for _ in range(trials):
+        x = rng.uniform(math.log(0.005), math.log(2.0), n)
+        low, _, high = fit_power(list(1 + np.exp(x)), named(rng, x, lapses)).ratio_at(0.5)
+        held += low <= half <= high
+    assert 0.88 <= held / trials, held  # 95 %: below 88 % once in 800 times
+
+
+def test_a_lapse_at_a_large_gap_is_no_matter_of_size():
+    ratios = [*np.linspace(1.05, 1.5, 15), 8.0]
+    curve = fit_power(ratios, [True] * 15 + [False])
+    assert curve is not None
+    assert curve.ratio_at(0.5)[2] < 1.3
+    assert curve.ratio_at(0.95)[2] == math.inf, "one miss of sixteen: 95 % may never be reached"
 
 
 def test_power_curve_stays_finite_where_all_or_none_are_named():
@@ -205,11 +229,11 @@ def test_power_curve_stays_finite_where_all_or_none_are_named():
     assert below is not None
     assert split is not None
     assert above.limit == "above"
-    assert above.ratio50 > 1.5
+    assert above.ratio_at(0.5)[1] > 1.5
     assert below.limit == "below"
-    assert below.ratio50 < 1.1
+    assert below.ratio_at(0.5)[1] < 1.1
     assert split.limit == ""
-    assert 1.1 < split.ratio50 < 1.5
+    assert 1.1 < split.ratio_at(0.5)[1] < 1.5
     assert fit_power([1.0], [True]) is None
 
 
