@@ -78,15 +78,15 @@ def check_length(name: str, n: int) -> None:
 
 
 def check_command(name: str, u: np.ndarray, severity: str) -> None:
-    """A command that never changes: `LogError`, or a warning if `severity` is "warn", nothing if "ignore"."""
-    if np.ptp(u) > 0 or severity == "ignore":
+    """A command that never changes: `LogError`, or a warning if `severity` is "warn"; "ignore" lets free decays pass."""
+    if np.ptp(u) > 0 or (severity == "ignore" and u[0] == 0):
         return
     message = (
         f"{name}: the command u is {u[0]:g} in every sample. Expected a command that moves the arm: without it "
         "the parameters have no scale. Check the column mapping (--columns u=...), or excite the rig, for "
         "example with the paper's d(t). A free decay (u = 0) can only be used together with a driven log."
     )
-    if severity == "warn":
+    if severity in ("warn", "ignore"):
         warn(message)
     else:
         raise LogError(message)

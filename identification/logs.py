@@ -206,7 +206,7 @@ def read_log(
     than three quarters of a turn from upright.
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
-    time_unit: "s", "ms" or "us". constant_command: "error", "warn" or "ignore" (free decays, read with others).
+    time_unit: "s", "ms" or "us". constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
     Raises LogError (a ValueError) for anything that would make an estimate from this file meaningless.

@@ -22,7 +22,6 @@ from .path_kernels import run_filter
 from .record import Record
 
 _BANDWIDTHS = (30.0, 300.0)  # rad/s, of the filters that are tried first
-_WANDER = 2.0  # rad/s, of the unknown torques at the start of their fit
 _SHIFT = 1e-3  # of a coordinate, for derivatives
 _FACTOR_PRIOR = 0.5  # the readings' variances are known from the log itself within about this factor (log scale)
 
@@ -38,22 +37,17 @@ class NoiseFit:
     def noise(self) -> NDArray[np.float64]:
         return self.path.noise
 
-    @property
-    def walk(self) -> NDArray[np.float64] | None:
-        return self.path.walk
 
-
-def fit_noise(plant: Plant, record: Record, walk: bool = False, rounds: int = 3) -> NoiseFit:
+def fit_noise(plant: Plant, record: Record, rounds: int = 3) -> NoiseFit:
     """Maximum-likelihood torque noise and reading variances of a plant on a record, all else held.
 
-    walk: also the intensities of two wandering torques; a slow torque that the plant lacks then goes to them. Raises
-    ValueError if the filter loses the log.
+    Raises ValueError if the filter loses the log.
     """
     base = unit_intensity(plant, record)
     path = None
     for bandwidth in _BANDWIDTHS:
         noise = np.concatenate([base * bandwidth**4, record.variance])
-        path = path or follow(plant, record, noise, noise[:2] * _WANDER**2 if walk else None)
+        path = path or follow(plant, record, noise)
     if path is None:
         raise ValueError(
             "the Kalman filter of this plant loses the log. The plant does not describe this rig: check signs, units "

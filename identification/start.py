@@ -98,7 +98,7 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
         weights = {"theta4": 1.0, "theta5": ratio5, "theta3": ratio3, "theta2": _ROD}
         if told := [known[n] / w for n, w in weights.items() if known.get(n, 0.0) > 0]:
             scales = told[:1]
-        for scale in scales:
+        for scale in (s for s in scales if s > 0):
             rest = _nonnegative([a1, v1, soft[0]], m.u - scale * reaction)
             th1 = max(rest[0], 1.3 * scale * ratio3**2, 1e-6)
             level = 0.02 * float(np.std(m.u)) + 1e-9
@@ -111,6 +111,11 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
             sharpness = (_SHARPNESS, _SHARPNESS) if isinstance(plant.friction_sharpness, tuple) else _SHARPNESS
             start = plant.replace(theta=np.array(theta), friction_sharpness=sharpness)
             starts.append(Start(start, np.array([*restless, 1.0, 1.0])))
+    if not starts:
+        raise ValueError(
+            f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive side: no "
+            "inertia explains the logs. Check the signs (--flip u, q1 or q2), the column mapping and the units"
+        )
     return starts
 
 

@@ -30,6 +30,7 @@ def trials_command(
     power: Annotated[
         bool, typer.Option("--power", help="Effects alone, from invisible to plain, for the power curves.")
     ] = False,
+    seed: Annotated[int, typer.Option(help="Another one draws another world of the same split.")] = 0,
     backend: Annotated[str, typer.Option(help="loky, or dask (cluster at DASK_SCHEDULER_ADDRESS, or here).")] = "loky",
     jobs: Annotated[int, typer.Option(help="Processes; default: one for each core.", min=1)] = os.cpu_count() or 1,
     as_json: opt.AsJson = False,
@@ -47,7 +48,7 @@ def trials_command(
     require_extra()
     if output.exists() and not output.is_dir():
         raise ValueError(f"output {output} is a file; expected the name of a folder")
-    plan = make_plan(split, seeds, _names(effects), _names(rigs), _names(kinds), share, power)
+    plan = make_plan(split, seeds, _names(effects), _names(rigs), _names(kinds), share, power, seed)
     if not plan:
         raise ValueError("no trial is left by --effects, --kinds and --rigs; expected at least one")
     stopped = False
@@ -73,6 +74,7 @@ def trials_command(
             "seeds": seeds,
             "share": share,
             "power": power,
+            "seed": seed,
             "planned": len(plan),
             "answered": len(outcomes),
             "pendulum_lost": len(read_unanswerable(plan, output)),

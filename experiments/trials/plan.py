@@ -103,6 +103,7 @@ def make_plan(
     kinds: Sequence[str] = (),
     share: float = 1.0,
     power: bool = False,
+    seed: int = 0,
 ) -> list[Trial]:
     """The trials, in an order that tells nothing.
 
@@ -110,7 +111,7 @@ def make_plan(
     120 without effect, 20 with hard friction alone, 64 from outside the library, 52 with two effects).
     effects, rigs, kinds: only these (default all); `effects` restricts what library trials and pairs hide.
     share: a part of the plan, the same part of every effect and kind. power: library effects alone, down to gap
-    ratios that nobody sees. Raises ValueError for names that do not exist and numbers out of range.
+    ratios that nobody sees. seed: another one draws another world of the same split. Raises ValueError for names that do not exist and numbers out of range.
     """
     library = [name for name, e in catalogue().items() if e.kind == "library"]
     chosen = _among("effects", effects, library)
@@ -121,7 +122,9 @@ def make_plan(
         raise ValueError(f"seeds {seeds} given, expected 1 to 1000")
     if not 0.0 < share <= 1.0:
         raise ValueError(f"share {share} given, expected more than 0 and at most 1")
-    maker = _Maker(SPLITS[split], "power/" if power else "")
+    if seed < 0:
+        raise ValueError(f"seed {seed} given, expected 0 or more")
+    maker = _Maker(SPLITS[split], ("power/" if power else "") + (f"seed {seed}/" if seed else ""))
     trials: list[Trial] = []
     for rig in _among("rigs", rigs, list(SETS)):
         for k in range(seeds):

@@ -1,9 +1,9 @@
-"""Power curves: how large must an effect be to be named? A psychometric function with lapses, by its posterior on a grid.
+"""Power curves: how large must an effect be to be named? A logistic curve with lapses, by its posterior on a grid.
 
-The model is that of Wichmann & Hill (2001), *The psychometric function I*, Percept. Psychophys. 63: a logistic curve in the
-logarithm of what is visible, and a share of lapses, misses that size does not explain. The posterior over a grid instead
-of a maximum follows Schütt et al. (2016), *Painfree and accurate Bayesian estimation of psychometric functions*, Vision Res.
-122: it stays honest for a handful of trials, and where all or none were named.
+The curve is the psychometric function of Wichmann & Hill (2001), Percept. Psychophys. 63, 1293: logistic in the
+logarithm of what is visible, and a share of lapses, misses that size does not explain. A posterior on a grid instead of a
+maximum is the way of Schütt et al. (2016), Vision Res. 122, 105: honest for a handful of trials, and where all or none
+were named.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class PowerCurve:
         return np.quantile(p, [0.025, 0.5, 0.975], axis=0)
 
     def ratio_at(self, share: float) -> tuple[float, float, float]:
-        """Gap ratio at which this share is named: low, median, high of its 95 % interval; inf where lapses forbid it."""
+        """Gap ratio at which this share is named: low, median, high of its 95 % interval; inf if never, for lapses."""
         x50, log_slope, lapse = self.draws.T
         odds = np.where(1.0 - lapse > share, share / np.maximum(1.0 - lapse - share, 1e-12), np.inf)
         ratio = 1.0 + np.exp(np.minimum(x50 + np.log(odds) / np.exp(log_slope), 700.0))

@@ -114,7 +114,7 @@ def power_table(curves: dict[str, PowerCurve]) -> pd.DataFrame:
         }
         for name, curve in curves.items()
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=None if rows else ["effect", "trials", "named_right"])
 
 
 def _library(some: Sequence[Outcome]) -> dict[str, Any]:

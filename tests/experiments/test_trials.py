@@ -98,6 +98,18 @@ def test_the_splits_share_no_seed_no_rig_and_no_place(power):
     assert {t.scatter for t in parts["dev"]}.isdisjoint({t.scatter for t in parts["final"]})
 
 
+def test_another_seed_is_another_world_of_the_same_split():
+    plans = [make_plan(seeds=1, seed=seed) for seed in (0, 1)]
+    assert [len(p) for p in plans] == [len(make_plan(seeds=1))] * 2
+    assert plans[0] == make_plan(seeds=1)
+    assert not {t.seed for t in plans[0]} & {t.seed for t in plans[1]}
+    assert Counter(t.subject for t in plans[0] if t.kind != "two") == Counter(
+        t.subject for t in plans[1] if t.kind != "two"
+    )
+    with pytest.raises(ValueError, match="seed -1"):
+        make_plan(seed=-1)
+
+
 def test_a_larger_plan_contains_the_smaller_one():
     whole = {t.id: t for t in make_plan(seeds=5)}
     for part in (make_plan(seeds=2), make_plan(share=0.2), make_plan(effects=["arm_spring"], kinds=["library"])):

@@ -212,6 +212,12 @@ def test_the_on_line_methods_come_through_the_same_door(method: str) -> None:
     assert estimate.plant.covariance is not None
 
 
+@pytest.mark.parametrize("method", ["prediction-error", "ekf"])
+def test_a_command_of_the_wrong_sign_is_refused_with_the_way_out(upright: Log, method: str) -> None:
+    with pytest.raises(ValueError, match=r"does not drive the arm to the positive side.*--flip u"):
+        identify([replace(upright, u=-upright.u)], method=method)
+
+
 def test_values_that_no_plant_has_are_refused_with_the_way_out() -> None:
     theta = TABLE_3.theta * np.array([1, 1, 1, -1, 1, 1, 1, 1, 1])
     with pytest.raises(ValueError, match="prediction-error"):

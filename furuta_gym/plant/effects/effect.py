@@ -63,7 +63,8 @@ class Effect:
             free = p.role == "size" and value == p.neutral  # off, though perhaps on the open end of its range
             if not free and not (math.isfinite(value) and p.lower <= value <= p.upper):
                 raise ValueError(
-                    f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}, got {value:g}"
+                    f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] "
+                    f"{p.unit.replace('{u}', '(unit of u)')}, got {value:g}"
                 )
             if p.integer and value != round(value):
                 raise ValueError(f"effect {self.name}: {name} must be a whole number, got {value:g}")
