@@ -42,9 +42,20 @@ class Simulation:
 
 def open_loop(values: Sequence[float] | NDArray[np.float64] | float = 0.0) -> Callable[[NDArray[np.float64]], float]:
     """A policy that ignores the readings: a constant, or a sequence whose last value holds on."""
-    sequence = np.atleast_1d(np.asarray(values, dtype=float))
-    position = iter(range(10**12))
-    return lambda y: float(sequence[min(next(position), sequence.size - 1)])
+    return _OpenLoop(np.atleast_1d(np.asarray(values, dtype=float)))
+
+
+class _OpenLoop:
+    def __init__(self, values: NDArray[np.float64]):
+        self._values, self._next = values, 0
+
+    def reset(self) -> None:
+        self._next = 0
+
+    def __call__(self, y: NDArray[np.float64]) -> float:
+        value = self._values[min(self._next, self._values.size - 1)]
+        self._next += 1
+        return float(value)
 
 
 def check_clock(policy: Any, sample_time: float) -> None:

@@ -24,20 +24,25 @@ def classical_estimate(logs: Sequence[Log], method: str, template: Plant, start:
     Raises ValueError where the result is no plant (these methods are biased, and may end at a negative inertia).
     """
     warnings: tuple[str, ...] = ()
+    sharpness = FRICTION_SHARPNESS
+    if template.effects:
+        lost = ", ".join(effect.name for effect in template.effects)
+        warnings = (f"{method} fits model (5) alone: the start plant's {lost} is left out of the result",)
     if method == "ekf":
         from .online_ekf import track
 
         history = track(logs, start)
         theta, covariance, samples = history.theta[-1], history.covariance, len(history.t)
+        sharpness = history.sharpness
     else:
         batch = filtered_least_squares(logs)
         theta, covariance, samples = batch.theta, batch.covariance, batch.samples
-        warnings = batch.warnings
+        warnings += batch.warnings
         if method == "recursive-ls":
             theta = recursive_least_squares(filtered_models(logs)).last
         scale = "its standard deviations are classical: they ignore the bias and are far too small"
         warnings = (*warnings, f"{method}: {scale}; compare with --method prediction-error")
-    plant = _plant(theta, method, template)
+    plant = _plant(theta, method, template, sharpness)
     verdict = judge(THETA_NAMES, theta, inverse_information(covariance), Motion.of(logs), np.sqrt(np.diag(covariance)))
     return Estimate(
         plant=plant,
@@ -49,17 +54,22 @@ def classical_estimate(logs: Sequence[Log], method: str, template: Plant, start:
         classical=covariance,
         samples=samples,
         message="done",
-        fixed={"r": FRICTION_SHARPNESS},
+        fixed={"r1": sharpness[0], "r2": sharpness[1]} if isinstance(sharpness, tuple) else {"r": sharpness},
         warnings=warnings,
     )
 
 
-def _plant(theta: NDArray[np.float64], method: str, template: Plant) -> Plant:
+def _plant(
+    theta: NDArray[np.float64],
+    method: str,
+    template: Plant,
+    sharpness: float | tuple[float, float] = FRICTION_SHARPNESS,
+) -> Plant:
     lost = [n for n, v in zip(THETA_NAMES, theta, strict=True) if not np.isfinite(v)]
     if lost:
         raise ValueError(f"{method}: {spoken(lost)} cannot be told from this motion (was an axis held?)")
     try:
-        return template.replace(theta=theta, friction_sharpness=FRICTION_SHARPNESS)
+        return template.replace(theta=theta, friction_sharpness=sharpness, effects=())
     except ValueError as error:
         numbers = ", ".join(f"θ{i + 1} = {v:.3g}" for i, v in enumerate(theta))
         raise ValueError(

@@ -87,7 +87,7 @@ def plant_coordinates(
                 usual = max(abs(defaults[p.name]), abs(value)) if p.role == "size" else abs(defaults[p.name])
                 coordinates.append(_effect_coordinate(f"{effect.name}.{p.name}", p, usual, row))
             row += 1
-    known = {c.name for c in coordinates} | set(R_ROWS)
+    known = {c.name for c in coordinates}
     if strange := (fixed | set(priors)) - known:
         raise ValueError(f"cannot fix or put a prior on {sorted(strange)}; the parameters are {sorted(known)}")
     if both := fixed & set(priors):

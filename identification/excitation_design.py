@@ -170,7 +170,8 @@ def design(
         except ValueError:  # kept them over the first seconds only
             continue
         run = setup.run(scaled, seed)
-        results.append(Design(setup, limits, scaled, name, run, predicted(setup, run), predicted(setup, run), 1.0))
+        precision = predicted(setup, run)
+        results.append(Design(setup, limits, scaled, name, run, precision, precision, 1.0))
     best = min(results, key=lambda d: d.precision.log_volume)
     return replace(best, paper=results[0].precision, paper_scale=paper.factor)
 

@@ -70,41 +70,56 @@ def identify(
     fixed, priors = dict(fixed or {}), dict(priors or {})
     if sharpness is not None:
         fixed |= {"r": float(sharpness)}
+    effects = tuple(effects)
     if verdict := gate(logs, known={*fixed, *priors}):
         raise NotIdentifiable(verdict)
     used = stretches(logs)
     records = [stretch.record for stretch in used]
     template = _template(logs, start)
-    known = _known(fixed, template if start is not None else None)
+    if fixed.get("r", 0.0) is None and isinstance(template.friction_sharpness, tuple):
+        del fixed["r"]
+        fixed |= {"r1": None, "r2": None}
+    if {"r1", "r2"} & {*fixed, *priors}:
+        template = template.replace(friction_sharpness=template.sharpness)
+    known = _known(fixed, template if start is not None else None, effects)
 
     def free(plant: Plant) -> list[Coordinate]:
         return _coordinates(plant, fixed, priors, negative_friction, records)
 
+    def freely(plant: Plant) -> list[Coordinate]:
+        """Without what is said of effects that come later."""
+        later = {n for n in {*fixed, *priors} if "." in n and plant.effect(n.partition(".")[0]) is None}
+        said = [n for n in fixed if n not in later], {n: v for n, v in priors.items() if n not in later}
+        return _coordinates(plant, *said, negative_friction, records)
+
+    free(_with_known(template, known, effects))  # names that are none are told before any work
+
     if start is not None and noise is not None:
-        winner = Start(_with_known(template, known), noise)
+        winner = Start(_with_known(template, known, effects), noise)
     else:
         told = known | {n: m for n, (m, _) in priors.items()}
         starts = candidates([stretch.piece for stretch in used], template, told)
         if start is not None:
             starts = [Start(template, _restless(template)), *starts]
         starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
-        winner, _ = race(records, starts, free(starts[0].plant), physical=physical)
-    plant = winner.plant.with_effects(*_started(winner.plant, effects))
+        winner, _ = race(records, starts, freely(starts[0].plant), physical=physical)
+    plant = _with_known(winner.plant, known, effects)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical)
     optimum = minimise(problem, problem.start(), iterations)
     return _estimate(logs, problem, optimum, plant, fixed, start)
 
 
-def _known(fixed: Mapping[str, float | None], start: Plant | None) -> dict[str, float]:
-    """Fixed values, None replaced by the start plant's. Raises ValueError where there is none."""
+def _known(fixed: Mapping[str, float | None], start: Plant | None, effects: Sequence[str | Effect]) -> dict[str, float]:
+    """Fixed values, None replaced by those of the start plant or of effects given with values. Raises ValueError where
+    there are none."""
+    given = {f"{e.name}.{p}": v for e in effects if isinstance(e, Effect) for p, v in e.parameters.items()}
     known = {}
     for name, value in fixed.items():
-        if value is None and (name in THETA_NAMES or name in R_ROWS):
-            if start is None:
+        if value is None:
+            value = given.get(name, math.nan if start is None else _value_of(start, name))
+            if math.isnan(value):
                 raise ValueError(f"{name} is to stay at the start plant's value, and there is no start; give its value")
-            value = _value_of(start, name)
-        if value is not None:
-            known[name] = value
+        known[name] = value
     return known
 
 
@@ -144,8 +159,11 @@ def _restless(plant: Plant) -> NDArray[np.float64]:
     return np.array([0.1 * plant.theta[0] ** 2, 0.1 * plant.theta[3] ** 2, 1.0, 1.0])
 
 
-def _with_known(plant: Plant, known: Mapping[str, float]) -> Plant:
-    """The start with the fixed values in it; what is free gives way so that the mass matrix stays positive."""
+def _with_known(plant: Plant, known: Mapping[str, float], effects: Sequence[str | Effect] = ()) -> Plant:
+    """The start, with `effects` added and the fixed values in it; what is free gives way so that the mass matrix stays
+    positive."""
+    plant = plant.with_effects(*_started(plant, effects))
+    of_effects: dict[str, dict[str, float]] = {}
     theta, r = plant.theta.copy(), list(plant.sharpness)
     for name, value in known.items():
         if not math.isfinite(value):
@@ -156,6 +174,9 @@ def _with_known(plant: Plant, known: Mapping[str, float]) -> Plant:
             r[0] = value
         if name in ("r", "r2"):
             r[1] = value
+        effect, dot, parameter = name.partition(".")
+        if dot:
+            of_effects.setdefault(effect, {})[parameter] = value
     for name, i, least in (
         ("theta1", 0, 1.3 * theta[2] ** 2 / theta[3]),
         ("theta4", 3, 1.3 * theta[2] ** 2 / theta[0]),
@@ -164,7 +185,10 @@ def _with_known(plant: Plant, known: Mapping[str, float]) -> Plant:
             theta[i] = least
     if theta[0] * theta[3] <= theta[2] ** 2 and "theta3" not in known:
         theta[2] = 0.8 * math.sqrt(theta[0] * theta[3])
-    return plant.replace(theta=theta, friction_sharpness=r[0] if r[0] == r[1] else (r[0], r[1]))
+    pair = isinstance(plant.friction_sharpness, tuple) and "r" not in known
+    held = [Effect(e.name, {**e.parameters, **of_effects[e.name]}) for e in plant.effects if e.name in of_effects]
+    plant = plant.replace(theta=theta, friction_sharpness=(r[0], r[1]) if pair else r[0])
+    return plant.with_effects(*held)
 
 
 def _started(plant: Plant, effects: Iterable[str | Effect]) -> list[Effect]:
@@ -244,14 +268,16 @@ def _estimate(
         classical=classical,
         sandwich=sandwich,
         noise=Noise((float(noise[0]), float(noise[1])), reading),  # type: ignore[arg-type]
-        log_likelihood=-optimum.value - sum(len(r.t) for r in problem.records) * math.log(2 * math.pi),
+        log_likelihood=problem.prior_cost(optimum.z)
+        - optimum.value
+        - sum(len(r.t) for r in problem.records) * math.log(2 * math.pi),
         samples=sum(len(r.t) for r in problem.records),
         converged=optimum.converged,
         message=optimum.message,
         iterations=optimum.iterations,
         at_bound=at_bound,
         fixed={n: _value_of(plant, n) for n in fixed},
-        warnings=tuple(_warnings(logs, plant, motion, at_bound, noise)),
+        warnings=tuple(_warnings(logs, plant, at_bound, noise)),
         problem=problem,
         optimum=optimum,
     )
@@ -331,7 +357,7 @@ def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | No
 
 
 def _warnings(
-    logs: Sequence[Log], plant: Plant, motion: Motion, at_bound: Sequence[str], noise: NDArray[np.float64]
+    logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: NDArray[np.float64]
 ) -> Iterable[str]:
     for name in at_bound:
         if name in THETA_NAMES[5:]:
@@ -340,7 +366,7 @@ def _warnings(
                 "that model (5) lacks (run `furuta diagnose`), or of a sign that should be flipped"
             )
         elif name in R_ROWS:
-            yield f"{name} ends at its bound {plant.sharpness[0]:.3g} s/rad: friction near rest is not told; fix r"
+            yield f"{name} ends at its bound {_value_of(plant, name):.3g} s/rad: friction near rest is not told; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
     for log in logs:

@@ -78,7 +78,7 @@ def check_length(name: str, n: int) -> None:
 
 
 def check_command(name: str, u: np.ndarray, severity: str) -> None:
-    """A command that never changes: `LogError`, or a warning if `severity` is "warn"; "ignore" lets free decays pass."""
+    """A command that never changes: `LogError`, or a warning if `severity` is "warn"; "ignore" passes free decays."""
     if np.ptp(u) > 0 or (severity == "ignore" and u[0] == 0):
         return
     message = (

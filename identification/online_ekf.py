@@ -37,13 +37,14 @@ _WARM_UP = 3.0  # s of the log from which a start is made where none is given
 @dataclass(frozen=True)
 class OnlineHistory:
     """θ̂ after each reading: t (n,) [s] (logs follow one another), theta and std (n, 9), the last covariance (9, 9),
-    and the computing time of one sample [s]."""
+    the computing time of one sample [s], and the friction's sharpness r or (r1, r2) [s/rad] that the filter took."""
 
     t: NDArray[np.float64]
     theta: NDArray[np.float64]
     std: NDArray[np.float64]
     covariance: NDArray[np.float64]
     cost_per_sample: float
+    sharpness: float | tuple[float, float]
 
     @property
     def last(self) -> NDArray[np.float64]:
@@ -54,15 +55,13 @@ def track(
     logs: Log | Sequence[Log],
     start: Plant | None = None,
     *,
-    torque_noise: tuple[float, float] | None = None,
     wander: float = 0.0,
 ) -> OnlineHistory:
     """Run the joint filter over the logs, one after the other, parameters carried on.
 
-    start: where θ starts (default: smoothed regression on the first seconds). torque_noise: intensities [{u}² s] on
-    the two rows; by default two percent of the command for 10 ms. wander: how far η may drift in a second, to follow
-    a plant that changes. The friction's sharpness r is the start plant's. Raises ValueError for bad arguments, or if
-    the filter diverges.
+    start: where θ starts (default: smoothed regression on the first seconds). wander: how far η may drift in a second,
+    to follow a plant that changes. Torque noise is taken to be two percent of the command for 10 ms; the friction's
+    sharpness r is the start plant's. Raises ValueError for bad arguments, or if the filter diverges.
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     if not logs:
@@ -78,7 +77,7 @@ def track(
     eta = np.concatenate([np.log(np.maximum(theta[:_LOG], 1e-9)), theta[_LOG:] / scale])
     C = np.diag(np.concatenate([np.zeros(4), _START_STD**2]))
     noise = np.empty(4)
-    noise[:2] = torque_noise or 0.01 * (0.02 * np.std(first.u) * np.array([1.0, theta[3] / theta[0]])) ** 2
+    noise[:2] = 0.01 * (0.02 * np.std(first.u) * np.array([1.0, theta[3] / theta[0]])) ** 2
     times, etas, variances, offset, spent = [], [], [], 0.0, 0.0
     for piece, record in ((stretch.piece, stretch.record) for stretch in stretches(logs)):
         noise[2:] = np.where(record.quantum > 0, 0.05 * record.quantum**2 / 12.0, record.variance)
@@ -105,7 +104,8 @@ def track(
     slope = np.column_stack([theta_history[:, :_LOG], np.broadcast_to(scale, (len(eta_history), 4))])
     covariance = C[4:, 4:] * np.outer(slope[-1], slope[-1])
     std = np.sqrt(np.maximum(np.concatenate(variances), 0.0)) * slope
-    return OnlineHistory(np.concatenate(times), theta_history, std, covariance, spent / len(eta_history))
+    cost = spent / len(eta_history)
+    return OnlineHistory(np.concatenate(times), theta_history, std, covariance, cost, start.friction_sharpness)
 
 
 @compiled(nogil=True)

@@ -178,6 +178,10 @@ class PredictionError:
             information = information + flat.T @ flat
         return Expansion(value, gradient, information, all_scores if scores else None)
 
+    def prior_cost(self, z: NDArray[np.float64]) -> float:
+        """What priors, and the rigid body if asked for, add to V at z."""
+        return self._prior(z)[0]
+
     def _prior(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         value, gradient, information = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
         for i, (c, zi) in enumerate(zip(self.coordinates, z, strict=True)):
@@ -243,5 +247,5 @@ def _sharpness_rows(codes: NDArray[np.int64]) -> NDArray[np.int64]:
 def _halves(leaders: int, n: int) -> list[NDArray[np.int64]]:
     """Positions of a bank dealt to two threads, as one record alone would leave a core idle."""
     cost = np.cumsum(np.where(np.arange(n) < leaders, 2.0, 1.0))
-    cut = int(np.searchsorted(cost, cost[-1] / 2.0))
-    return [np.arange(cut), np.arange(cut, n)]
+    cut = max(1, int(np.searchsorted(cost, cost[-1] / 2.0)))
+    return [part for part in (np.arange(cut), np.arange(cut, n)) if part.size]

@@ -111,7 +111,8 @@ def make_plan(
     120 without effect, 20 with hard friction alone, 64 from outside the library, 52 with two effects).
     effects, rigs, kinds: only these (default all); `effects` restricts what library trials and pairs hide.
     share: a part of the plan, the same part of every effect and kind. power: library effects alone, down to gap
-    ratios that nobody sees. seed: another one draws another world of the same split. Raises ValueError for names that do not exist and numbers out of range.
+    ratios that nobody sees. seed: another one draws another world of the same split. Raises ValueError for names that
+    do not exist and numbers out of range.
     """
     library = [name for name, e in catalogue().items() if e.kind == "library"]
     chosen = _among("effects", effects, library)

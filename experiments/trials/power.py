@@ -1,9 +1,9 @@
 """Power curves: how large must an effect be to be named? A logistic curve with lapses, by its posterior on a grid.
 
 The curve is the psychometric function of Wichmann & Hill (2001), Percept. Psychophys. 63, 1293: logistic in the
-logarithm of what is visible, and a share of lapses, misses that size does not explain. A posterior on a grid instead of a
-maximum is the way of Schütt et al. (2016), Vision Res. 122, 105: honest for a handful of trials, and where all or none
-were named.
+logarithm of what is visible, and a share of lapses, misses that size does not explain. A posterior on a grid instead
+of a maximum is the way of Schütt et al. (2016), Vision Res. 122, 105: honest for a handful of trials, and where all or
+none were named.
 """
 
 from __future__ import annotations

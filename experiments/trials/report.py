@@ -99,8 +99,8 @@ _INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
 _LIMITS_HEAD = ("effect", f"right within two, gap ratio ≥ {VISIBLE}", "half are named at a ratio of", "95 % at")
 _LIMITS_CAPTION = (
     "Gap ratios, medians and 95 % intervals of a logistic curve with lapses; 1 is invisible. Below, above: all or none "
-    "of the trials were named right, and this is the end of the interval. Never: misses that size does not explain may be "
-    "more than 5 %."
+    "of the trials were named right, and this is the end of the interval. Never: misses that size does not explain "
+    "may be more than 5 %."
 )
 _SHORTCOMINGS = {
     "extra": "right, with a false one beside it",

@@ -119,7 +119,7 @@ class Viewer:
         if scene.time <= 0.0:
             self._trail.clear()
         self._trail.append(tip)
-        self._floor(scene, joint, tip)
+        self._floor(joint, tip)
         circle = [joint + rod * (math.sin(a) * across + math.cos(a) * np.array([0.0, 0.0, 1.0])) for a in _angles(72)]
         self._curve(circle, _FAINT, 1, closed=True)
         for i, point in enumerate(list(self._trail)[:-1]):
@@ -137,7 +137,7 @@ class Viewer:
         for _, paint in sorted(parts, key=lambda part: -part[0]):
             paint()
 
-    def _floor(self, scene: Scene, joint: NDArray[np.float64], tip: NDArray[np.float64]) -> None:
+    def _floor(self, joint: NDArray[np.float64], tip: NDArray[np.float64]) -> None:
         ring = [np.array([1.35 * math.cos(a), 1.35 * math.sin(a), _FLOOR_Z]) for a in _angles(96)]
         self._polygon(ring, _FLOOR)
         self._curve(ring, _FAINT, 1, closed=True)

@@ -2,7 +2,7 @@
 
 `numba.njit(cache=True)` reuses machine code between processes, but its cache only looks at the file of the
 function itself: a kernel that calls another file's kernel keeps the old code after that file changed. Here the
-cache folder is named after a hash of the sources that a kernel can call (the plant's and its own package's),
+cache folder is named after a hash of the sources that a kernel can call (furuta_gym's and its own package's),
 so an edit always compiles anew and an unchanged tree never does.
 """
 
@@ -17,13 +17,13 @@ from typing import Any
 import numba
 from numba.extending import intrinsic
 
-_PLANT = Path(__file__).parent
+_FURUTA_GYM = Path(__file__).parents[1]
 
 
 @lru_cache
 def _source_hash(folder: Path) -> str:
     digest = hashlib.sha256(numba.__version__.encode())
-    for root in sorted({_PLANT, folder}):
+    for root in sorted({_FURUTA_GYM, folder}):
         for file in sorted(root.rglob("*.py")):
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]

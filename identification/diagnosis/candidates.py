@@ -22,6 +22,7 @@ from .probes import Cell, cells
 ANCHOR_STD = 0.5
 _CHUNK = 48  # probes in one pass of the bank
 _COARSER = 2.0  # times the integration step
+_TOLERANCE = 0.05  # nats, of the optimum
 PERIODS = 2.0  # in the longest piece of a log: slower than that is a drift, of which no log can say that it repeats
 
 
@@ -56,24 +57,22 @@ def fit(
     plant: Plant,
     noise: NDArray[np.float64],
     records: Sequence[Record],
-    priors: dict[str, tuple[float, float]] | None = None,
     anchor: Plant | None = None,
     iterations: int = 40,
-    tolerance: float = 0.05,
     coarse: bool = False,
 ) -> Fit:
     """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
 
     coarse: with longer integration steps and frozen gains, on one thread: within a nat or so, for a race of many.
     """
-    coordinates = plant_coordinates(plant, free_sharpness=False, priors=priors)
+    coordinates = plant_coordinates(plant, free_sharpness=False)
     coordinates += noise_coordinates(quietest(anchor or plant, records))
     if anchor is not None:
         coordinates = [anchored(c, anchor) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records)) for c in coordinates]
     step = _COARSER if coarse else 1.0
     problem = PredictionError(plant, records, coordinates, noise, coarser=step, parallel=not coarse)
-    optimum = minimise(problem, problem.start(), iterations, tolerance, exact=not coarse)
+    optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
     _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
     return Fit(filled_plant(plant, coordinates, optimum.z), noise, tuple(coordinates), optimum, tuple(records))
 

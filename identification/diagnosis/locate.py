@@ -24,7 +24,7 @@ from ..logs import Log
 from ..noise_fit import likeliest
 from ..record import Stretch, stretches
 from ..whiteness import FEWEST, innovations
-from .constancy import constancy
+from .constancy import Constancy, constancy
 from .evidence import Look, evidence_of, parameters_of, suspicions_of
 from .leftover import largest_line, predictable
 from .maps import VARIABLES, torque_map
@@ -68,7 +68,7 @@ def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD
         predictable=r2,
         line=line,
         frequencies=frequencies,
-        constancy=_constancy(looks[longest], plant),
+        constancy=_constancy(looks[longest]),
         innovations=tuple(innovations(look.flexible.plain.path) for look in looks),
         torques=torques,
         maps=tuple(
@@ -110,14 +110,16 @@ def _look(plant: Plant, stretch: Stretch, start: float) -> Look:
 def _missing(look: Look, source: str) -> MissingTorque:
     """Unknown torques as random walks beside the log's own noise, their intensities most likely, smoothed."""
     path = look.flexible.path
-    T = float(np.median(np.diff(path.record.t)))
     size = np.maximum(np.var(look.flexible.torque, axis=0), path.noise[:2])  # a first guess, over a tenth of a second
     walk = follow(path.plant, path.record, path.noise, 10.0 * size)
     if walk is not None:
         noise, intensity = likeliest(walk, hold_noise=True)
         walk = follow(path.plant, path.record, noise, intensity)
     if walk is None:
-        return MissingTorque(source, path.record.t + look.start, look.flexible.torque, np.full((len(path.e), 2), T))
+        torque = look.flexible.torque
+        return MissingTorque(
+            source, path.record.t + look.start, torque, np.tile(np.std(torque, axis=0), (len(torque), 1))
+        )
     smoothed = smooth(refilter(walk, walk.noise, walk.walk))
     n = walk.states
     return MissingTorque(
@@ -155,7 +157,7 @@ def _structure(look: Look, torque: MissingTorque) -> tuple[Array, Array, Array]:
     return r2, np.array([g for g, _ in lines]), np.array([f for _, f in lines])
 
 
-def _constancy(look: Look, plant: Plant):
+def _constancy(look: Look) -> Constancy:
     D = answers(look.plain, parameters_of(look)).reshape(-1, 2, 9)
     w = whiten(look.plain.e, look.plain.S)
     free = [i for i in range(9) if np.any(D[:, :, i])]

@@ -44,8 +44,8 @@ class Where:
 
     found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, the noise
     estimated anew, less the price of its parameters. suspicions: families, the likeliest first. channel, variable:
-    of the likeliest (None if nothing is left). intervals_s: per log, when the torque stands out of its band.
-    predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's g and frequencies (2,)
+    of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
+    stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's g and frequencies (2,)
     [Hz] of its periodogram.
     """
 
@@ -66,10 +66,13 @@ class Where:
     unit: str = "V"
 
     def to_dict(self) -> dict[str, Any]:
-        """As the "where" of diagnosis.json, and more."""
+        """As the "where" of diagnosis.json, and more; intervals_s are those of the first log."""
+        first = [
+            spans for t, spans in zip(self.torques, self.intervals_s, strict=True) if t.source == self.torques[0].source
+        ]
         return {
             "channel": self.channel,
-            "intervals_s": [list(span) for span in self.intervals_s[0]],
+            "intervals_s": [list(span) for spans in first for span in spans],
             "variable": self.variable,
             "map": self.sentence,
             "found": self.found,

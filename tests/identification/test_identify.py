@@ -269,6 +269,46 @@ def test_every_method_writes_the_logs_encoders(upright: Log, method: str) -> Non
     assert tuple(sensors["encoder_counts"]) == upright.encoder_counts
 
 
+@pytest.mark.parametrize("carried", [True, False])
+def test_an_effects_parameter_can_be_fixed_or_have_a_prior(upright: Log, carried: bool) -> None:
+    start = TABLE_3.with_effects(Effect("arm_spring", {"k": 0.5, "q1n": 0.3})) if carried else TABLE_3
+    effects = () if carried else ("arm_spring",)
+    known = {"fixed": {"arm_spring.k": 0.2}, "priors": {"arm_spring.q1n": (0.1, 1e-6)}}
+    estimate = identify(upright, start, effects=effects, **known)
+    assert estimate.plant.effect("arm_spring").parameters["k"] == 0.2
+    assert estimate.fixed == {"arm_spring.k": 0.2}
+    assert "arm_spring.k" not in estimate.names
+    assert estimate.values[estimate.names.index("arm_spring.q1n")] == pytest.approx(0.1, abs=1e-5)
+
+
+def test_the_sharpness_of_one_axis_can_be_fixed(upright: Log) -> None:
+    estimate = identify(upright, TABLE_3, fixed={"r1": 40.0}, priors={"r2": (300.0, 0.01)})
+    assert estimate.plant.friction_sharpness == pytest.approx((40.0, 300.0), rel=1e-3)
+    assert estimate.fixed == {"r1": 40.0}
+    kept = identify(upright, TABLE_3.replace(friction_sharpness=(80.0, 300.0)), fixed={"r": None}, iterations=2)
+    assert kept.plant.friction_sharpness == (80.0, 300.0)
+    with pytest.raises(ValueError, match=r"\['arm_spring.k'\]; the parameters are"):
+        identify(upright, TABLE_3, priors={"arm_spring.k": (0.1, 0.1)})
+
+
+def test_the_log_likelihood_is_that_of_the_log_alone(upright: Log) -> None:
+    """A prior far from what the log says costs something, which is not the log's."""
+    drawn = identify(upright, TABLE_3, priors={"theta5": (0.8, 0.05)})
+    assert drawn.problem.prior_cost(drawn.optimum.z) > 1.0
+    held = identify(upright, TABLE_3, fixed={"theta5": drawn.plant.theta[4]})
+    assert drawn.log_likelihood == pytest.approx(held.log_likelihood, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["filtered-ls", "ekf"])
+def test_classical_results_are_of_the_model_they_fitted(upright: Log, method: str) -> None:
+    start = TABLE_3.with_effects(Effect("arm_spring", {"k": 0.3, "q1n": 0.0})).replace(friction_sharpness=60.0)
+    estimate = identify(upright, start, method=method)
+    assert estimate.plant.effects == ()
+    assert any("arm_spring is left out" in w for w in estimate.warnings)
+    assert estimate.plant.friction_sharpness == (60.0 if method == "ekf" else 100.0)
+    assert estimate.fixed == {"r": estimate.plant.friction_sharpness}
+
+
 def test_an_effects_parameter_may_be_known_to_be_zero(upright: Log) -> None:
     """Against itself, a spring at zero angle would never be identified."""
     spring = Effect("arm_spring", {"k": 0.3, "q1n": 0.0})

@@ -32,7 +32,7 @@ def test_the_true_plant_is_at_the_floor(T, counts):
     log, plant = loop_log(T=T, counts=counts)
     gap = validate(plant, log)
     assert gap.ratio_to_floor == pytest.approx(1.0, abs=0.15)
-    assert np.all(gap.reading_floor <= gap.floor)
+    assert np.all(gap.torque_share > 0.3), "these rigs' torque noise is what a prediction over half a second misses"
 
 
 def test_the_ratio_grows_with_what_is_missing():

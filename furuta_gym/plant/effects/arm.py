@@ -60,7 +60,8 @@ def _presliding_rate(v1, theta8, σ0, z):
     if math.isinf(σ0):
         return 0.0
     settled = theta8 / σ0 if v1 > 0.0 else -theta8 / σ0
-    return min(σ0 * abs(v1) / theta8, _FASTEST_BRISTLE) * (settled - z)
+    rate = min(σ0 * abs(v1) / theta8, _FASTEST_BRISTLE) if theta8 > 0.0 else _FASTEST_BRISTLE
+    return rate * (settled - z)
 
 
 # The rotor on the motor's side of the play: its share of theta1, and the stop it hits (a stiff damped contact; its

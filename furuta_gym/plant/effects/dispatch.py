@@ -16,7 +16,7 @@ _SUMS = {"torque": "F", "sensor": "Y"}  # hooks whose results are added up
 _BASE = (*(f"theta{i}" for i in range(1, 10)), "r1", "r2")  # the rows of TH
 
 
-def _place_of(effect: EffectType, hook: str, name: str) -> str:
+def _place_of(effect: EffectType, name: str) -> str:
     """The array element that a kernel's argument `name` reads in lane k."""
     if name in effect.parameter_names:
         return f"P[o + {effect.parameter_names.index(name)}, k]"
@@ -46,7 +46,7 @@ def _source(function: str, hook: str, arguments: str) -> str:
     for effect in EFFECTS.values():
         if hook not in effect.kernels:
             continue
-        call = f"{effect.name}_{hook}({', '.join(_place_of(effect, hook, a) for a in effect.arguments[hook])})"
+        call = f"{effect.name}_{hook}({', '.join(_place_of(effect, a) for a in effect.arguments[hook])})"
         lines += [f"        if c == {NUMBERS[effect.name]}:", "            found = True"]
         lines += ["            for k in range(P.shape[1]):"]
         if hook in _SUMS:

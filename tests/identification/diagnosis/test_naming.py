@@ -13,6 +13,7 @@ from identification.diagnosis.probes import cells
 from identification.diagnosis.search import Search
 from identification.prediction_error import Record
 from tests.identification.test_prediction_error import simulated
+from tests.oracles import reference
 
 SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_stribeck", "pendulum_quadratic_drag")
 
@@ -25,6 +26,36 @@ def test_every_effect_has_probes_that_are_possible(name: str) -> None:
         assert len(cell.probes) == len(cell.sizes)
         start = cell.start(np.full(len(cell.probes), 0.7))
         assert start is None or start.name == name
+
+
+def _signal(name: str, values: dict[str, float], rng: np.random.Generator) -> np.ndarray:
+    """What an effect adds to torques, command and readings at random states, by the independent reference."""
+    rows = []
+    for _ in range(20):
+        t, q1, q2, v1, v2, u = rng.uniform(-3.0, 3.0, 6)
+        args = abs(t), q1, q2, v1, v2, TABLE_3.theta, 100.0, {name: values}, TABLE_3.theta
+        y1, y2 = reference.measured(q1, q2, {name: values})
+        rows.append([*reference.extra_torques(*args), reference.static_command(u, {name: values}) - u, y1 - q1, y2 - q2])
+    return np.array(rows)
+
+
+def _linear(name: str) -> bool:
+    sizes = [p for p in EFFECTS[name].parameters if p.role == "size"]
+    held = {"memory": EFFECTS[name].memory, "kernels": {"theta", "delay", "filter"} & set(EFFECTS[name].kernels)}
+    return not any(held.values()) and not any(p.grid or not np.isfinite(p.neutral) or p.integer for p in sizes)
+
+
+@pytest.mark.parametrize("name", [name for name in EFFECTS if _linear(name)])
+def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
+    """Also where a phase or a product of two parameters makes it so."""
+    weights = np.array([0.7, 0.4, 1.3])
+    for cell in cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))[:3]:
+        start = cell.start(weights[: len(cell.probes)])
+        assert start is not None
+        signals = [_signal(name, p, np.random.default_rng(0)) for p in (*cell.probes, dict(start.parameters))]
+        combined = sum(w * s for w, s in zip(weights, signals[:-1], strict=False))
+        assert np.abs(combined).max() > 0
+        np.testing.assert_allclose(signals[-1], combined, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
