@@ -56,6 +56,10 @@ def compare(
     """
     plant = Plant.resolve(plant)
     design = Plant.resolve(design_plant) if design_plant is not None else plant
+    if design.unit != plant.unit:
+        raise ValueError(
+            f"the design plant's command is in {design.unit}, the plant's in {plant.unit}; they must agree"
+        )
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
     small = small_trials or max(10, trials // 4)

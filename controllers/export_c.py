@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.plant import Plant
+
 from .base import Controller
 from .linear import LinearController
 
@@ -23,7 +25,7 @@ _HEADER = """\
  * q2        pendulum angle [rad], 0 upright, not wrapped
  * reference arm angle to hold [rad]
  * returns   command [{unit}], within +-{u_max:g}
- *
+{columns} *
  * Designed for theta = {theta} ({unit}).
  */
 """
@@ -122,6 +124,7 @@ def c_header(controller: Controller, prefix: str | None = None) -> str:
         unit=plant.unit,
         u_max=controller.u_max,
         theta=", ".join(f"{v:.6g}" for v in plant.theta),
+        columns=columns_note(plant),
     )
     text += f"#ifndef {guard}\n#define {guard}\n\n" + ("#include <math.h>\n\n" if share else "")
     text += _STEP.format(
@@ -143,6 +146,14 @@ def c_header(controller: Controller, prefix: str | None = None) -> str:
         unit=plant.unit,
     )
     return text + "\n#endif\n"
+
+
+def columns_note(plant: Plant) -> str:
+    """A line for the header's comment that says what q1, q2 and u are in the columns of the logs that the plant was
+    fitted to; "" if they had the model's own."""
+    logs = plant.provenance.get("logs") or [{}]
+    said = str(logs[0].get("read_as", "")).replace("*/", "* /")
+    return f" * In the columns of the logs that the plant was fitted to: {said}\n" if said else ""
 
 
 def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None) -> Path:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .export_c import columns_note
 from .layers import Layer, network_of
 from .learned import SPEED_LIMIT, LearnedController
 
@@ -24,7 +25,7 @@ _HEADER = """\
  * q2        pendulum angle [rad], 0 upright, not wrapped
  * reference arm angle to hold [rad]
  * returns   command [{unit}], within +-{u_max:g}
- */
+{columns} */
 #ifndef {guard}
 #define {guard}
 
@@ -102,6 +103,7 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
         task=controller.tasks[-1],
         unit=controller.unit,
         guard=prefix.upper() + "_H",
+        columns=columns_note(controller.plant),
         **names,
     )
     arrays = [_array("scale", network.scale)]
@@ -119,7 +121,7 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
         gain=1.0 - math.exp(-controller.velocity_cutoff * period),
         arm=2.0 * controller.arm_limit,
         speed=SPEED_LIMIT,
-        command=f"        (float)(s->u / {controller.u_max!r}),\n" if controller.observe_command else "",
+        command=f"        (float)(s->u / {controller.trained_u_max!r}),\n" if controller.observe_command else "",
         unit_per_action=float(controller.scale),
         action=action,
         **names,

@@ -25,7 +25,8 @@ class LearnedController(Controller):
     """A policy on the env's observation, rebuilt from readings: [q1, sin q2, cos q2, q̇1, q̇2] and, with
     `observe_command`, the last command / u_max; `history` of them, oldest first.
 
-    predict: observations (L, n) to actions (L, 1). normalized: actions are shares of u_max. every: the policy looks
+    predict: observations (L, n) to actions (L, 1). normalized: actions are shares of `trained_u_max`, the command's
+    limit where it was trained (default: the plant's), and so is the last command that it sees. every: the policy looks
     and acts at every n-th call and holds its command in between, so that one trained at n · sample_time plays on a
     faster clock exactly as it was trained.
     """
@@ -41,18 +42,20 @@ class LearnedController(Controller):
         history: int = 1,
         observe_command: bool = False,
         normalized: bool = False,
+        trained_u_max: float | None = None,
         every: int = 1,
         arm_limit: float = 2 * np.pi,
         tasks: tuple[str, ...] = ("balance",),
         reference: Reference = 0.0,
     ) -> None:
         super().__init__(name, sample_time, plant.u_max, reference)
-        self.unit = plant.unit
+        self.plant, self.unit = plant, plant.unit
         self.predict = predict
         self.tasks = tasks
         self.history = history
         self.observe_command = observe_command
-        self.scale = plant.u_max if normalized else 1.0
+        self.trained_u_max = float(trained_u_max or plant.u_max)
+        self.scale = self.trained_u_max if normalized else 1.0
         self.every = every
         self.arm_limit = arm_limit
         self.velocity_cutoff = velocity_cutoff
@@ -87,7 +90,7 @@ class LearnedController(Controller):
             np.clip(v2 + 0.0 * q1, -SPEED_LIMIT, SPEED_LIMIT),
         ]
         if self.observe_command:
-            frame.append(self._last / self.u_max + 0.0 * q1)
+            frame.append(self._last / self.trained_u_max + 0.0 * q1)
         newest = np.atleast_2d(np.stack(frame, axis=-1)).astype(np.float32)
         self._frames = [*self._frames[1:], newest] if self._frames else [newest] * self.history
         action = np.asarray(self.predict(np.concatenate(self._frames, axis=1)), dtype=float).reshape(-1)
@@ -172,14 +175,19 @@ def load_policy(
     sample_time [s]: of the loop that it is played in; default is the plant's where the trained period is a multiple
     of it, else that period. The training record says how the policy saw the env. Without a record the observation's
     size gives the history, and an action space of ±1 means shares of u_max. Raises FileNotFoundError, or ValueError
-    if the file is no policy, was made for another observation, or for a sample time that is no multiple of the one
-    asked for.
+    if the file is no policy, was made for another observation, for a plant whose command has another unit, or for a
+    sample time that is no multiple of the one asked for.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"no policy at {path}; train one with `furuta train … -o {path}`")
     record = read_record(path)
     env: Mapping[str, Any] = record.get("env") or {}
+    rig: Mapping[str, Any] = record.get("plant") or {}
+    if rig.get("unit", plant.unit) != plant.unit:
+        raise ValueError(
+            f"{path} was trained on a plant whose command is in {rig['unit']}; this plant's is in {plant.unit}"
+        )
     trained = trained_sample_time(path, plant)
     T = float(sample_time or _clock(plant, trained))
     every = max(1, round(trained / T))
@@ -220,6 +228,7 @@ def load_policy(
         history=history,
         observe_command=observe_command,
         normalized=normalized,
+        trained_u_max=rig.get("u_max"),
         every=every,
         **settings | options,
     )

@@ -136,6 +136,11 @@ class Estimate:
         if self.noise is not None:
             q, unit = self.noise.torque, self.plant.unit
             lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
+        if str(self.plant.provenance.get("u_max", "")).startswith("guessed"):
+            limit = f"{self.plant.u_max:g} {self.plant.unit}"
+            lines.append(
+                f"  u_max = {limit}, guessed from the largest command; say --u-max if the amplifier gives more"
+            )
         lines.append(f"Verdict: {self.verdict}")
         lines += [f"  ! {w}" for w in (*self.identifiability.advice, *self.warnings)]
         return "\n".join(lines)
@@ -147,13 +152,18 @@ class Estimate:
             return "did not converge; the numbers are not an optimum"
         parts = [self.identifiability.level if self.identifiability.level != "good" else "all parameters identified"]
         if self.identifiability.weak or self.identifiability.unidentified:
-            weak = (*self.identifiability.unidentified, *self.identifiability.weak)
-            parts = [f"{len(self.names) - len(weak)} of {len(self.names)} parameters identified, not {spoken(weak)}"]
+            lost, weak = self.identifiability.unidentified, self.identifiability.weak
+            said = f", not {spoken(lost)}" if lost else ""
+            said += f", only weakly {spoken(weak)}" if weak else ""
+            parts = [f"{len(self.names) - len(lost)} of {len(self.names)} parameters identified{said}"]
         if self.at_bound:
             parts.append(f"{spoken(self.at_bound)} at the bound")
         consistent = physical_consistency(self.plant.theta).consistent
         parts.append("physically consistent" if consistent else "not a possible rigid body")
         return "; ".join(parts)
+
+
+_MOST_READINGS = 6  # pieces of logs whose reading noise is shown
 
 
 def rounded(value: float, std: float) -> str:
@@ -179,7 +189,8 @@ def unit_of(name: str, plant: Plant) -> str:
 
 
 def _readings(stds: Sequence[tuple[float, float]]) -> str:
-    return "reading noise " + " | ".join(f"{1e3 * a:.3g}, {1e3 * b:.3g}" for a, b in stds) + " mrad"
+    shown = " | ".join(f"{1e3 * a:.3g}, {1e3 * b:.3g}" for a, b in stds[:_MOST_READINGS])
+    return f"reading noise {shown} mrad" + (f" and {n} more pieces" if (n := len(stds) - _MOST_READINGS) > 0 else "")
 
 
 def _finite(x: float) -> float | None:

@@ -106,8 +106,8 @@ class Design:
         for name, value, own, paper in zip(
             THETA_NAMES, setup.plant.theta, self.precision.std, self.paper.std, strict=True
         ):
-            share = 100.0 / abs(value) if value else math.nan
-            lines.append(f"    {name} = {value:<12.5g}          {own * share:10.3g} {paper * share:10.3g}")
+            share, mark = (100.0 / abs(value), "") if value else (1.0, "  (not in %)")
+            lines.append(f"    {name} = {value:<12.5g}          {own * share:10.3g} {paper * share:10.3g}{mark}")
         lines.append(f"  {self.gain:.2f} times as precise as the paper's d(t) within the same limits (geometric mean)")
         return "\n".join(lines)
 

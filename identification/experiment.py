@@ -187,4 +187,5 @@ def _explain(setup: Setup, limits: Limits, seed: int) -> None:
         for name, size, limit in zip(names, quiet.largest, sizes, strict=True)
         if size > MARGIN * limit
     ]
-    raise ValueError(f"without any excitation the loop already passes its limits ({'; '.join(broken)}); widen them")
+    what = "the loop" if setup.policy else "the rig, hanging and moved by the plant file's torque noise alone,"
+    raise ValueError(f"without any excitation {what} already passes its limits ({'; '.join(broken)}); widen them")

@@ -62,17 +62,17 @@ def identify(
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     _check(logs, method)
+    fixed, priors = dict(fixed or {}), dict(priors or {})
+    if sharpness is not None:
+        fixed |= {"r": float(sharpness)}
+    if verdict := gate(logs, known={*fixed, *priors}):
+        raise NotIdentifiable(verdict)
     if method != "prediction-error":
         from .classical import classical_estimate
 
         template = _template(logs, start)
         return with_plant(classical_estimate(logs, method, template, template if start else None), logs, start)
-    fixed, priors = dict(fixed or {}), dict(priors or {})
-    if sharpness is not None:
-        fixed |= {"r": float(sharpness)}
     effects = tuple(effects)
-    if verdict := gate(logs, known={*fixed, *priors}):
-        raise NotIdentifiable(verdict)
     used = stretches(logs)
     records = [stretch.record for stretch in used]
     template = _template(logs, start)
@@ -343,6 +343,7 @@ def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | No
     return {
         "logs": [
             {"source": log.source, "sha256": log.sha256, "samples": len(log), "duration_s": round(log.duration, 6)}
+            | ({"read_as": log.read_as} if log.read_as else {})
             for log in logs
         ],
         "method": estimate.method,
@@ -356,9 +357,7 @@ def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | No
     }
 
 
-def _warnings(
-    logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: NDArray[np.float64]
-) -> Iterable[str]:
+def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: NDArray[np.float64]) -> Iterable[str]:
     for name in at_bound:
         if name in THETA_NAMES[5:]:
             yield (

@@ -110,7 +110,8 @@ def solve(models: Sequence[FilteredModel], input_unit: str = "V") -> LeastSquare
     if lost > _VELOCITY_LOST:
         notes.append(
             f"the position filter takes away about {100 * lost:.0f} % of the velocity at T = {models[0].T:g} s: "
-            f"raise wc from {models[0].wc:g} (0.07 suits T = 1 ms)."
+            f"raise wc from {models[0].wc:g}, which suits T = 1 ms (`filtered_least_squares(logs, wc=…)` in Python), "
+            "or use the method prediction-error."
         )
     return LeastSquaresEstimate(
         theta=theta,

@@ -20,6 +20,7 @@ GAP = 1.5
 
 _MAX_STEP_RAD = 0.02  # encoders below 314 counts per revolution are not built into such rigs
 _MIN_STEP_DEG = 0.0126  # nor above 28 600 as a rule; as radians, this is an encoder of 500
+_SLOWEST = 0.5  # s between samples; slower is no log of a swinging pendulum
 _MAX_SPEED = 60.0  # rad/s; a pendulum of 5 cm that falls from upright reaches about 30
 
 
@@ -43,9 +44,8 @@ def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[i
         kind = "NaN (or an empty cell)" if np.isnan(values[bad[0]]) else "infinity"
         more = f", and {bad.size - 1} more like it" if bad.size > 1 else ""
         raise LogError(
-            f"{name}: {kind} in column {column} at {where(int(bad[0]))}{more}. "
-            "Expected finite numbers. Delete those rows: a missing sample is harmless, because the time stamps "
-            "are used as they are; an invented value is not."
+            f"{name}: {kind} in column {column} at {where(int(bad[0]))}{more}. Expected finite numbers. Delete those "
+            "rows rather than invent values: the log is cut where stamps are missing, and prediction starts anew."
         )
 
 
@@ -103,9 +103,15 @@ def check_motion(name: str, q1: np.ndarray, q2: np.ndarray) -> None:
 
 
 def warn_about_clock(name: str, t: np.ndarray) -> None:
-    """Warn about dropped samples, and about stamps that look like milliseconds."""
+    """Warn about dropped samples, and about stamps that look like milliseconds. `LogError` where nothing else they
+    can be."""
     steps = np.diff(t)
     typical = float(np.median(steps))
+    if typical > _SLOWEST:
+        raise LogError(
+            f"{name}: the samples are {typical:g} s apart. Expected less than {_SLOWEST:g} s, as a pendulum swings. "
+            "If the time column is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python."
+        )
     gaps = np.flatnonzero(steps > GAP * typical)
     if gaps.size:
         missing = int(np.sum(np.round(steps[gaps] / typical) - 1))
@@ -147,6 +153,12 @@ def check_angle_unit(
     step = encoder_step(raw)
     if step is not None and counts and abs(step * counts / (360.0 if unit == "deg" else 2 * np.pi) - 1) < 0.1:
         return False
+    if step == 1.0 and np.array_equal(raw, np.round(raw)):
+        warn(
+            f"{name}: {column} holds whole numbers, which looks like encoder counts, but {unit} was declared. If so: "
+            "--unit counts with --encoder-counts."
+        )
+        return True
     if unit == "rad":
         speed = float(np.quantile(np.abs(np.diff(raw)) / np.diff(t), 0.99))
         if (step is not None and step > _MAX_STEP_RAD) or (step is None and speed > _MAX_SPEED):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,7 @@ _SYNONYMS = {
 _UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _TURN = 2 * np.pi
+_UNIT_ENDING = re.compile(r"_(s|sec|ms|us|rad|deg|degrees|counts|v|volts?)$")
 
 
 @dataclass(frozen=True)
@@ -93,11 +95,11 @@ def parse_zero(value: str) -> str:
 
 
 def parse_angle_units(value: str | Mapping[str, str]) -> dict[str, str]:
-    """Units of q1 and q2, "rad" or "deg", from one word or one for each. Raises LogError."""
+    """Units of q1 and q2, "rad", "deg" or "counts", from one word or one for each. Raises LogError."""
     units = dict(value) if isinstance(value, Mapping) else dict.fromkeys(("q1", "q2"), str(value).strip())
     for column, unit in units.items():
-        if column not in ("q1", "q2") or unit not in ("rad", "deg"):
-            raise LogError(f"unit {column}={unit!r}: expected rad or deg, for q1 and q2")
+        if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
+            raise LogError(f"unit {column}={unit!r}: expected rad, deg or counts, for q1 and q2")
     return {"q1": "rad", "q2": "rad"} | units
 
 
@@ -150,9 +152,12 @@ def map_table(
     log_checks.check_command(name, raw["u"], constant_command)
 
     counts = _prefer(name, "encoder_counts", encoder_counts, stored("encoder_counts"), parse_counts)
-    known = dict(zip(("q1", "q2"), counts or (None, None), strict=True))
-    odd_unit = [log_checks.check_angle_unit(name, names[q], t, raw[q], units[q], known[q]) for q in known]
-    scale = {q: np.pi / 180 if units[q] == "deg" else 1.0 for q in ("q1", "q2")}
+    known: dict[str, float | None] = dict(zip(("q1", "q2"), counts or (None, None), strict=True))
+    scale = {q: _radians(name, units[q], known[q]) for q in ("q1", "q2")}
+    odd_unit = [
+        units[q] != "counts" and log_checks.check_angle_unit(name, names[q], t, raw[q], units[q], known[q])
+        for q in known
+    ]
     q1, q2 = (raw[q] * scale[q] for q in ("q1", "q2"))
     if not any(odd_unit):
         q1, q2 = log_checks.unwrap(name, names["q1"], q1), log_checks.unwrap(name, names["q2"], q2)
@@ -172,6 +177,7 @@ def map_table(
         factors = (sign[q] * sign["u"] / scale[q] for q in ("q1", "q1", "q2", "q2"))
         gain = tuple(k * factor for k, factor in zip(gain, factors, strict=True))
     facts["controller_gain"] = gain
+    facts["read_as"] = _read_as(names, units, zero, sign, known)
 
     log_checks.warn_about_clock(name, t)
     log_checks.check_motion(name, q1, q2)
@@ -184,6 +190,33 @@ def map_table(
             log_checks.warn(f"{name}: zero or signs look wrong: {advice}")
     rest = {k: v for k, v in metadata.items() if k not in KNOWN_KEYS and k not in COLUMNS}
     return Mapped({"t": t, "q1": q1, "q2": q2, "u": u}, facts, rest)
+
+
+def _radians(name: str, unit: str, counts: float | None) -> float:
+    """What one unit of an angle is in rad. Raises LogError where counts have no number per revolution."""
+    if unit == "counts" and not counts:
+        raise LogError(
+            f"{name}: angles in counts need the counts per revolution: --encoder-counts 4096 (or two numbers)"
+        )
+    return {"rad": 1.0, "deg": np.pi / 180, "counts": _TURN / (counts or 1.0)}[unit]
+
+
+def _read_as(
+    names: Mapping[str, str],
+    units: Mapping[str, str],
+    zero: str,
+    sign: Mapping[str, float],
+    counts: Mapping[str, float | None],
+) -> str:
+    """What the mapping does to the file's columns, as formulas; "" where it does nothing."""
+    said = {}
+    for ours in ("q1", "q2", "u"):
+        unit = units.get(ours, "")
+        text = names[ours] + {"deg": "*pi/180", "counts": f"*2*pi/{counts.get(ours) or 1:g}"}.get(unit, "")
+        if ours == "q2" and zero == "hanging":
+            text = f"{text} - pi" if sign[ours] > 0 else f"({text} - pi)"
+        said[ours] = text if sign[ours] > 0 else f"-{text}"
+    return "" if all(ours == text for ours, text in said.items()) else ", ".join(f"{a} = {b}" for a, b in said.items())
 
 
 def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
@@ -204,6 +237,10 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
         guesses = [f"{ours}={guess}" for ours in missing if (guess := _guess(ours, free))]
         absent = ", ".join(wanted.get(ours, ours) for ours in missing)
         hint = ",".join(guesses) if guesses else ",".join(f"{ours}=..." for ours in missing)
+        hint = shlex.quote(hint) if guesses else hint
+        endings = " ".join(c.lower() for c in free)
+        hint += " --unit deg" if re.search(r"[_ (\[]deg", endings) else ""
+        hint += " --time-unit ms" if re.search(r"[_ (\[]ms\b", endings) else ""
         raise LogError(
             f"{table.name}: no column {absent}. Found: {', '.join(table.columns) or 'none'}. Expected t, q1 (arm), "
             f"q2 (pendulum), u; map names that differ, {'perhaps ' if guesses else ''}--columns {hint}"
@@ -215,13 +252,16 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
 
 
 def _guess(ours: str, free: Sequence[str]) -> str | None:
-    """The column that is most likely meant, None if none is near."""
-    plain = {re.sub(r"[\[(].*", "", c).strip().lower(): c for c in reversed(free)}
-    for synonym in _SYNONYMS[ours]:
-        if synonym in plain:
-            return plain[synonym]
-    near = [m for s in _SYNONYMS[ours] if len(s) > 2 for m in difflib.get_close_matches(s, plain, n=1, cutoff=0.75)]
-    return plain[near[0]] if near else None
+    """The column that is most likely meant, with a unit at the end of its name or without; None if none is near."""
+    whole = {re.sub(r"[\[(].*", "", c).strip().lower(): c for c in reversed(free)}
+    for plain in (whole, {_UNIT_ENDING.sub("", name): c for name, c in whole.items()}):
+        for synonym in _SYNONYMS[ours]:
+            if synonym in plain:
+                return plain[synonym]
+        near = [m for s in _SYNONYMS[ours] if len(s) > 2 for m in difflib.get_close_matches(s, plain, n=1, cutoff=0.75)]
+        if near:
+            return plain[near[0]]
+    return None
 
 
 def _prefer(name: str, key: str, explicit: Any, stored: str | None, parse: Any = None) -> Any:

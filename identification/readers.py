@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,7 +44,7 @@ class Table:
                     shown = "an empty cell" if str(cell).strip() == "" else f"the text {str(cell)[:40]!r}"
                     raise LogError(
                         f"{self.name}: {shown} in column {column} at {self.where(row)}. Expected a number. "
-                        "Delete or mend that row (a missing sample is harmless, the stamps are used as they are)."
+                        "Delete or mend that row (the log is cut where a stamp is missing, and prediction starts anew)."
                     )
             return np.array([_number(cell) for cell in values], dtype=np.float64)
         kind = {"M": "dates", "m": "durations", "c": "complex numbers"}.get(values.dtype.kind, "no numbers")
@@ -93,6 +94,7 @@ def _read_csv(path: Path) -> Table:
     body = [(i, line) for i, line in numbered if not line.lstrip().startswith("#")]
     if not body:
         raise LogError(f"{path.name}: the file holds no rows. Expected a header t,q1,q2,u and one row per sample.")
+    body = _from_header(body)
     delimiter = max(",;\t", key=body[0][1].count)
     if delimiter in body[0][1]:
         split = _csv_rows(path.name, [line for _, line in body], delimiter)
@@ -106,6 +108,16 @@ def _read_csv(path: Path) -> Table:
     columns = _columns(path.name, header, rows, lines)
     pairs = (comment.split(":", 1) for comment in comments if ":" in comment)
     return Table(path.name, columns, {k.strip(): v.strip() for k, v in pairs}, np.array(lines, dtype=int))
+
+
+def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Without a title, or Excel's `sep=;`, above the header: lines before it that have fewer separators than it.
+
+    Rows of numbers are no header, though they may have a separator more, at their end."""
+    separators = [max(map(line.count, ",;\t")) for _, line in body[:10]]
+    start = separators.index(max(separators))
+    cells = [cell.strip() for cell in re.split(r"[,;\t]", body[start][1])]
+    return body if all(_number(cell) is not None for cell in cells if cell) else body[start:]
 
 
 def _csv_rows(name: str, lines: list[str], delimiter: str) -> list[list[str]]:

@@ -113,8 +113,8 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
             starts.append(Start(start, np.array([*restless, 1.0, 1.0])))
     if not starts:
         raise ValueError(
-            f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive side: "
-            "no inertia explains that. Check the signs (--flip u, q1 or q2), the column mapping and the units"
+            f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive "
+            "side: no inertia explains that. Check the signs (--flip u, q1 or q2), the column mapping and the units"
         )
     return starts
 

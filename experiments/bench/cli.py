@@ -71,8 +71,8 @@ def record_command(
     output: Annotated[Path, typer.Option("-o", "--output", help="Log file to write (CSV).")],
     experiment: Annotated[str, typer.Option(help="An experiment of `furuta bench list`.")] = "paper",
     seed: Annotated[int, typer.Option(help="Everything random follows from it.", min=0)] = 0,
-    duration: Annotated[float | None, typer.Option(help="Length [s]; default: the experiment's.")] = None,
-    sample_time: Annotated[float | None, typer.Option(help="Sample time [s]; default: the rig's.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length in seconds; default: the experiment's.")] = None,
+    sample_time: Annotated[float | None, typer.Option(help="Sample time in seconds; default: the rig's.")] = None,
     reveal: Annotated[
         bool, typer.Option("--reveal", help="Print what the rig hides, and write it beside the log as .truth.json.")
     ] = False,

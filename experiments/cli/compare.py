@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from . import options as opt
-from .output import busy, print_json, progress_bar, whole_folder
+from .output import busy, check_folder, print_json, progress_bar, whole_folder
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison
@@ -52,6 +52,7 @@ def compare_command(
 
     if gif:
         require_film()
+    check_folder(output)
     chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
     with whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder:
         with progress_bar() as bar:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .output import check_folder
+
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
     from identification.logs import Log
@@ -20,7 +22,7 @@ Logs = Annotated[list[Path], typer.Argument(help="Logs of one rig: .csv, .parque
 Columns = Annotated[
     str | None, typer.Option(help="Names in the file: t=Time,q1=theta,q2=alpha,u=volts.", rich_help_panel=_MAPPING)
 ]
-Unit = Annotated[str | None, typer.Option(help="Of the angles: rad (default) or deg.", rich_help_panel=_MAPPING)]
+Unit = Annotated[str | None, typer.Option(help="Angles in rad (default), deg or counts.", rich_help_panel=_MAPPING)]
 PendulumZero = Annotated[
     str | None,
     typer.Option(help="Where the file's q2 is zero: upright (default) or hanging.", rich_help_panel=_MAPPING),
@@ -71,6 +73,7 @@ def output_file(path: Path, endings: Iterable[str], inputs: Iterable[Path] = ())
         raise ValueError(f"output {path}: expected a name that ends in {' or '.join(endings)}")
     if path.is_dir():
         raise ValueError(f"output {path} is a folder; expected the name of a file")
+    check_folder(path.parent)
     if any(path.resolve() == i.resolve() for i in inputs):
         raise ValueError(f"output {path} is also an input and would be lost; choose another name")
     return path

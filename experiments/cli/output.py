@@ -34,13 +34,23 @@ def write_json(path: Path, data: Any) -> None:
     os.replace(temporary, path)
 
 
+def check_folder(path: Path) -> None:
+    """That files can be written into a folder, which need not be there yet. Raises ValueError."""
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"output {path} is a file; expected the name of a folder")
+    there = next(parent for parent in (path, *path.absolute().parents) if parent.exists())
+    try:
+        tempfile.TemporaryFile(dir=there).close()
+    except OSError as error:
+        raise ValueError(f"output {path}: nothing can be written in {there} ({error.strerror})") from None
+
+
 @contextmanager
 def whole_folder(path: Path, own: Iterable[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files are moved to `path` at the end, and thrown away on an error.
 
     own: names that belong to the command; what an earlier run left there under them does not stay beside new files."""
-    if path.exists() and not path.is_dir():
-        raise ValueError(f"output {path} is a file; expected the name of a folder")
+    check_folder(path)
     with tempfile.TemporaryDirectory() as temporary:
         yield Path(temporary)
         path.mkdir(parents=True, exist_ok=True)

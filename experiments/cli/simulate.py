@@ -93,6 +93,12 @@ def simulate_command(
     )
     from identification.logs import Log, write_log
 
+    if len(run) < 2:
+        raise ValueError(
+            "the run has one sample, which is no log: --duration is too short"
+            if run.fell is None
+            else "the pendulum falls within the first sample: --sample-time is too long for this controller"
+        )
     counts = sensors.encoder_counts
     log = Log(
         run.t,

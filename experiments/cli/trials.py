@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from . import options as opt
-from .output import errors, print_json, progress_bar
+from .output import check_folder, errors, print_json, progress_bar
 
 
 def trials_command(
@@ -46,8 +46,7 @@ def trials_command(
     from experiments.trials.scoring import score
 
     require_extra()
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"output {output} is a file; expected the name of a folder")
+    check_folder(output)
     plan = make_plan(split, seeds, _names(effects), _names(rigs), _names(kinds), share, power, seed)
     if not plan:
         raise ValueError("no trial is left by --effects, --kinds and --rigs; expected at least one")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .output import busy, print_json, whole_folder, write_json
+from .output import busy, check_folder, print_json, whole_folder, write_json
 
 
 def validate_command(
@@ -32,6 +32,8 @@ def validate_command(
     printed = json_file is not None and str(json_file) == "-"
     if json_file is not None and not printed:
         opt.output_file(json_file, [".json"], [Path(plant), *logs])
+    if plots is not None:
+        check_folder(plots)
     from furuta_gym.plant import Plant
     from identification.logs import read_logs
 

@@ -202,6 +202,10 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 def start_state(options: dict[str, Any] | None, shape: tuple[int, ...] = (4,)) -> NDArray[np.float64]:
     """options["state"], (4,) or of the given shape, NaN where it is left to chance. Raises ValueError otherwise."""
+    if strange := set(options or {}) - {"state", "reset_mask"}:
+        raise ValueError(
+            f"reset has no option {', '.join(sorted(map(repr, strange)))}; it takes 'state' (q1, q2, q̇1, q̇2)"
+        )
     given = (options or {}).get("state")
     try:
         state = np.full(4, math.nan) if given is None else np.asarray(given, dtype=float)

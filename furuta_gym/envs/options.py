@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..plant.effects import Effect
 from ..plant.plant import Plant
+from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
 from . import kernels as k
 from .randomization import Randomization, randomization
@@ -93,6 +94,8 @@ class Setup:
         self.options = options
         plant = Plant.resolve(options.plant)
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
+        if options.randomize:
+            plant = with_spread(plant)
         if options.delay is not None:
             _check("delay", options.delay, 0.0, 0.1, "s")
             plant = plant.with_effects(Effect("input_delay", {"d": options.delay}))

@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
+from .furuta import start_state
 from .vector import FurutaVectorEnv
 
 
@@ -29,7 +30,7 @@ class FurutaVecEnv(VecEnv):
 
     def reset(self) -> np.ndarray:
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
-        state = np.array([options.get("state", [np.nan] * 4) for options in self._options], dtype=float)
+        state = np.array([start_state(options) for options in self._options])
         observations, self.last_info = self.batch.reset(seed=seeds, options={"state": state})
         self._reset_seeds()
         self._reset_options()

@@ -217,9 +217,13 @@ class Plant:
         """Read a plant file. Raises FileNotFoundError or ValueError, each naming the file."""
         try:
             return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+        except (json.JSONDecodeError, UnicodeDecodeError):
+            raise ValueError(
+                f"{path} is no plant file (JSON), as `furuta identify LOG -o rig.json` writes it"
+            ) from None
         except FileNotFoundError:
             raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None
-        except (ValueError, UnicodeDecodeError) as error:
+        except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
 
     @classmethod

@@ -45,8 +45,8 @@ class Where:
     found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, the noise
     estimated anew, less the price of its parameters. suspicions: families, the likeliest first. channel, variable:
     of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
-    stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's g and frequencies (2,)
-    [Hz] of its periodogram.
+    stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's
+    g and frequencies (2,) [Hz] of its periodogram.
     """
 
     found: bool

@@ -13,7 +13,7 @@ from controllers.learned import LearnedController
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
 from experiments.bench_trials import run_on_bench
-from furuta_gym.plant import QUBE, TABLE_3
+from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.simulate import simulate
 from identification.experiment import Setup
 
@@ -101,6 +101,26 @@ def test_policy_file_plays_what_the_model_says(policy_file):
     frame = [0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0]
     expected = QUBE.u_max * np.clip(model.predict(np.float32(frame * 2), deterministic=True)[0][0], -1, 1)
     assert controller([0.2, 0.1]) == pytest.approx(expected, rel=1e-4, abs=1e-6)
+
+
+def test_the_gain_of_a_policy_is_that_of_its_training(policy_file, tmp_path):
+    """Shares of the trained limit, whatever the limit of the plant that it is played on, which only clips."""
+    for name in ("small.zip", "small.json"):
+        (tmp_path / name).write_bytes((policy_file.parent / name).read_bytes())
+    record = json.loads((tmp_path / "small.json").read_text()) | {"plant": {"u_max": 10.0, "unit": "V"}}
+    (tmp_path / "small.json").write_text(json.dumps(record))
+    path, y = tmp_path / "small.zip", [0.02, 0.003]
+    said = make_controller(path, QUBE.replace(u_max=10.0), 0.01)(y)
+    assert said != 0.0
+    assert make_controller(path, QUBE.replace(u_max=4.0), 0.01)(y) == pytest.approx(said)
+    assert make_controller(path, QUBE.replace(u_max=0.5 * abs(said)), 0.01)(y) == pytest.approx(0.5 * said)
+    with pytest.raises(ValueError, match="command is in V; this plant's is in N·m"):
+        make_controller(path, LARGE_RIG, 0.01)
+
+
+def test_a_design_for_another_unit_is_refused():
+    with pytest.raises(ValueError, match="design plant's command is in N·m"):
+        compare(QUBE, ["lqr"], design_plant=LARGE_RIG, trials=1)
 
 
 def test_without_a_sample_time_it_plays_on_the_plants_clock(policy_file):

@@ -106,7 +106,7 @@ def test_missing_column_lists_what_is_there_and_guesses(tmp_path):
     message = str(caught.value)
     assert "no column t, q1, q2, u" in message
     assert "Found: Time [s], theta, Alpha, motor_volts" in message
-    assert "--columns t=Time [s],q1=theta,q2=Alpha,u=motor_volts" in message
+    assert "--columns 't=Time [s],q1=theta,q2=Alpha,u=motor_volts'" in message
 
 
 def test_missing_column_without_a_guess(tmp_path):
@@ -142,7 +142,7 @@ def test_flip_strings(flip, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"unit": "grad"}, "expected rad or deg"),
+        ({"unit": "grad"}, "expected rad, deg or counts"),
         ({"unit": {"u": "deg"}}, "expected rad or deg, for q1 and q2"),
         ({"pendulum_zero": "down"}, "expected upright or hanging"),
         ({"encoder_counts": -5}, "above 2"),

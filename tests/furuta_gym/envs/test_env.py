@@ -318,6 +318,11 @@ def test_bad_options_say_what_is_allowed(options, message):
         FurutaEnv(**options)
 
 
+def test_an_unknown_option_of_reset_is_refused():
+    with pytest.raises(ValueError, match="no option 'sate'; it takes 'state'"):
+        FurutaEnv().reset(options={"sate": [0, 3.0, 0, 0]})
+
+
 def test_an_unknown_option_lists_those_that_exist():
     with pytest.raises(TypeError, match="no option gravity; it has: plant, task, randomize"):
         FurutaEnv(gravity=9.81)

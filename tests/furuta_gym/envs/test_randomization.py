@@ -72,6 +72,12 @@ def test_sets_without_covariance_vary_by_the_stated_spread(name):
     assert PLANTS[name].covariance is None, "the set itself states no covariance that nobody has measured"
 
 
+def test_a_set_with_a_delay_varies_too():
+    env = FurutaEnv(plant="qube", randomize=True, delay=0.01)
+    drawn = [env.reset(seed=seed)[1]["plant"] for seed in (0, 1)]
+    assert drawn[0] != drawn[1]
+
+
 def test_the_drawn_plant_is_the_one_that_moves():
     """Stepping the plant that info names, as a fixed plant, gives the same motion."""
     same = {"task": "swing_up", "longest_step": 2e-4}  # one step for all, whatever their friction

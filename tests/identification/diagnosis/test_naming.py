@@ -35,7 +35,9 @@ def _signal(name: str, values: dict[str, float], rng: np.random.Generator) -> np
         t, q1, q2, v1, v2, u = rng.uniform(-3.0, 3.0, 6)
         args = abs(t), q1, q2, v1, v2, TABLE_3.theta, 100.0, {name: values}, TABLE_3.theta
         y1, y2 = reference.measured(q1, q2, {name: values})
-        rows.append([*reference.extra_torques(*args), reference.static_command(u, {name: values}) - u, y1 - q1, y2 - q2])
+        rows.append(
+            [*reference.extra_torques(*args), reference.static_command(u, {name: values}) - u, y1 - q1, y2 - q2]
+        )
     return np.array(rows)
 
 

@@ -1,0 +1,44 @@
+"""What the commands refuse before any work is done: places that cannot be written, files of another kind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from furuta_gym.plant import QUBE
+from tests.experiments.test_cli import furuta, recorded, refused
+
+__all__ = ["recorded"]
+
+
+@pytest.fixture
+def blocked(tmp_path: Path) -> Path:
+    """A folder that cannot be made, because a file has its name."""
+    (tmp_path / "taken").write_text("")
+    return tmp_path / "taken" / "below"
+
+
+def test_an_output_that_cannot_be_written_is_told_before_the_work(recorded: Path, blocked: Path, tmp_path: Path):
+    plant = QUBE.save(tmp_path / "rig.json")
+    for command in (
+        ("identify", recorded, "-o", blocked / "rig.json"),
+        ("simulate", "--plant", "qube", "-o", blocked / "log.csv"),
+        ("validate", plant, recorded, "--plots", blocked),
+        ("validate", plant, recorded, "--json", blocked / "gap.json"),
+        ("compare", "--plant", "qube", "--controllers", "lqr", "-o", blocked),
+        ("diagnose", recorded, "-o", blocked),
+        ("trials", "-o", blocked),
+    ):
+        refused(furuta(*command), "taken", "nothing can be written")
+
+
+def test_a_log_given_for_a_plant_is_told(recorded: Path):
+    refused(furuta("validate", recorded, recorded), "is no plant file", "furuta identify")
+
+
+def test_a_run_of_one_sample_is_no_log(tmp_path: Path):
+    to = ("-o", tmp_path / "log.csv")
+    refused(furuta("simulate", "--plant", "qube", "--controller", "lqr", "--sample-time", "0.5", *to), "--sample-time")
+    refused(furuta("simulate", "--plant", "qube", "--duration", "0.005", *to), "--duration is too short")
+    assert not list(tmp_path.iterdir())
