@@ -143,7 +143,7 @@ def test_flip_strings(flip, message):
     ("options", "message"),
     [
         ({"unit": "grad"}, "expected rad, deg or counts"),
-        ({"unit": {"u": "deg"}}, "expected rad or deg, for q1 and q2"),
+        ({"unit": {"u": "deg"}}, "expected rad, deg or counts, for q1 and q2"),
         ({"pendulum_zero": "down"}, "expected upright or hanging"),
         ({"encoder_counts": -5}, "above 2"),
         ({"encoder_counts": "many"}, "expected numbers"),
@@ -244,7 +244,7 @@ def test_jittered_stamps_are_kept_without_a_warning(tmp_path):
 
 
 def test_milliseconds_are_suspected(tmp_path):
-    assert "time_unit='ms'" in warned(csv(tmp_path, t=rows()["t"] * 1000))
+    assert "time_unit='ms'" in warned(csv(tmp_path, t=rows()["t"] * 100))
     assert "time_unit" not in warned(csv(tmp_path, t=rows()["t"] * 1000), time_unit="ms")
 
 
