@@ -131,8 +131,8 @@ def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Sa
     assert change is not None
     low, high = (100 * end for end in change.closed.interval)
     say(
-        f"   held-out gap: {change.before.ratio_to_floor:.2f} times the noise floor before, "
-        f"{change.after.ratio_to_floor:.2f} after; {100 * change.closed.value:.1f} % closed "
+        f"   held-out gap: {change.over_floor(change.before):.2f} times the noise floor before, "
+        f"{change.over_floor(change.after):.2f} after; {100 * change.closed.value:.1f} % closed "
         f"(95 %: {low:.1f} … {high:.1f} %)"
     )
     hidden = ", ".join(

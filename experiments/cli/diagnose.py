@@ -122,7 +122,7 @@ def _evidence(x: Examination) -> list[str]:
     lines = [f"where: {x.where.sentence}" if x.where else f"where: {x.remarks.get('where', 'not known')}"]
     if x.gap:
         data = "held-out logs" if x.gap.tail is None else f"the last {100 * x.gap.tail:.0f} % of the logs, not fitted"
-        ratios = " before, ".join(f"{gap.ratio_to_floor:.2f}" for _, gap in x.gap.sides)
+        ratios = " before, ".join(f"{x.gap.over_floor(gap):.2f}" for _, gap in x.gap.sides)
         ending = " after" if x.gap.changed else ""
         lines.append(f"gap: {ratios}{ending} times the noise floor on {data}")
         if x.gap.changed:

@@ -61,13 +61,16 @@ class GapChange:
 
     @property
     def after_over_floor(self) -> float:
-        """Root mean square over the axes of the error after, over the floor."""
-        return float(np.sqrt(np.mean((self.after.rms / self.floor) ** 2)))
+        return self.over_floor(self.after)
+
+    def over_floor(self, side: Gap) -> float:
+        """Root mean square over the axes of a side's error over the floor that both share."""
+        return float(np.sqrt(np.mean((side.rms / self.floor) ** 2)))
 
     def to_dict(self) -> dict[str, Any]:
         """As the "gap" of diagnosis.json, and more."""
         sides = {
-            side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1]), "ratio_to_floor": gap.ratio_to_floor}
+            side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1]), "ratio_to_floor": self.over_floor(gap)}
             for side, gap in (("before", self.before), ("after", self.after))
         }
         return sides | {

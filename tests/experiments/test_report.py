@@ -115,7 +115,12 @@ def test_the_gap_is_that_of_the_validation(examined, logs):
     assert change.before.rms == pytest.approx(before.rms)
     assert change.closed == closed_fraction(before, after)
     assert change.closed.value > 0.9
-    assert change.to_dict()["before"]["rms_q1"] == pytest.approx(float(before.rms[0]))
+    said = change.to_dict()
+    assert said["before"]["rms_q1"] == pytest.approx(float(before.rms[0]))
+    for side in ("before", "after"):  # one floor for both, the lower
+        ratios = [said[side][q] / said["noise_floor"][q] for q in ("rms_q1", "rms_q2")]
+        assert said[side]["ratio_to_floor"] == pytest.approx(float(np.sqrt(np.mean(np.square(ratios)))))
+    assert said["noise_floor"]["rms_q1"] == pytest.approx(min(before.floor[0], after.floor[0]))
 
 
 def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
