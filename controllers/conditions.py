@@ -111,8 +111,10 @@ def conditions(
         elif group == "parameters":
             found += [near_upright(n, group, p) for n, p in _other_plants(plant, small_trials, seed)]
         elif group == "delay":
+            own = plant.effect("input_delay")
             for ms in (4, 8, 16, 32):
-                late = plant.with_effects(Effect("input_delay", {"d": ms * 1e-3}))
+                d = min((own.parameters["d"] if own else 0.0) + ms * 1e-3, EFFECTS["input_delay"].parameters[0].upper)
+                late = plant.with_effects(Effect("input_delay", {"d": d}))
                 found.append(near_upright(f"delay {ms} ms", group, late))
         elif group == "quantisation":
             for counts in (2048, 1024, 512, 256):

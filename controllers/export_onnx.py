@@ -84,7 +84,7 @@ def export_onnx(
 
 
 def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:
-    more = "; then the last command / u_max" if controller.observe_command else ""
+    more = "; then the last command / trained_u_max" if controller.observe_command else ""
     clipped = f"; q1 within ±{2 * controller.arm_limit:.6g} rad, speeds within ±{SPEED_LIMIT:g} rad/s"
     past = f"; {controller.history} of them, oldest first" if controller.history > 1 else ""
     record = read_record(policy)
@@ -93,6 +93,7 @@ def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[st
         "sample_time": controller.every * controller.sample_time,
         "velocity_cutoff": controller.velocity_cutoff,
         "u_max": plant.u_max,
+        "trained_u_max": controller.trained_u_max,
         "unit": plant.unit,
         "task": controller.tasks[-1],
         "trained": json.dumps({key: record.get(key) for key in ("algorithm", "seed", "steps", "plant_sha256")}),

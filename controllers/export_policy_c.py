@@ -92,7 +92,7 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
 
     Raises ValueError for a prefix that is no C name, and for a network that `layers.network_of` does not know.
     """
-    prefix = prefix or "furuta_" + re.sub(r"\W", "_", Path(controller.name).stem)
+    prefix = prefix or "furuta_" + re.sub(r"\W", "_", Path(controller.name).stem, flags=re.ASCII)
     if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
         raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
     network = network_of(controller.predict.model())

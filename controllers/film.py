@@ -62,7 +62,9 @@ def film(
         if k * sample_time * PICTURES >= len(pictures):
             picture = env.render()
             assert picture is not None
-            pictures.append(np.asarray(Image.fromarray(picture).resize(SIZE, Image.Resampling.LANCZOS)))
+            small = np.asarray(Image.fromarray(picture).resize(SIZE, Image.Resampling.LANCZOS))
+            while k * sample_time * PICTURES >= len(pictures):
+                pictures.append(small)
         u = float(player(info["measured_state"][:2]))
         _, _, over, _, info = env.step(np.array([u], dtype=np.float32))
         if over:

@@ -16,6 +16,7 @@ from furuta_gym.plant.effects.dispatch import add_torques, map_command, read_sen
 from .base import DesignError
 
 _TABLE = 513  # points of the tabulated command map
+_ROUNDS = 50  # of the search for the angles that a reading stands for
 
 
 class KnownEffects:
@@ -66,10 +67,12 @@ class KnownEffects:
         wanted = y.reshape(2, -1)
         P = np.repeat(self._p, wanted.shape[1], axis=1)
         q = wanted.copy()
-        for _ in range(4):  # reading errors are small and smooth: each round gains one to two digits
+        for _ in range(_ROUNDS):  # each gains as many digits as the reading's slope is near one
             Y = q.copy()
             read_sensors(np.concatenate([q, np.zeros((self._rows - 2, q.shape[1]))]), P, self._codes, Y)
             q += wanted - Y
+            if not np.abs(wanted - Y).max() > 1e-9:
+                break
         return q.reshape(y.shape)
 
     def command(self, torque: Any) -> Any:

@@ -173,14 +173,20 @@ def _resumed(training: Training, path: Path, folder: Path) -> _Run:
         known = json.loads(state.read_text(encoding="utf-8")) if state.parent == folder else read_record(path)
     except ValueError as error:
         raise ValueError(f"{state}: cannot be read: {error}; train anew under another name") from error
-    for key, wanted in training.identity.items():
-        if known.get(key) != wanted:
+    asked = training.identity
+    asked |= asked.pop("env")
+    had = known | (known.get("env") or {})
+    for key, wanted in asked.items():
+        if had.get(key) != wanted:
             raise ValueError(
-                f"--resume: {file} was trained with {key} = {known.get(key)!r}, and now {wanted!r} is asked for; "
+                f"--resume: {file} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; "
                 "ask for the same, or train anew under another name"
             )
     model = algorithm_class(training.recipe.name).load(file, env=_learning_env(training), device="cpu")
-    done = int(model.num_timesteps)
+    done = max(
+        int(model.num_timesteps), int(known.get("steps", 0))
+    )  # the network that is kept is the best, not the last
+    model.num_timesteps = done
     if done >= training.steps:
         raise ValueError(f"--resume: {file} has {done} steps already; give --steps a larger number (the total)")
     memory = folder / "replay_buffer.pkl"

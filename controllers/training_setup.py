@@ -84,6 +84,7 @@ class Training:
             "task": self.task,
             "observation_size": int(np.prod(self.setup.observation_space.shape)),
             "sample_time": self.setup.sample_time,
+            "env": self.env,
             "plant_sha256": hashlib.sha256(self.plant.to_json().encode()).hexdigest(),
         }
 

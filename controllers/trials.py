@@ -146,18 +146,19 @@ def run_trials(
     first_push, push_samples = np.round(starts.push_time / T), max(1, round(PUSH_LENGTH / T))
     X = np.zeros((rows, L))
     X[:4] = starts.x0
-    U, W, t = np.zeros((n, L)), np.zeros((2, L)), np.arange(n + 1) * T
+    U, W, t = np.zeros((n + 1, L)), np.zeros((2, L)), np.arange(n + 1) * T
+    held = np.concatenate([[-np.inf], t[:n]])  # nothing is commanded before the trial
     score = _Score(L, T, n, starts.push_time, swing_up, arm_travel)
     for k in range(n):
         if not score.watch(k, X):
             break
         u = np.minimum(np.maximum(control(sensors.read(X, P, codes, rng)), -u_max), u_max)
-        U[k] = np.where(score.alive, u, 0.0)
+        U[k + 1] = np.where(score.alive, u, 0.0)
         W[1] = impulse / (push_samples * T) * ((k >= first_push) & (k < first_push + push_samples))
-        advance(X, t[k], t[k + 1], t[:n], U, k, W, P, codes, h_max)
+        advance(X, t[k], t[k + 1], held, U, k + 1, W, P, codes, h_max)
     else:
         score.watch(n, X)
-    return score.outcome(U)
+    return score.outcome(U[1:])
 
 
 class _Score:

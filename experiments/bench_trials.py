@@ -77,6 +77,10 @@ class Contrast:
         return ", ".join(changed) or "no difference shown"
 
 
+FEWEST_PAIRS = 6
+"""Pairs of runs below which a bootstrap's interval is too short to say anything by."""
+
+
 def contrast(before: Sequence[Run], after: Sequence[Run]) -> Contrast:
     """Compare runs that met the same seeds in the same order. Raises ValueError otherwise."""
     if [run.seed for run in before] != [run.seed for run in after]:
@@ -85,6 +89,8 @@ def contrast(before: Sequence[Run], after: Sequence[Run]) -> Contrast:
     ratios = {}
     for name in FIGURES:
         log = typical([np.log(a[name] / b[name]) for b, a in both])
+        if log.n < FEWEST_PAIRS:
+            log = Interval(log.value, np.nan, np.nan, log.n)
         ratios[name] = Interval(float(np.exp(log.value)), float(np.exp(log.low)), float(np.exp(log.high)), log.n)
     wins = [success_rate([run.success for run in runs]) for runs in (before, after)]
     return Contrast(wins[0], wins[1], ratios)

@@ -74,7 +74,8 @@ class Story:
 
     @property
     def contrasts(self) -> dict[str, Contrast]:
-        return {name: contrast(r["before"], r["after"]) for name, r in self.runs.items() if len(r) == 2}
+        """Of the designs: policies differ from training to training by more than runs of one tell."""
+        return {n: contrast(r["before"], r["after"]) for n, r in self.runs.items() if len(r) == 2 and n != LEARNED}
 
 
 def tell_story(name: str, arguments: Arguments, folder: Path, say: Callable[[str], None]) -> Story:
@@ -104,7 +105,7 @@ def tell_story(name: str, arguments: Arguments, folder: Path, say: Callable[[str
         for i in range(arguments.policies):
             say(f"{name}, {stage}: training policy {i + 1} of {arguments.policies}")
             policy = _policy(plant, arguments, folder / f"{stage}-{i}.zip", arguments.seed + i)
-            learned += _runs(rig, policy, arguments)
+            learned += _runs(rig, policy, arguments, 1 + i)  # seeds of its own, so that no trial counts twice
     return story
 
 
@@ -125,8 +126,8 @@ def _policy(plant: Plant, arguments: Arguments, path: Path, seed: int) -> Any:
     return make_controller(path, plant, plant.sample_time)
 
 
-def _runs(rig: Rig, controller: Any, arguments: Arguments) -> list[Run]:
-    first = 1000 * (arguments.seed + 1)  # not the seeds of the logs
+def _runs(rig: Rig, controller: Any, arguments: Arguments, group: int = 0) -> list[Run]:
+    first = 1000 * (arguments.seed + 1 + group)  # not the seeds of the logs
     return [run_on_bench(rig, controller, first + i, arguments.duration) for i in range(arguments.runs)]
 
 

@@ -104,7 +104,7 @@ def simulate(
     P = p[:, None]
     X = np.zeros((rows, 1))
     X[:4, 0] = np.asarray(x0, dtype=float)
-    U = np.zeros((n, 1))
+    held, U = np.concatenate([[-np.inf], t]), np.zeros((n + 1, 1))  # nothing is commanded before the run
     W = np.zeros((2, 1))
     noise_std = np.sqrt(np.asarray(torque_noise, dtype=float) / T)
     state, measured = np.empty((n, 4)), np.empty((n, 2))
@@ -118,12 +118,12 @@ def simulate(
             end, fell = k, t[k]
             break
         measured[k] = sensors.read(X, P, codes, rng)[:, 0]
-        U[k, 0] = min(max(policy(measured[k]) + d[k], -plant.u_max), plant.u_max)
+        U[k + 1, 0] = min(max(policy(measured[k]) + d[k], -plant.u_max), plant.u_max)
         W[:, 0] = rng.standard_normal(2) * noise_std
-        advance(X, t[k], t[k] + T, t, U, k, W, P, codes, h_max)
+        advance(X, t[k], t[k] + T, held, U, k + 1, W, P, codes, h_max)
         if not np.abs(X[:4, 0]).max() < 1e6:
             raise FloatingPointError(f"the simulated motion leaves all bounds at t = {t[k]:.3f} s: {plant}")
-    return Simulation(t[:end], state[:end], measured[:end], U[:end, 0], fell)
+    return Simulation(t[:end], state[:end], measured[:end], U[1 : end + 1, 0], fell)
 
 
 def _excitation(excitation: Any, t: NDArray[np.float64]) -> NDArray[np.float64]:

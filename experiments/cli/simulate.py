@@ -49,7 +49,10 @@ def simulate_command(
         str | None,
         typer.Option(help="Counts per revolution, one or two; 0 reads exactly. Default: the plant's, or 4096."),
     ] = None,
-    noise: Annotated[str, typer.Option(help="Standard deviation of the readings in rad, one or two.")] = "0",
+    noise: Annotated[
+        str | None,
+        typer.Option(help="Standard deviation of the readings in rad, one or two. Default: the plant's, or 0."),
+    ] = None,
     torque_noise: Annotated[
         str, typer.Option(help="Intensity of white torque in unit²·s: arm, or arm,pendulum.")
     ] = "0",
@@ -71,7 +74,7 @@ def simulate_command(
     from furuta_gym.simulate import open_loop, simulate
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
-    sensors = _sensors(rig, encoder_counts, opt.numbers("--noise", noise))
+    sensors = _sensors(rig, encoder_counts, noise)
     policy = _controller(controller, rig, sample_time, sensors, printed_sign)
     torques = opt.numbers("--torque-noise", torque_noise)
     if min(torques) < 0:
@@ -132,7 +135,7 @@ def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:
         typer.echo(f"  The pendulum FELL: |q2| passed {FALLEN:g} rad at t = {fell:.3f} s; the log ends there.")
 
 
-def _sensors(plant: Any, counts: str | None, noise: tuple[float, ...]) -> Any:
+def _sensors(plant: Any, counts: str | None, noise: str | None) -> Any:
     from dataclasses import replace
 
     from controllers.design import choose_sensors
@@ -141,7 +144,10 @@ def _sensors(plant: Any, counts: str | None, noise: tuple[float, ...]) -> Any:
     if counts is not None:
         values = opt.numbers("--encoder-counts", counts)
         sensors = replace(sensors, encoder_counts=(values[0], values[-1]))
-    return replace(sensors, noise_std=(noise[0], noise[-1])) if any(noise) else sensors
+    if noise is not None:
+        values = opt.numbers("--noise", noise)
+        sensors = replace(sensors, noise_std=(values[0], values[-1]))
+    return sensors
 
 
 def _controller(name: str, plant: Any, sample_time: float | None, sensors: Any, printed: bool) -> Controller | None:

@@ -126,7 +126,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def plant(self) -> Plant:
         """The plant of the present episode (the drawn one, where plants are drawn)."""
-        return self.setup.random.drawn_plant(self._parameters) if self._ready else self.setup.plant
+        drawn = self._ready and self.setup.random.active
+        return self.setup.random.drawn_plant(self._parameters) if drawn else self.setup.plant
 
     @property
     def _parameters(self) -> NDArray[np.float64]:
@@ -193,6 +194,9 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._viewer is None:
             self._viewer = Viewer(trail=True)
         return self._viewer
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_viewer": None}  # a window cannot be copied; it is opened again
 
     def close(self) -> None:
         if self._viewer is not None:

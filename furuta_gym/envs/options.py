@@ -22,6 +22,7 @@ SAMPLE_TIME = 0.01  # s, where the plant has none of its own
 SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
 _FEWEST_SUBSTEPS = 2
 _FRICTION_STEP = 0.4  # longest Runge–Kutta step times the friction's rate
+_BRISTLE_STEP = 2.5e-3  # s; the bristle of arm_presliding, of at most 1000 1/s, makes longer steps unstable
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,11 @@ class Setup:
 
     def _substeps(self) -> int:
         """Runge–Kutta steps a sample, at least two: see `FurutaEnv` for the rule and its error."""
-        longest = min(self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random.plant))
+        longest = min(
+            self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random.plant, self.options.randomize)
+        )
+        if self.random.plant.effect("arm_presliding") is not None:
+            longest = min(longest, _BRISTLE_STEP)
         n = math.ceil(self.sample_time * (1.0 + self.options.jitter) / longest - 1e-9)
         return max(_FEWEST_SUBSTEPS, n)
 
@@ -165,10 +170,15 @@ class Setup:
         )
 
 
-def _friction_rate(plant: Plant) -> float:
-    """λ [1/s]: how fast friction stops a slow motion near upright, the largest eigenvalue of M⁻¹ (F_v + F_c r)."""
+def _friction_rate(plant: Plant, drawn: bool) -> float:
+    """λ [1/s]: how fast friction stops a slow motion near upright, the largest eigenvalue of M⁻¹ (F_v + F_c r).
+
+    drawn: with an r that two standard deviations of the plant's covariance may make sharper."""
     th = plant.theta
     r = np.array(plant.sharpness)
+    if drawn and plant.covariance is not None:
+        std = dict(zip(plant.covariance.names, np.sqrt(np.diag(plant.covariance.matrix)).tolist(), strict=True))
+        r = r + 2.0 * np.array([std.get(name, std.get("r", 0.0)) for name in ("r1", "r2")])
     other = plant.effect("friction_sharpness")
     if other is not None:
         r = np.maximum(r, list(other.parameters.values()))

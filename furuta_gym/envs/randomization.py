@@ -8,6 +8,7 @@ distribution, truncated in the same way, drawn from the env's own stream.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,7 @@ def randomization(plant: Plant, from_covariance: bool, probabilities: Mapping[st
     """
     for name, p in probabilities.items():
         Effect(name)  # an unknown name is refused with the library's list
-        if not (isinstance(p, int | float) and 0.0 <= p <= 1.0):
+        if not (isinstance(p, Real) and 0.0 <= p <= 1.0):
             raise ValueError(f"effect_probabilities: {name} must have a probability in [0, 1], got {p!r}")
     if from_covariance:
         plant = with_spread(plant)

@@ -159,6 +159,8 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
 
     def plants(self, indices: Sequence[int] | None = None) -> list[Plant]:
         """The plants of the present episodes, of all envs or of those asked for."""
+        if not self.setup.random.active:
+            return [self.setup.plant] * (self.num_envs if indices is None else len(indices))
         P = self._parameters()
         return [self.setup.random.drawn_plant(P[:, i]) for i in (range(self.num_envs) if indices is None else indices)]
 
@@ -169,6 +171,9 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._viewer = self._viewer or Viewer()
         rows = self._lanes.transpose(1, 0, 2).reshape(self._lanes.shape[1], -1)[:, : self.num_envs]
         return tuple(self._viewer.draw(Scene.of(self.setup, rows[:, i])) for i in range(self.num_envs))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_viewer": None}  # a window cannot be copied; it is opened again
 
     def close_extras(self, **kwargs: Any) -> None:
         if self._viewer is not None:

@@ -1,6 +1,7 @@
 """The comparison: equal trials for all, figures that mean what they say, files that read back."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from controllers.conditions import GROUPS, conditions
 from controllers.evaluation import compare
 from controllers.statistics import Interval
 from controllers.trials import PUSH_LENGTH, Starts, balance_starts, pace, run_trials
-from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance
+from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulate import simulate
 
@@ -53,6 +54,36 @@ def test_a_trial_is_what_simulate_does():
         assert outcome.energy[lane] == pytest.approx(np.sum(run.command[:-1] ** 2) * 0.004, rel=1e-3)
         assert outcome.largest_q1[lane] == pytest.approx(np.abs(run.state[:, 0]).max(), rel=1e-4)
         assert outcome.roughness[lane] == pytest.approx(np.abs(np.diff(run.command[:-1])).mean() / 0.004, rel=1e-2)
+        restless = np.flatnonzero(np.abs(run.state[:, 1]) > 0.05)  # rad; the push, of size zero, is at some later time
+        settling = 0.004 * (restless[-1] + 1) - starts.push_time[lane] if restless.size else 0.0
+        assert outcome.settling[lane] == pytest.approx(max(settling, 0.0), abs=0.0041)
+
+
+class Tumbles:
+    """Holds a pendulum that starts upright until `until` [s], then lets go."""
+
+    name, sample_time, tasks = "tumbles", 0.004, ("swing_up",)
+
+    def __init__(self, until: float) -> None:
+        self.until, self.held, self.samples = until, make_controller("dlqr", QUBE, 0.004), 0
+
+    def reset(self) -> None:
+        self.held.reset()
+        self.samples = 0
+
+    def __call__(self, y):
+        self.samples += 1
+        return self.held(y) if self.samples * 0.004 < self.until else 10.0
+
+
+@pytest.mark.parametrize(("until", "success"), [(9.99, True), (9.0, False), (5.5, False)])
+def test_a_swing_up_holds_for_the_last_five_seconds(until, success):
+    starts = Starts(np.array([[0.0], [0.01], [0.0], [0.0]]), np.zeros(1), np.zeros(1))
+    outcome = run_trials(QUBE, Tumbles(until), starts, 10.0, 0.004, swing_up=True)
+    assert bool(outcome.success[0]) is success
+    late = Starts(np.array([[0.0], [0.3], [0.0], [0.0]]), np.zeros(1), np.zeros(1))
+    for duration, caught in ((5.01, False), (10.0, True)):  # leaning by more than 0.2 rad within its last five seconds
+        assert bool(run_trials(QUBE, Tumbles(99.0), late, duration, 0.004, swing_up=True).success[0]) is caught
 
 
 def test_failure_is_where_simulate_sees_it():
@@ -129,6 +160,29 @@ def test_design_from_another_plant():
     assert knowing.scores["dlqr"]["balance"]["success"].value == 1.0
     assert ignorant.scores["dlqr"]["balance"]["success"].value < 0.5
     assert (knowing.settings["designed_for_this_plant"], ignorant.settings["designed_for_this_plant"]) == (True, False)
+
+
+def test_conditions_are_what_their_names_say():
+    late = QUBE.with_effects(Effect("input_delay", {"d": 0.0135}))
+    for plant, own in ((QUBE, 0.0), (late, 0.0135)):
+        rows = conditions(plant, Sensors(), 20, 400, 20.0, groups=("delay", "quantisation", "parameters"))
+        for row in (r for r in rows if r.group == "delay"):
+            ms = float(row.name.split()[1])
+            assert row.plants.effect("input_delay").parameters["d"] == pytest.approx(own + 1e-3 * ms)
+        for row in (r for r in rows if r.group == "quantisation"):
+            assert row.sensors.encoder_counts == (int(row.name.split()[0]),) * 2
+        for row in (r for r in rows if r.group == "parameters"):
+            share = float(re.search(r"±(\d+) %", row.name).group(1)) / 100
+            spread = np.std([np.log(p.theta / plant.theta) for p in row.plants], axis=0)
+            assert np.median(spread) == pytest.approx(share, rel=0.15)
+
+
+def test_the_largest_push_is_the_largest(comparison):
+    """What is reported is survived, and a fifth more is not, played anew from the definition."""
+    policy, pushed = make_controller("dlqr", QUBE), comparison.scores["dlqr"]["push"]["largest_push"].value
+    for factor, survives in ((0.8, True), (1.25, False)):
+        starts = Starts(np.zeros((4, 1)), np.array([factor * pushed]), np.array([0.5]))
+        assert bool(run_trials(QUBE, policy, starts, 5.0, policy.sample_time).success[0]) is survives
 
 
 def test_conditions_cover_the_library_and_the_covariance():

@@ -12,6 +12,7 @@ from controllers.export_onnx import export_onnx
 from controllers.export_policy_c import export_policy_c
 from controllers.layers import network_of
 from furuta_gym.plant import QUBE
+from furuta_gym.sensors import FilteredDifference
 
 pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
 
@@ -64,7 +65,8 @@ def policy(request, tmp_path_factory):
         last.bias.fill_(0.1)
     path = tmp_path_factory.mktemp("policy") / "policy.zip"
     model.save(path)
-    path.with_suffix(".json").write_text(json.dumps({"algorithm": algorithm, "env": options}))
+    plant = {"u_max": QUBE.u_max, "unit": "V"}
+    path.with_suffix(".json").write_text(json.dumps({"algorithm": algorithm, "env": options, "plant": plant}))
     return path, model
 
 
@@ -93,17 +95,46 @@ def test_onnx_agrees_with_predict(policy, tmp_path):
     assert about["task"] == "swing_up"
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")
-def test_compiled_header_gives_the_same_commands(policy, tmp_path):
+def test_onnx_for_a_weaker_amplifier_is_driven_by_its_own_metadata(policy, tmp_path):
+    """As firmware would: frames from readings and the last command, by what the file says of scales and limits."""
+    onnxruntime = pytest.importorskip("onnxruntime")
     path, _ = policy
-    controller = make_controller(path, QUBE, 0.02)
+    controller = make_controller(path, WEAKER, 0.02)
+    session = onnxruntime.InferenceSession(export_onnx(path, WEAKER, tmp_path / "policy.onnx"))
+    about = session.get_modelmeta().custom_metadata_map
+    size = session.get_inputs()[0].shape[1]
+    velocity = FilteredDifference(float(about["velocity_cutoff"]))
+    frames, last = [], 0.0
+    for y in wandering(100):
+        v = velocity.update(*y, float(about["sample_time"]))
+        frame = [y[0], np.sin(y[1]), np.cos(y[1]), *v]
+        if "last command / trained_u_max" in about["observation"]:
+            frame.append(last / float(about["trained_u_max"]))
+        frames = [*frames[1:], frame] if frames else [frame] * (size // len(frame))
+        (command,) = session.run(["command"], {"observation": np.float32(np.concatenate(frames))[None]})
+        last = float(command[0, 0])
+        assert last == pytest.approx(controller(y), abs=1e-3)
+    assert float(about["u_max"]) == WEAKER.u_max
+
+
+WEAKER = QUBE.replace(u_max=0.4 * QUBE.u_max)
+
+
+def wandering(n: int) -> np.ndarray:
+    return 0.1 * np.random.default_rng(4).standard_normal((n, 2)).cumsum(axis=0) + [0.1, np.pi]
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")
+@pytest.mark.parametrize("plant", [QUBE, WEAKER], ids=["qube", "weaker"])
+def test_compiled_header_gives_the_same_commands(policy, plant, tmp_path):
+    path, _ = policy
+    controller = make_controller(path, plant, 0.02)
     export_policy_c(controller, tmp_path / "policy.h", prefix="policy")
     (tmp_path / "main.c").write_text(MAIN)
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
     program = tmp_path / "main"
     subprocess.run([str(COMPILER), *flags, "-o", program, tmp_path / "main.c", "-lm"], check=True, timeout=60)
-    rng = np.random.default_rng(4)
-    y = 0.1 * rng.standard_normal((300, 2)).cumsum(axis=0) + [0.1, np.pi]
+    y = wandering(300)
     reference = np.where(np.arange(300) < 150, 0.0, 0.4)
     text = "\n".join(f"{a!r} {b!r} {r!r}" for (a, b), r in zip(y.tolist(), reference.tolist(), strict=True))
     answer = subprocess.run([program], input=text, capture_output=True, text=True, check=True, timeout=60)
@@ -111,7 +142,7 @@ def test_compiled_header_gives_the_same_commands(policy, tmp_path):
     controller.reference = lambda t: reference[min(round(t / 0.02), 299)]
     controller.reset()
     from_python = np.array([controller(step) for step in y])
-    assert np.ptp(from_python) > 0.2 * QUBE.u_max
+    assert np.ptp(from_python) > 0.2 * plant.u_max
     assert from_c == pytest.approx(from_python, abs=1e-4 * QUBE.u_max)
 
 

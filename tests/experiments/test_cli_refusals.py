@@ -33,6 +33,19 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(recorded: Path
         refused(furuta(*command), "taken", "nothing can be written")
 
 
+def test_noise_that_the_plant_file_has_can_be_switched_off(tmp_path: Path):
+    from identification.logs import read_log
+
+    plant = QUBE.replace(sensors={"encoder_counts": [0, 0], "noise_std": [1e-2, 1e-2]}).save(tmp_path / "rig.json")
+    spread = {}
+    for name, options in (("own", ()), ("none", ("--noise", "0"))):
+        log = tmp_path / f"{name}.csv"
+        done = furuta("simulate", "--plant", plant, "--controller", "none", "--duration", "1", *options, "-o", log)
+        assert done.exit_code == 0, done.output
+        spread[name] = read_log(log, constant_command="ignore").q1.std()
+    assert spread["own"] > 5e-3 > 1e-3 > spread["none"]
+
+
 def test_a_log_given_for_a_plant_is_told(recorded: Path):
     refused(furuta("validate", recorded, recorded), "is no plant file", "furuta identify")
 

@@ -36,6 +36,31 @@ def test_a_run_is_reproduced_and_differs_by_seed() -> None:
     assert 0 < first.rms_q2 < 0.1
 
 
+def test_figures_of_a_run_are_those_of_the_rig() -> None:
+    """Recomputed from the angles and commands of a loop of its own."""
+    rig, seen, sent = Rig("workshop"), [], []
+    own = Own(rig)
+
+    def policy(y: tuple[float, float]) -> float:
+        seen.append(y)
+        sent.append(own(y))
+        return sent[-1]
+
+    policy.reset = own.reset  # type: ignore[attr-defined]
+    found = run_on_bench(rig, policy, 5, 2.0)
+    readings = np.array(seen[1:])  # a count of 4096 is far below the motion
+    assert found.rms_q1 == pytest.approx(np.sqrt(np.mean(readings[:, 0] ** 2)), rel=0.02)
+    assert found.rms_q2 == pytest.approx(np.sqrt(np.mean(readings[:, 1] ** 2)), rel=0.05)
+    commands = np.clip(sent, -rig.kind.u_max, rig.kind.u_max)
+    assert found.energy == pytest.approx(np.sum(commands**2) * rig.period, rel=1e-9)
+
+
+def test_too_few_pairs_say_nothing() -> None:
+    before, after = runs([True] * 5, [1.0, 1.1, 1.2, 1.3, 1.4]), runs([True] * 5, [0.9, 1.0, 1.1, 1.2, 1.3])
+    assert contrast(before, after).verdict == "no difference shown"
+    assert np.isnan(contrast(before, after).ratios["energy"].low)
+
+
 def test_a_rig_without_control_is_lost() -> None:
     rig = Rig("workshop")
     policy = Own(rig)

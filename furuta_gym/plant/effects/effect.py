@@ -71,6 +71,9 @@ class Effect:
             checked[name] = value
         return checked
 
+    def __hash__(self) -> int:
+        return hash((self.name, *sorted(self.parameters.items()), *sorted(self.std.items())))
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Effect, (self.name, dict(self.parameters), dict(self.std))
 

@@ -1,0 +1,61 @@
+"""Envs as values: copies, what they say of their plant, and steps that stay stable whatever is asked for."""
+
+import copy
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from furuta_gym.envs import FurutaEnv, FurutaVectorEnv
+from furuta_gym.plant import QUBE, TABLE_3, Covariance, Effect
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: FurutaEnv(QUBE, render_mode="rgb_array"), lambda: FurutaVectorEnv(2, plant=QUBE)]
+)
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_an_env_can_be_copied_after_rendering(make, copied):
+    pytest.importorskip("pygame")
+    env = make()
+    env.reset(seed=0)
+    env.render()
+    twin = copied(env)
+    action = np.full(env.action_space.shape, 0.3, dtype=np.float32)
+    assert np.array_equal(env.step(action)[0], twin.step(action)[0])
+
+
+def test_plants_and_effects_are_plain_values():
+    spring = Effect("arm_spring", {"k": 0.2})
+    assert {spring: 1}[Effect("arm_spring", {"k": 0.2})] == 1
+    assert copy.deepcopy(QUBE) == QUBE
+    spec = gym.make("furuta_gym:FurutaID-v0", plant="qube").spec
+    assert spec is not None
+    assert "qube" in spec.to_json()
+
+
+def test_the_plant_of_an_env_that_draws_none_is_the_one_given():
+    plant = QUBE.replace(covariance=Covariance(("theta1",), np.array([[1e-6]])))
+    env, batch = FurutaEnv(plant), FurutaVectorEnv(2, plant=plant)
+    env.reset(seed=0)
+    batch.reset(seed=0)
+    assert env.plant is env.setup.plant
+    assert env.plant == plant
+    assert batch.plants() == [plant, plant]
+
+
+def test_a_bristle_stays_stable_at_the_longest_step():
+    plant = TABLE_3.replace(friction_sharpness=20.0)
+    plant = plant.with_effects(plant.default_effect("arm_presliding"))
+    env = FurutaEnv(plant, "swing_up", sample_time=0.01, longest_step=0.05)
+    env.reset(seed=0, options={"state": [0, np.pi, 0, 0]})
+    for _ in range(50):
+        state = env.step([2.0])[4]["state"]
+    assert np.abs(state).max() < 100
+
+
+def test_drawn_sharpness_shortens_the_step():
+    sharp = QUBE.replace(covariance=Covariance(("r",), np.array([[100.0**2]])))
+    assert FurutaEnv(sharp, randomize=True).setup.numbers is not None
+    steps = [FurutaEnv(sharp, randomize=drawn).setup._substeps() for drawn in (False, True)]
+    assert steps[1] > steps[0]
