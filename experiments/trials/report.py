@@ -121,7 +121,7 @@ _NOTHING = {
 def markdown(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> str:
     """The main results and a line per effect as Markdown tables."""
     first = _markdown_table(("question", "answer (95 % interval)"), headline(summary))
-    return first + "\n" + _markdown_table(_LIMITS_HEAD, _limits_rows(summary, curves))
+    return first + "\n" + _markdown_table(_LIMITS_HEAD, limits_rows(summary, curves))
 
 
 def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -129,7 +129,8 @@ def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _limits_rows(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> list[tuple[str, ...]]:
+def limits_rows(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> list[tuple[str, ...]]:
+    """A row per curve: the effect, how many of the visible were right, and where half and 95 % are named."""
     rows = []
     for name, curve in curves.items():
         visible = summary["library"] if name == ALL else summary["library_by_effect"].get(name, {})
@@ -171,7 +172,7 @@ def _html(
         plotly=get_plotlyjs(),
         run=summary["run"],
         headline={"head": ("question", "answer"), "rows": headline(summary), "caption": _INTERVALS},
-        limits={"head": _LIMITS_HEAD, "rows": _limits_rows(summary, curves), "caption": _LIMITS_CAPTION},
+        limits={"head": _LIMITS_HEAD, "rows": limits_rows(summary, curves), "caption": _LIMITS_CAPTION},
         confusion=confusion_figure(table),
         power=power_figure(curves, outcomes),
     )

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from experiments.trials.outcomes import outcomes_table, read_outcomes
-from experiments.trials.report import FILES, headline
+from experiments.trials.report import FILES, headline, limits_rows
 from experiments.trials.scoring import Outcome
-from experiments.trials.summary import summarize
+from experiments.trials.summary import power_curves, summarize
 
 DOCS = Path(__file__).parents[2] / "docs"
 KEPT = DOCS / "data" / "trials_outcomes.csv"
@@ -70,8 +70,11 @@ def test_what_cannot_be_read_is_said(change, message, tmp_path):
 def test_the_documented_figures_are_those_of_the_kept_outcomes():
     page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
     lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
-    for question, answer in headline(summarize(read_outcomes(KEPT))):
-        assert (question, answer) in lines, f"docs/diagnosis_trials.md has no row: | {question} | {answer} |"
+    outcomes, more = read_outcomes(KEPT), read_outcomes(DOCS / "data" / "power_outcomes.csv")
+    summary = summarize(outcomes)
+    rows = [*headline(summary), *limits_rows(summary, power_curves([*outcomes, *more]))]
+    for row in rows:
+        assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
 
 
 def test_the_command_counts_a_kept_file_again(monkeypatch):
