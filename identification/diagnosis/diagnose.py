@@ -92,7 +92,9 @@ class Diagnosis:
     def vetoed(self) -> Diagnosis:
         """The same once held-out data have shown no gain from the effects: what is missing is something else."""
         names = " and ".join(suspect.name for suspect in self.found)
-        summary = f"{names} would explain these logs, but brings nothing on data that no fit saw: it is not the name"
+        one = len(self.found) == 1
+        brings, is_not = ("brings", "it is not the name") if one else ("bring", "they are not the names")
+        summary = f"{names} would explain these logs, but {brings} nothing on data that no fit saw: {is_not}"
         return replace(self, verdict="unknown", summary=summary, carried=False)
 
     def falling_short(self, ratio: float) -> Diagnosis:

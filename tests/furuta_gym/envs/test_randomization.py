@@ -75,7 +75,7 @@ def test_sets_without_covariance_vary_by_the_stated_spread(name):
 def test_a_set_with_a_delay_varies_too():
     env = FurutaEnv(plant="qube", randomize=True, delay=0.01)
     drawn = [env.reset(seed=seed)[1]["plant"] for seed in (0, 1)]
-    assert drawn[0] != drawn[1]
+    assert np.all(drawn[0]["theta"] != drawn[1]["theta"])
 
 
 def test_the_drawn_plant_is_the_one_that_moves():
