@@ -7,24 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.canvas import blank_figure
+
 if TYPE_CHECKING:
     from identification.estimate import Estimate
 
 _BLUE, _ORANGE, _GREY = "#2f6f9f", "#d9822b", "#9aa0a6"
 
 
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def draw_parameters(fits: dict[str, Estimate], truth: dict[str, float], path: Path) -> None:
     """Errors of θ in per cent of the truth with 95 % error bars, for two fits; the scale is linear within 1 %."""
-    figure = _figure(8.5, 4.2)
+    figure = blank_figure(8.5, 4.2)
     axis = figure.subplots()
     true = np.array(list(truth.values()))
     place = np.arange(len(true))
@@ -48,7 +41,7 @@ def draw_parameters(fits: dict[str, Estimate], truth: dict[str, float], path: Pa
 
 def draw_predictions(before: dict[str, Any], after: dict[str, Any], path: Path) -> None:
     """Held-out readings with predictions over them, and below each the errors; one column for each angle."""
-    figure = _figure(11, 5.6)
+    figure = blank_figure(11, 5.6)
     axes = figure.subplots(2, 2, sharex=True, height_ratios=(3, 1.6))
     t, measured = after["t"], after["measured"]
     sides = ((before, _ORANGE, "model (5)"), (after, _BLUE, "with the effect"))
@@ -71,7 +64,7 @@ def draw_predictions(before: dict[str, Any], after: dict[str, Any], path: Path) 
 
 def draw_balance(picture: dict[str, Any], path: Path) -> None:
     """Angles and command of the episode."""
-    figure = _figure(8.5, 4.6)
+    figure = blank_figure(8.5, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     t, q = picture["t"], picture["q"]
     top.plot(t, q[:, 0], color=_GREY, label="arm q1")

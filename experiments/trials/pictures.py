@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from experiments.canvas import blank_figure
+
 from .power import PowerCurve
 from .scoring import Outcome
 from .summary import ALL
@@ -27,21 +29,12 @@ def draw_pictures(
     _power(curves, outcomes).savefig(folder / PICTURES[1], dpi=110)
 
 
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def _confusion(table: pd.DataFrame) -> Any:
     """Colours are shares of the row, numbers are trials; a line parts the names from "none", "unknown" …"""
     counts = table.to_numpy()
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     rows, columns = counts.shape
-    figure = _figure(3.2 + 0.25 * columns, 2.6 + 0.21 * rows)
+    figure = blank_figure(3.2 + 0.25 * columns, 2.6 + 0.21 * rows)
     axis = figure.subplots()
     axis.imshow(shares, cmap="Blues", vmin=0, vmax=1.2, aspect="auto")
     for i, j in zip(*np.nonzero(counts), strict=True):
@@ -62,7 +55,7 @@ def _confusion(table: pd.DataFrame) -> Any:
 def _power(curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]) -> Any:
     """A panel per effect: the curve and its 95 % band, a mark per trial above (named right) or below (not)."""
     height = math.ceil(max(len(curves), 1) / _COLUMNS)
-    figure = _figure(14.0, 0.8 + 1.55 * height)
+    figure = blank_figure(14.0, 0.8 + 1.55 * height)
     axes = figure.subplots(height, _COLUMNS, sharex=True, sharey=True, squeeze=False)
     tried = [o for o in outcomes if o.kind == "library" and o.ratio is not None and o.ratio > 1.0 + 1e-6]
     visible = [(o.ratio or 1.0) - 1.0 for o in tried] or [0.01, 1.0]

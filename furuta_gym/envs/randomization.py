@@ -20,7 +20,6 @@ from ..plant.effects import EFFECTS, Effect
 from ..plant.effects.declaration import Parameter
 from ..plant.parameters import THETA_NAMES
 from ..plant.plant import Plant, sampled_plants
-from ..plant.sets import with_spread
 from .streams import normal_pair, uniform
 
 _TRIES = 10_000  # draws until a possible plant; construction has shown that one in 1000 is
@@ -78,8 +77,7 @@ class Randomization:
 def randomization(plant: Plant, from_covariance: bool, probabilities: Mapping[str, float]) -> Randomization:
     """Tables for `draw_parameters`.
 
-    from_covariance: draw θ, r and the carried effects' parameters from `plant.covariance`, for the sets that come with
-    the package from `with_spread`. probabilities: for each
+    from_covariance: draw θ, r and the carried effects' parameters from `plant.covariance`. probabilities: for each
     named effect the chance to act in an episode. An effect that the plant carries then acts at its own size; another
     one acts at a size drawn uniformly up to what `Plant.default_effect` calls worth noticing (in either direction
     where both make sense). Raises ValueError on unknown names, probabilities outside [0, 1], a missing covariance or
@@ -89,8 +87,6 @@ def randomization(plant: Plant, from_covariance: bool, probabilities: Mapping[st
         Effect(name)  # an unknown name is refused with the library's list
         if not (isinstance(p, Real) and 0.0 <= p <= 1.0):
             raise ValueError(f"effect_probabilities: {name} must have a probability in [0, 1], got {p!r}")
-    if from_covariance:
-        plant = with_spread(plant)
     carried = {effect.name for effect in plant.effects}
     whole = plant.with_effects(*(plant.default_effect(name) for name in probabilities if name not in carried))
     packed = whole.packed()
