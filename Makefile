@@ -26,7 +26,7 @@ lint: $(READY)  ## formatting, style, types and the import contracts
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed against named references, as ratios
-	$(BIN)/python -m experiments.benchmark
+	$(BIN)/python -m experiments.studies.speed
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

@@ -14,7 +14,7 @@ from .output import errors, print_json, whole_folder, write_json
 
 if TYPE_CHECKING:
     from experiments.report import Examination
-    from identification.logs import Log
+    from identification.logs.log import Log
 
 
 class DiagnoseCommand(TyperCommand):
@@ -67,7 +67,7 @@ def diagnose_command(
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
     from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
     from furuta_gym.plant import Plant
-    from identification.logs import read_logs
+    from identification.logs.log import read_logs
 
     require_extra()
     if plant is not None:

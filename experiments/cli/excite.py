@@ -12,8 +12,8 @@ from .output import busy, print_json
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
-    from identification.excitation_between import Separation
-    from identification.excitation_design import Design
+    from identification.design.d_optimal import Design
+    from identification.design.discriminate import Separation
 
 
 def excite_command(
@@ -97,8 +97,8 @@ def _design(
 ) -> Design:
     from dataclasses import replace
 
-    from identification.excitation_design import design
-    from identification.experiment import Setup
+    from identification.design.d_optimal import design
+    from identification.design.setup import Setup
 
     setup = Setup.of(rig, policy, duration, sample_time)
     return design(setup, replace(setup.usual_limits, **given), seed)
@@ -113,15 +113,15 @@ def _between(
     sample_time: float | None,
     seed: int,
 ) -> Separation:
-    from identification.excitation_between import between
-    from identification.experiment import Limits
+    from identification.design.discriminate import between
+    from identification.design.setup import Limits
 
     limits = Limits(**given) if given else None
     return between(rig, names, policy, limits, duration=duration, sample_time=sample_time, seed=seed)
 
 
 def _write(path: Path, result: Design | Separation, column: str, facts: dict[str, str]) -> None:
-    from identification.readers import write_table
+    from identification.logs.formats import write_table
 
     t, d = result.samples()
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -65,7 +65,7 @@ def identify_command(
         )
     _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
-    from identification.logs import read_logs
+    from identification.logs.log import read_logs
 
     if start is not None:
         Plant.resolve(start)  # a wrong name is told before the logs are read
@@ -74,7 +74,7 @@ def identify_command(
     read = opt.skipped(read_logs(logs, **mapping), skip)
     if u_max is not None and not u_max >= (largest := max(float(abs(log.u).max()) for log in read)):
         raise ValueError(f"--u-max {u_max:g}: the logs' command reaches {largest:g}; expected at least that")
-    from identification.identify import identify
+    from identification.estimation.identify import identify
 
     if not as_json:
         for log in read:

@@ -14,7 +14,7 @@ from .output import check_folder
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
-    from identification.logs import Log
+    from identification.logs.log import Log
 
 _MAPPING = "How the file is written"
 

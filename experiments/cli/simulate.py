@@ -94,7 +94,7 @@ def simulate_command(
         seed=seed,
         q2_limit=FALLEN if balances and at is Start.upright else np.inf,
     )
-    from identification.logs import Log, write_log
+    from identification.logs.log import Log, write_log
 
     if len(run) < 2:
         raise ValueError(
@@ -163,10 +163,10 @@ def _controller(name: str, plant: Any, sample_time: float | None, sensors: Any, 
 def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:
     if name == "none":
         return None
-    from identification.excitation import EXCITATIONS, excitation
+    from identification.design.signals import EXCITATIONS, excitation
 
     if name not in EXCITATIONS and Path(name).suffix:
-        from identification.played import read_signal
+        from identification.design.recorded import read_signal
 
         return read_signal(name, amplitude)
     return excitation(name, amplitude, duration, seed)

@@ -35,7 +35,7 @@ def validate_command(
     if plots is not None:
         check_folder(plots)
     from furuta_gym.plant import Plant
-    from identification.logs import read_logs
+    from identification.logs.log import read_logs
 
     rig = Plant.resolve(plant)
     mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
@@ -44,7 +44,7 @@ def validate_command(
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
         )
-    from identification.validation import validate
+    from identification.validation.gap import validate
 
     with busy("predicting …"):
         result = validate(rig, read, **({} if horizon is None else {"horizon": horizon}))
@@ -52,7 +52,7 @@ def validate_command(
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
     if plots is not None:
-        from identification.validation_plots import plot_horizons, plot_innovations, plot_predictions
+        from identification.validation.plots import plot_horizons, plot_innovations, plot_predictions
 
         with whole_folder(plots) as folder:
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)

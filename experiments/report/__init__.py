@@ -6,9 +6,10 @@ Path("report.html").write_text(build(examination), encoding="utf-8")
 ```
 """
 
+from identification.diagnosis.verify import GapChange, measure_gap
+
 from .advice import COMMAND_FILE, write_command
 from .examination import Examination, examine
-from .gap import GapChange, measure_gap
 from .page import build, require_extra
 
 __all__ = [

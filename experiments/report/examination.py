@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from identification.design.discriminate import Separation
 from identification.diagnosis.diagnose import Diagnosis
-from identification.diagnosis.locate import locate
-from identification.diagnosis.where import Where
-from identification.excitation_between import Separation
-from identification.logs import Log
-from identification.resimulation import Resimulation, resimulate
+from identification.diagnosis.locate.locate import locate
+from identification.diagnosis.locate.location import Where
+from identification.diagnosis.verify import GapChange, added, judged, measure_gap
+from identification.logs.log import Log
+from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
-from .gap import GapChange, added, judged, measure_gap
 from .words import NEXT
 
 

@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from typing import Any
 
 from furuta_gym.plant import EFFECTS
+from identification.diagnosis.verify import added
 
 from . import tables
 from .examination import Examination
-from .gap import added
 from .words import LABEL, MEANING
 
 _SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure

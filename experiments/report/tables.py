@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from furuta_gym.plant.parameters import THETA_MEANING
-from identification.diagnosis.locate import THRESHOLD
-from identification.diagnosis.where import Where
-from identification.estimate import Estimate, rounded, unit_of
-from identification.logs import Log
-
-from .gap import AXES, GapChange, rms_interval
+from identification.diagnosis.locate.locate import THRESHOLD
+from identification.diagnosis.locate.location import Where
+from identification.diagnosis.verify import AXES, GapChange, rms_interval
+from identification.estimation.estimate import Estimate, rounded, unit_of
+from identification.logs.log import Log
 
 # What a right model left on simulated logs lies well below these; each is a hint, and the likelihood decides
 _R2, _FISHER, _P = 0.15, 0.2, 1e-3

@@ -7,9 +7,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from experiments.report.gap import judged, measure_gap
 from identification.diagnosis.diagnose import diagnose
-from identification.logs import read_logs
+from identification.diagnosis.verify import judged, measure_gap
+from identification.logs.log import read_logs
 
 
 def decide(folder: Path) -> dict[str, Any]:

@@ -12,16 +12,16 @@ import numpy as np
 
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
-from ..estimate import Estimate
-from ..identifiability import NotIdentifiable
-from ..identify import identify
-from ..logs import Log
-from ..record import stretches
-from .candidates import Fit, fit
-from .locate import locate, long_enough
-from .naming import START_NOISE, Naming, name_effects, unsettled
-from .search import THRESHOLD, Suspect
-from .where import Where
+from ..estimation.estimate import Estimate
+from ..estimation.identifiability import NotIdentifiable
+from ..estimation.identify import identify
+from ..kalman.record import stretches
+from ..logs.log import Log
+from .locate.locate import locate, long_enough
+from .locate.location import Where
+from .naming.forward import START_NOISE, Naming, name_effects, unsettled
+from .naming.scores import Fit, fit
+from .naming.search import THRESHOLD, Suspect
 
 SCHEMA = "furuta-diagnosis/1"
 SHARPNESS = 100.0  # s/rad; what model (5) is taken to have, so that another r is itself a finding

@@ -12,10 +12,10 @@ from controllers.evaluation import compare
 from controllers.learned import LearnedController
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
-from experiments.bench_trials import run_on_bench
+from experiments.studies.bench_runs import run_on_bench
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.simulate import simulate
-from identification.experiment import Setup
+from identification.design.setup import Setup
 
 
 def recording(seen, actions):

@@ -16,7 +16,7 @@ from typer.testing import CliRunner, Result
 from experiments.cli import app
 from experiments.cli.options import fixed_values, prior_values, skipped, with_effects
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
-from identification.logs import read_log
+from identification.logs.log import read_log
 
 
 def furuta(*arguments: object) -> Result:
@@ -276,7 +276,7 @@ def test_bench_is_mounted() -> None:
 
 
 def test_the_demo_tells_its_story_and_ends_well(tmp_path: Path) -> None:
-    from experiments.demo import run_demo
+    from experiments.demo.story import run_demo
 
     lines: list[str] = []
     figures = run_demo(tmp_path, say=lambda line="": lines.append(line), trials=4)

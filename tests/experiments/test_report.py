@@ -21,11 +21,11 @@ pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 from experiments.cli import app
 from experiments.report import Examination, build, examine, measure_gap
 from experiments.report.drawing import MOST_POINTS
-from experiments.report.gap import TAIL, rms_interval
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
-from identification.logs import Log, read_log, write_log
-from identification.validation import closed_fraction, validate
+from identification.diagnosis.verify import TAIL, rms_interval
+from identification.logs.log import Log, read_log, write_log
+from identification.validation.gap import closed_fraction, validate
 from tests.identification.loops import loop_log
 
 

@@ -68,7 +68,7 @@ RECIPES: dict[str, Recipe] = {
 
 def write(name: str, recipe: Recipe) -> None:
     """The logs of one case."""
-    from identification.readers import write_table
+    from identification.logs.formats import write_table
 
     runs = {"fit": (recipe.experiment, recipe.seed), "held_out": (recipe.held_out, recipe.seed + 1)}
     for role, (experiment, seed) in runs.items():

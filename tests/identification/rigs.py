@@ -9,8 +9,8 @@ import numpy as np
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulate import simulate
-from identification.excitation import paper_signal
-from identification.logs import Log
+from identification.design.signals import paper_signal
+from identification.logs.log import Log
 
 
 class PaperPolicy:

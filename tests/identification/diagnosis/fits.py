@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from furuta_gym.plant import TABLE_3
-from identification.diagnosis.search import Suspect
+from identification.diagnosis.naming.search import Suspect
 
 
 def a_fit(*effects: str, value: float = 0.0) -> Any:

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from furuta_gym.plant import TABLE_3
-from identification.diagnosis.candidates import Score
 from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _anchor, _verdict, structured
-from identification.diagnosis.naming import Naming, unsettled
-from identification.diagnosis.search import Suspect, price, shortlist, slight
+from identification.diagnosis.naming.forward import Naming, unsettled
+from identification.diagnosis.naming.scores import Score
+from identification.diagnosis.naming.search import Suspect, price, shortlist, slight
 from tests.identification.loops import loop_log
 
 
