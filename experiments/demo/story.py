@@ -121,7 +121,7 @@ def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Sa
     from identification.diagnosis.diagnose import diagnose
 
     say("\n4  The gap is far above the noise: diagnose what model (5) misses (up to a minute) …")
-    examination = examine(diagnose([log]), [log], [held_out])
+    examination = examine(diagnose([log], [held_out]), [log], [held_out])
     _write_json(out / "diagnosis.json", examination.to_dict())
     if examination.diagnosis.plant is not None:
         examination.diagnosis.plant.save(out / "plant.json")

@@ -10,7 +10,7 @@ import numpy as np
 from controllers import usual_controller
 from furuta_gym.plant import Effect
 from identification.design.discriminate import Separation, between
-from identification.diagnosis.diagnose import Diagnosis
+from identification.diagnosis.outcome import Diagnosis
 from identification.logs.formats import write_table
 from identification.logs.log import Log
 

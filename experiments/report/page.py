@@ -8,7 +8,6 @@ from importlib.util import find_spec
 from typing import Any
 
 from furuta_gym.plant import EFFECTS
-from identification.diagnosis.verify import added
 
 from . import tables
 from .examination import Examination
@@ -58,7 +57,7 @@ def _contents(x: Examination) -> dict[str, Any]:
 
     d = x.diagnosis
     data = x.to_dict()
-    changed = added(d)
+    changed = d.added
     return {
         "verdict": d.verdict,
         "label": LABEL[d.verdict],
@@ -85,7 +84,7 @@ def _contents(x: Examination) -> dict[str, Any]:
         "gaps": tables.gaps(x.gap) if x.gap else None,
         "own_gaps": tables.gaps(x.gap.own_tail) if x.gap and x.gap.own_tail else None,
         "horizons": prediction_figures.horizons(x.gap) if x.gap else None,
-        "leftovers": tables.leftovers(x.where, x.where_after) if x.where else None,
+        "leftovers": tables.leftovers(x.where, x.where_after, d.policy.left) if x.where else None,
         "next_experiment": x.next_experiment,
         "logs": tables.logs(x.logs, x.held_out),
         "runtime": data["runtime_s"],

@@ -6,7 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from identification.diagnosis.verify import AXES, GapChange, readings_at, rms_interval
+from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
+from identification.diagnosis.verify import readings_at
 from identification.logs.log import Log
 from identification.validation.gap import Gap
 from identification.validation.resimulation import Resimulation

@@ -86,10 +86,10 @@ def tell_story(name: str, arguments: Arguments, folder: Path, say: Callable[[str
     (hidden,) = rig.truth()["effects"]
     values = ", ".join(f"{k} = {v['value']:.3g} {v['unit']}" for k, v in hidden["parameters"].items())
     story = Story(name, f"{hidden['name']} ({values})", found.verdict, [])
-    if found.before is None or found.after is None:
+    if found.before is None or found.plant is None:
         raise ValueError(f"{name}: the diagnosis ended with {found.verdict!r} and no plant; record longer logs")
     about = {"u_max": rig.kind.u_max, "sample_time": rig.period}  # what a lab knows and a log does not tell
-    stages = {"before": found.before.plant.replace(**about), "after": found.after.plant.replace(**about)}
+    stages = {"before": found.before.plant.replace(**about), "after": found.plant.replace(**about)}
     story.found = [str(effect) for effect in stages["after"].effects]
     for stage, plant in stages.items():
         plant.save(folder / f"{stage}.json")

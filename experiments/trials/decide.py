@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.verify import judged, measure_gap
 from identification.logs.log import read_logs
 
 
@@ -26,9 +25,5 @@ def decide(folder: Path) -> dict[str, Any]:
 
 def _diagnosed(folder: Path) -> dict[str, Any]:
     logs, held_out = read_logs([folder / "fit.csv"]), read_logs([folder / "held_out.csv"])
-    found = diagnose(logs)
-    try:
-        gap = measure_gap(found, logs, held_out)
-    except ValueError as error:  # nothing to predict with, or a held-out log that cannot be predicted
-        return found.to_dict() | {"gap_missing": str(error)}
-    return judged(found, gap).to_dict() | {"gap": gap.to_dict()}
+    found = diagnose(logs, held_out)
+    return found.to_dict() | ({"gap_missing": found.gap_remark} if found.gap is None else {})

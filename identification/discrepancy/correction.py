@@ -24,6 +24,9 @@ from .response import Normal, Solution, solve
 
 Array = NDArray[np.float64]
 
+HIGHEST_FREQUENCY = 25.0
+"""Highest frequency [Hz] at which a periodic torque is looked for; the arm hardly moves above it."""
+
 _BELIEVED = 3.0  # nats of evidence below which nothing is corrected
 _CONVERGED = 3.0  # nats
 
@@ -80,11 +83,11 @@ def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
 
 
 def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
-    """The largest peaks in the periodogram of the whitened innovations, up to 25 Hz."""
+    """The largest peaks in the periodogram of the whitened innovations, up to `HIGHEST_FREQUENCY`."""
     w = whiten(path.e, path.S)[path.used]
     f = np.fft.rfftfreq(len(w), float(np.median(np.diff(path.record.t[path.used]))))
     power = np.sum(np.abs(np.fft.rfft(w - w.mean(axis=0), axis=0)) ** 2, axis=1)
-    inside = (f >= 3.0 / path.record.duration) & (f <= 25.0)
+    inside = (f >= 3.0 / path.record.duration) & (f <= HIGHEST_FREQUENCY)
     power[~inside] = 0.0
     hertz: list[float] = []
     for _ in range(most):

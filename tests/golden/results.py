@@ -28,7 +28,7 @@ ROOT = HERE.parents[1]
 LOGS, EXPECTED = HERE / "logs", HERE / "expected"
 FURUTA = (sys.executable, "-c", "from experiments.cli import main; main()")
 ENV_STEPS, BATCH, BATCH_STEPS = 500, 1024, 50
-SETTLED_LATER = ("runtime_s", "date", "versions", "version", "python", "platform", "sha256")
+SETTLED_LATER = ("runtime_s", "date", "versions", "version", "python", "platform", "sha256", "policy")
 """Keys whose values may differ between two runs of one code."""
 
 _QUBE = ("--pendulum-zero", "hanging", "--flip", "q2", "--encoder-counts", "2048", "--input-unit", "V")

@@ -19,10 +19,10 @@ from ...discrepancy.response import Normal
 from ...kalman.likelihood import innovation_cost
 from ...kalman.noise import likeliest
 from ...kalman.path import FilterPath, refilter
+from ..policy import DecisionPolicy
 from .location import Suspicion
 
 _REFITS = 4
-_EQUAL, _EQUAL_SHARE = 10.0, 1e-3  # nats, and share of the best's gain, within which the simpler family is preferred
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def _least_squares(normal: Normal) -> tuple[Array, int]:
     return V[:, kept] @ ((V[:, kept].T @ (normal.right / scale)) / g[kept]) / scale, int(kept.sum())
 
 
-def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]]) -> list[Suspicion]:
+def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy: DecisionPolicy) -> list[Suspicion]:
     """Families by what they add, at the log's own noise, beside free values of θ."""
     total = _sum(
         [
@@ -112,7 +112,7 @@ def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]]) -> lis
         found.append((rank, suspicion))
     found.sort(key=lambda item: -item[1].net)
     top = found[0][1].net
-    equal = [item for item in found if top - item[1].net < max(_EQUAL, _EQUAL_SHARE * top)]
+    equal = [item for item in found if top - item[1].net < max(policy.simpler, policy.simpler_share * top)]
     first = min(equal, key=lambda item: item[0])
     return [first[1], *(item[1] for item in found if item is not first)]
 

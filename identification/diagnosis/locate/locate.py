@@ -24,37 +24,36 @@ from ...kalman.record import Stretch, stretches
 from ...kalman.whiteness import FEWEST, innovations
 from ...logs.checks import LogError
 from ...logs.log import Log
+from ..policy import DecisionPolicy
 from .constancy import Constancy, constancy
 from .evidence import Look, evidence_of, parameters_of, suspicions_of
 from .location import MissingTorque, Suspicion, Where
 from .structure import largest_line, predictable
 from .torque_maps import VARIABLES, torque_map
 
-THRESHOLD = 8.0  # nats of evidence from which something is said to be left; see tests for its false alarms
-_STANDS_OUT = 3.0  # of its own std, a smoothed torque
 _BLOCK = 0.25  # s
-_SHORTEST = 1.0  # s, of a piece of a log that is looked at
 
 Array = NDArray[np.float64]
 
 
-def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD) -> Where:
+def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | None = None) -> Where:
     """Where the plant fails on these logs, usually those it was fitted to.
 
-    threshold [nats]: evidence below which nothing is said to be left. Raises ValueError if a log is too short or the
-    filter loses it.
+    policy: holds the evidence from which something is said to be left (default: `DecisionPolicy()`). Raises
+    ValueError if a log is too short or the filter loses it.
     """
+    policy = policy or DecisionPolicy()
     logs = [logs] if isinstance(logs, Log) else list(logs)
-    looks = [_look(plant, stretch, float(logs[stretch.log].t[0])) for stretch in long_enough(logs)]
+    looks = [_look(plant, stretch, float(logs[stretch.log].t[0])) for stretch in long_enough(logs, policy)]
     knots = Knots.of([look.signals for look in looks])
     peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
     columns = [families(look.signals, plant, knots, peaks, (0.0, logs[look.log].duration)) for look in looks]
-    suspicions = suspicions_of(looks, columns)
+    suspicions = suspicions_of(looks, columns, policy)
     best = suspicions[0]
     evidence = evidence_of(looks, columns, (best.channel, best.variable))
-    found = evidence > threshold
+    found = evidence > policy.left
     torques = tuple(_missing(look, logs[look.log].source) for look in looks)
-    spans = tuple(_spans(torque) if found else () for torque in torques)
+    spans = tuple(_spans(torque, policy.stands_out) if found else () for torque in torques)
     longest = max(range(len(looks)), key=lambda i: len(torques[i].t))
     r2, line, frequencies = _structure(looks[longest], torques[longest])
     return Where(
@@ -81,12 +80,12 @@ def locate(plant: Plant, logs: Log | Sequence[Log], threshold: float = THRESHOLD
     )
 
 
-def long_enough(logs: Sequence[Log]) -> list[Stretch]:
+def long_enough(logs: Sequence[Log], policy: DecisionPolicy) -> list[Stretch]:
     """The stretches between gaps in which `locate` looks. Raises LogError if there is none."""
-    found = [s for s in stretches(logs) if s.record.duration >= _SHORTEST and len(s.piece) >= FEWEST]
+    found = [s for s in stretches(logs) if s.record.duration >= policy.shortest and len(s.piece) >= FEWEST]
     if not found:
         raise LogError(
-            f"{', '.join(log.source for log in logs)}: no stretch of {_SHORTEST:g} s without a gap of the clock. "
+            f"{', '.join(log.source for log in logs)}: no stretch of {policy.shortest:g} s without a gap of the clock. "
             "Expected one at least, to say what a model misses; record without dropping samples, or more slowly."
         )
     return found
@@ -127,12 +126,12 @@ def _missing(look: Look, source: str) -> MissingTorque:
     )
 
 
-def _spans(torque: MissingTorque) -> tuple[tuple[float, float], ...]:
+def _spans(torque: MissingTorque, stands_out: float) -> tuple[tuple[float, float], ...]:
     """Stretches of time in which either torque stands out of its band; gaps up to half a second are bridged."""
     t = torque.t
     z = np.max(np.abs(torque.mean) / np.maximum(torque.std, 1e-300), axis=1)
     blocks = ((t - t[0]) / _BLOCK).astype(int)
-    out = np.array([np.mean(z[blocks == b] ** 2) > _STANDS_OUT**2 for b in range(blocks[-1] + 1)])
+    out = np.array([np.mean(z[blocks == b] ** 2) > stands_out**2 for b in range(blocks[-1] + 1)])
     spans: list[list[float]] = []
     for b in np.flatnonzero(out):
         start, stop = float(t[0] + b * _BLOCK), float(min(t[0] + (b + 1) * _BLOCK, t[-1]))

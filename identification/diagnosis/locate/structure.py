@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...discrepancy.correction import HIGHEST_FREQUENCY
+
 Array = NDArray[np.float64]
 
 _FEATURES, _BLOCKS, _LENGTH, _RIDGE = 150, 10, 2.0, 1.0
@@ -33,7 +35,7 @@ def predictable(torque: Array, inputs: Array, seed: int = 0, stride: int = 5) ->
     return float(1.0 - np.mean(error**2) / np.var(y))
 
 
-def largest_line(torque: Array, T: float, highest: float = 25.0) -> tuple[float, float]:
+def largest_line(torque: Array, T: float, highest: float = HIGHEST_FREQUENCY) -> tuple[float, float]:
     """(Fisher's g, frequency [Hz]): largest share of one line in the periodogram of a torque sampled every T [s]."""
     f = np.fft.rfftfreq(len(torque), T)
     power = np.abs(np.fft.rfft(torque - torque.mean())) ** 2

@@ -1,92 +1,132 @@
-"""The race of suspects: coarse refits, a few iterations at a time, from starts that are likely to lead on.
+"""Multi-start: coarse fits from several starts, a few iterations at a time; those that cannot catch up are pruned.
 
-A refit descends from the θ of the model without the effect, which the missing effect has dragged away; some suspects
-get stuck there. So the leader runs again from other sizes, and the others from the leader's θ, until nobody overtakes.
+A fit of an effect descends from the θ of the model without it, which the missing effect has dragged away; some get
+stuck there. So the best suspect starts again from other sizes, and the others from the best fit's θ, until the best
+stays the best.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, Effect, Plant
+from furuta_gym.plant import Effect, Plant
 
 from ...estimation.prediction_error import THREADS
-from .scores import Fit, fit
+from ..policy import DecisionPolicy
+from .fits import Fit, Fitter, added, without
+from .suspects import alike
 
 Array = NDArray[np.float64]
 
-REACH = 25.0  # nats: suspects so near to the best are worth finishing
-_HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
-_CATCHES_UP = 3.0  # rounds at its last pace within which a suspect must reach the best to go on
-_CHASERS = 2  # of those that are no look-alikes
-_RESTART = 10.0  # factor on the noise
-_DRAGGED = 0.3  # log of a factor
-_LARGER, _SMALLER = 3.0, 0.6  # times the size that the score suggests; times that of effects found before
+
+class Setting(Protocol):
+    """What stays the same in a search: the anchor of the weak prior, the thresholds, and what fits."""
+
+    @property
+    def anchor(self) -> Plant: ...
+
+    @property
+    def policy(self) -> DecisionPolicy: ...
+
+    @property
+    def fitter(self) -> Fitter: ...
 
 
-def race(
-    entries: dict[str, tuple[Plant, Array]],
-    current: Fit,
-    anchor: Plant,
-    ahead: float = math.inf,
-    halve: bool | None = None,
-) -> dict[str, Fit]:
-    """Coarse fits from plants and noise, a few iterations at a time; who cannot catch up any more stops.
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where one fit starts: the effects it stands for, a plant with them, and its noise (4,)."""
 
-    ahead: value of a fit that runs before them. halve: halve the field after each round (default: without `ahead`).
+    effects: tuple[str, ...]
+    plant: Plant
+    noise: Array
+
+    @property
+    def effect(self) -> str:
+        """The effect, where there is one only."""
+        (name,) = self.effects
+        return name
+
+
+def multi_start(
+    starts: Sequence[Start], current: Fit, setting: Setting, ahead: float = math.inf, halve: bool | None = None
+) -> dict[Start, Fit]:
+    """Coarse fits from several starts, a few iterations at a time; a start that cannot catch up is pruned.
+
+    ahead: value [nats] of a fit that is there already. halve: keep half of the starts after each round (default: only
+    without `ahead`).
     """
+    policy = setting.policy
     halve = math.isinf(ahead) if halve is None else halve
-    fits: dict[str, Fit] = {}
-    for turn in range(_ROUNDS):
-        if not entries:
+    fits: dict[Start, Fit] = {}
+    running = [(start, start.plant, start.noise) for start in starts]
+    for turn in range(policy.rounds):
+        if not running:
             break
-        results = THREADS.map(lambda entry: _round(current, entry, anchor), entries.values())
+        results = THREADS.map(lambda entry: _round(current, entry[1], entry[2], setting), running)
         pace = {}
-        for name, result in zip(list(entries), results, strict=True):
-            pace[name] = fits[name].value - result.value if name in fits else math.inf
-            fits[name] = result
+        for (start, _, _), result in zip(running, results, strict=True):
+            pace[start] = fits[start].value - result.value if start in fits else math.inf
+            fits[start] = result
         best = min(ahead, *(f.value for f in fits.values()))
-        on = [name for name in sorted(entries, key=lambda name: fits[name].value) if not fits[name].optimum.converged]
+        order = sorted((start for start, _, _ in running), key=lambda start: fits[start].value)
+        on = [start for start in order if not fits[start].optimum.converged]
         if halve:
             on = on[: max(2, len(fits) >> (turn + 1))]
-        entries = {
-            name: (fits[name].plant, fits[name].noise)
-            for name in on
-            if fits[name].value - _CATCHES_UP * pace[name] < best + REACH
-        }
+        running = [
+            (start, fits[start].plant, fits[start].noise)
+            for start in on
+            if fits[start].value - policy.catches_up * pace[start] < best + policy.reach
+        ]
     return fits
 
 
-def _round(current: Fit, entry: tuple[Plant, Array], anchor: Plant) -> Fit:
-    plant, noise = entry
-    return fit(plant, noise, current.records, anchor=anchor, iterations=_HEAT, coarse=True)
+def _round(current: Fit, plant: Plant, noise: Array, setting: Setting) -> Fit:
+    return setting.fitter(
+        plant,
+        noise,
+        current.records,
+        anchor=setting.anchor,
+        policy=setting.policy,
+        iterations=setting.policy.round_iterations,
+        coarse=True,
+    )
 
 
-def retry(names: Sequence[str], starts: dict[str, Effect], fits: dict[str, Fit], current: Fit, anchor: Plant, tell):
-    """Race on from other sizes of some suspects' effects. A score is taken where θ and the noise have swallowed most of
-    an effect: it suggests too small a size, at times of the wrong sign, and from there the descent may not find the
-    way. Keeps in `fits` what is better."""
-    entries: dict[str, tuple[Plant, Array]] = {}
+def best_of(found: Mapping[Start, Fit], so_far: Mapping[str, Fit] | None = None) -> dict[str, Fit]:
+    """The best fit of each effect, from fits by their starts and from those known so far."""
+    best = dict(so_far or {})
+    for start, fitted in found.items():
+        if start.effect not in best or fitted.value < best[start.effect].value:
+            best[start.effect] = fitted
+    return best
+
+
+def from_other_sizes(
+    names: Sequence[str], suggested: Mapping[str, Effect], fits: Mapping[str, Fit], current: Fit, setting: Setting
+) -> dict[str, Fit]:
+    """Fits, better where some effects started from other sizes. A score is taken where θ and the noise have absorbed
+    most of an effect: it suggests too small a size, at times of the wrong sign, and the descent from there may not
+    find the way."""
+    policy, starts = setting.policy, []
     for name in names:
-        larger, mirrored = resized(starts[name], _LARGER), resized(starts[name], -1.0)
+        larger, mirrored = resized(suggested[name], policy.larger), resized(suggested[name], -1.0)
         if larger is not None:
-            entries[f"{name} larger"] = with_effect(current, larger, anchor)
-            entries[f"{name} afresh"] = _afresh(current, larger, anchor)
+            starts.append(Start((name,), *with_effect(current, larger, setting)))
+            plant, noise = _afresh(current, larger, setting)
+            starts.append(Start((name,), plant, noise))
             if current.plant.effects:  # what was found before has taken this one's part as well
-                smaller = [resized(e, _SMALLER) or e for e in current.plant.effects]
-                plant, noise = entries[f"{name} afresh"]
-                entries[f"{name} shared"] = plant.with_effects(*smaller), noise
+                smaller = [resized(e, policy.smaller) or e for e in current.plant.effects]
+                starts.append(Start((name,), plant.with_effects(*smaller), noise))
         if mirrored is not None:
-            entries[f"{name} mirrored"] = with_effect(current, mirrored, anchor)
-    tell(f"trying other sizes of {', '.join(names)}")
-    for entry, again in race(entries, current, anchor, min(f.value for f in fits.values()), halve=True).items():
-        name = entry.split()[0]
-        if again.value < fits[name].value:
-            fits[name] = again
+            starts.append(Start((name,), *with_effect(current, mirrored, setting)))
+    ahead = min(f.value for f in fits.values())
+    return best_of(multi_start(starts, current, setting, ahead, halve=True), fits)
 
 
 def resized(effect: Effect, factor: float) -> Effect | None:
@@ -101,73 +141,54 @@ def resized(effect: Effect, factor: float) -> Effect | None:
     return Effect(effect.name, values) if values != dict(effect.parameters) else None
 
 
-def chase(leader: str, fits: dict[str, Fit], current: Fit, anchor: Plant, tell) -> None:
-    """Race on from the leader's θ, which is near the truth if its name is nearly right: there the others soon find
-    their best. Keeps in `fits` what is better; one of them may lead then, and the leader be among those that follow."""
-    rivals = {
-        name: (
-            without(fits[leader], current).with_effects(added(fits[name], current)),
-            between(fits[leader], current),
-        )
-        for name in _rivals(leader, fits)
-        if name != leader
-    }
-    tell(f"chasing {leader} with {', '.join(rivals) or 'none'}")
-    for name, chaser in race(rivals, current, anchor, ahead=fits[leader].value).items():
-        if chaser.value < fits[name].value:
-            fits[name] = chaser
+def from_best(
+    best: str, rivals: Sequence[str], fits: Mapping[str, Fit], current: Fit, setting: Setting
+) -> dict[str, Fit]:
+    """Fits, better where rivals started from the best one's θ, which is near the truth if its name is nearly right:
+    there the others soon find their own optimum. One of them may be the best then."""
+    noise = between(fits[best], current)
+    plant = without(fits[best], current)
+    starts = [Start((n,), plant.with_effects(added(fits[n], current)), noise) for n in rivals if n != best]
+    return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
 
 
-def leading(fits: dict[str, Fit]) -> list[str]:
-    """The leader of a race and its best look-alike."""
-    leader = min(fits, key=lambda name: fits[name].value)
-    return [leader, *_alike(leader, fits)[:1]]
+def best_and_look_alike(fits: Mapping[str, Fit]) -> list[str]:
+    """The best effect and the best one that it is mistaken for."""
+    best = min(fits, key=lambda name: fits[name].value)
+    return [best, *look_alikes(best, fits)[:1]]
 
 
-def _rivals(leader: str, fits: dict[str, Fit]) -> list[str]:
-    """What might be mistaken for the leader: its look-alikes, and the next in the race."""
-    same = _alike(leader, fits)
-    return [*same, *[n for n in sorted(fits, key=lambda n: fits[n].value) if n not in same][: 1 + _CHASERS]]
+def rivals_of(best: str, fits: Mapping[str, Fit], policy: DecisionPolicy) -> list[str]:
+    """What might be mistaken for the best: its look-alikes, and the next in order."""
+    same = look_alikes(best, fits)
+    others = [n for n in sorted(fits, key=lambda n: fits[n].value) if n not in same]
+    return [*same, *others[: 1 + policy.rivals]]
 
 
-def _alike(leader: str, fits: dict[str, Fit]) -> list[str]:
-    """Its look-alikes, the best first."""
-    return sorted((name for name in fits if alike(name, leader)), key=lambda name: fits[name].value)
+def look_alikes(name: str, fits: Mapping[str, Fit]) -> list[str]:
+    """Declared look-alikes among fitted effects, the best first."""
+    return sorted((n for n in fits if alike(n, name)), key=lambda n: fits[n].value)
 
 
-def alike(one: str, other: str) -> bool:
-    """Whether one of two effects is declared to be mistaken for the other."""
-    return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
+def between(best: Fit, current: Fit) -> Array:
+    """Noise for a rival at the best fit's θ: half way, in the logarithm, back to what the model without it needs."""
+    return np.sqrt(best.noise * np.maximum(current.noise, best.noise))
 
 
-def between(leader: Fit, current: Fit) -> Array:
-    """Noise for a rival at the leader's θ: half way, in the logarithm, back to what the model without it needs."""
-    return np.sqrt(leader.noise * np.maximum(current.noise, leader.noise))
+def with_effect(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Array]:
+    """Plant and noise to start from, with an effect added.
 
-
-def with_effect(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Array]:
-    """Plant and noise to start from, with an effect added. Where the first missing effect has dragged the scale of the
-    pendulum's row away, the way back leads along a narrow valley: starting at the anchor's θ is shorter. Once an effect
-    has been found, the anchor, which has none, is the one that is far away."""
-    dragged = np.abs(np.log(np.maximum(current.plant.theta[2:5], 1e-12) / anchor.theta[2:5])).max()
-    if dragged > _DRAGGED and not current.plant.effects:
-        return _afresh(current, start, anchor)
+    Where the first missing effect has dragged the scale of the pendulum's row away, the way back leads along a narrow
+    valley: starting at the anchor's θ is shorter. Once an effect has been found, the anchor, which has none, is the
+    one that is far away."""
+    scale = np.maximum(current.plant.theta[2:5], 1e-12) / setting.anchor.theta[2:5]
+    if np.abs(np.log(scale)).max() > setting.policy.dragged and not current.plant.effects:
+        return _afresh(current, start, setting)
     return current.plant.with_effects(start), current.noise
 
 
-def _afresh(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Array]:
+def _afresh(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Array]:
     """From the anchor's θ, with noise enough to find the way."""
-    plant = current.plant.replace(theta=anchor.theta).with_effects(start)
-    return plant, current.noise * np.array([_RESTART, _RESTART, 1.0, 1.0])
-
-
-def added(fitted: Fit, current: Fit) -> Effect:
-    """The effect of `fitted` that `current` does not have (a plant keeps its effects in the library's order)."""
-    had = {e.name for e in current.plant.effects}
-    return next(e for e in fitted.plant.effects if e.name not in had)
-
-
-def without(fitted: Fit, current: Fit) -> Plant:
-    """The plant of `fitted` with only the effects of `current`."""
-    keep = {e.name for e in current.plant.effects}
-    return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))
+    plant = current.plant.replace(theta=setting.anchor.theta).with_effects(start)
+    more = setting.policy.restart_noise
+    return plant, current.noise * np.array([more, more, 1.0, 1.0])

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from .multistart import REACH, added, alike, between, race, without
-from .scores import Fit
-from .search import OWN_SHARE, THRESHOLD, Ranking, Search, Suspect, price, slight
-
-_TOGETHER = 0.8  # of the one's gain, what two must have between them, and neither alone
-_PAIRS = 6  # that are tried at most
+from ..policy import DecisionPolicy
+from .fits import Fit, added, without
+from .multistart import Start, between, multi_start
+from .search import Search
+from .suspects import Ranking, Suspect, alike, price, slight
 
 
 def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking, ...] | None:
@@ -23,32 +22,34 @@ def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking
     nominal: the model without either. Two are believed if they gain as much more than the one, net of what they cost,
     as one effect must gain to be believed at all.
     """
-    one = ranking[0]
-    pairs = _pairs(ranking)
+    one, policy = ranking[0], search.policy
+    pairs = _pairs(ranking, policy)
     if not pairs:
         return None
-    search.tell(f"trying two effects in place of {one.name}")
-    rest, noise = without(one.fit, nominal), between(one.fit, nominal)
-    entries = {
-        f"{a.name} {b.name}": (rest.with_effects(added(a.fit, nominal), added(b.fit, nominal)), noise) for a, b in pairs
-    }
-    fits = race(entries, nominal, search.anchor, ahead=one.fit.value)
-    best = min(fits, key=lambda names: fits[names].value)
-    if fits[best].value > one.fit.value + REACH:
+    search.progress(f"trying two effects in place of {one.name}")
+    plant, noise = without(one.fit, nominal), between(one.fit, nominal)
+    starts = [
+        Start((a.name, b.name), plant.with_effects(added(a.fit, nominal), added(b.fit, nominal)), noise)
+        for a, b in pairs
+    ]
+    fits = multi_start(starts, nominal, search, ahead=one.fit.value)
+    best = min(fits, key=lambda start: fits[start].value)
+    if fits[best].value > one.fit.value + policy.reach:
         return None
     both = search.fitted(fits[best].plant, fits[best])
-    if nominal.value - both.value - sum(price(name, nominal.samples) for name in best.split()) < one.net + THRESHOLD:
+    cost = sum(price(name, nominal.samples) for name in best.effects)
+    if nominal.value - both.value - cost < one.net + policy.believed:
         return None
     return _each(search, both)
 
 
-def _pairs(ranking: Ranking) -> list[tuple[Suspect, Suspect]]:
+def _pairs(ranking: Ranking, policy: DecisionPolicy) -> list[tuple[Suspect, Suspect]]:
     """Pairs of suspects that may stand behind the first of a ranking, the most promising first."""
     whole = ranking[0].gain
-    parts = [s for s in ranking[1:] if OWN_SHARE * whole < s.gain < _TOGETHER * whole]
-    pairs = [(a, b) for a, b in combinations(parts, 2) if a.gain + b.gain > _TOGETHER * whole]
+    parts = [s for s in ranking[1:] if policy.own_share * whole < s.gain < policy.together * whole]
+    pairs = [(a, b) for a, b in combinations(parts, 2) if a.gain + b.gain > policy.together * whole]
     pairs = [(a, b) for a, b in pairs if not alike(a.name, b.name)]
-    return sorted(pairs, key=lambda pair: -(pair[0].gain + pair[1].gain))[:_PAIRS]
+    return sorted(pairs, key=lambda pair: -(pair[0].gain + pair[1].gain))[: policy.pairs]
 
 
 def _each(search: Search, both: Fit) -> tuple[Ranking, ...] | None:
@@ -56,12 +57,13 @@ def _each(search: Search, both: Fit) -> tuple[Ranking, ...] | None:
     found: list[Ranking] = []
     current = both
     for name in [e.name for e in both.plant.effects]:
-        search.tell(f"reconsidering {name}")
+        search.progress(f"reconsidering {name}")
         reduced = search.reduced(current, name)
         names, table = search.suspects(reduced, 1)
         _, again = search.refits(reduced, names, table, held=current)
         current = again[0].fit
         found.append(again)
-    if any(slight(r[0].name, r[0].gain, [other for other in found if other is not r]) for r in found):
+    policy = search.policy
+    if any(slight(r[0].name, r[0].gain, [other for other in found if other is not r], policy) for r in found):
         return None
     return tuple(found)

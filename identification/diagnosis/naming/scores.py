@@ -1,4 +1,4 @@
-"""Score every effect of the library against a fitted model, and refit the ones worth it.
+"""Score tests: how much every effect of the library would gain, before any of them is fitted.
 
 The score is the projected Lagrange-multiplier test (Benveniste, Basseville & Moustakides 1987): how much of the
 whitened innovations an effect's first-order answer explains once the answers of all free parameters are taken out.
@@ -6,97 +6,24 @@ whitened innovations an effect's first-order answer explains once the answers of
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
-from ...estimation.optimise import Optimum, minimise
+from ...discrepancy.correction import HIGHEST_FREQUENCY
 from ...estimation.prediction_error import THREADS, PredictionError, quietest
-from ...kalman.coordinates import Coordinate, fill, filled_plant, noise_coordinates, plant_coordinates
+from ...kalman.coordinates import Coordinate
 from ...kalman.likelihood import whiten
 from ...kalman.record import Record
+from ..policy import DecisionPolicy
+from .fits import COARSER, Fit
 from .probes import Cell, cells
 
-ANCHOR_STD = 0.5
 _CHUNK = 48  # probes in one pass of the bank
-_COARSER = 2.0  # times the integration step
-_TOLERANCE = 0.05  # nats, of the optimum
-PERIODS = 2.0  # in the longest piece of a log: slower than that is a drift, of which no log can say that it repeats
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A plant fitted to records: the structure, where the optimiser ended, and V there."""
-
-    plant: Plant
-    noise: NDArray[np.float64]
-    coordinates: tuple[Coordinate, ...]
-    optimum: Optimum
-    records: tuple[Record, ...]
-
-    @property
-    def value(self) -> float:
-        return self.optimum.value
-
-    @property
-    def size(self) -> int:
-        """Number of estimated coordinates."""
-        return len(self.coordinates)
-
-    @property
-    def samples(self) -> int:
-        return sum(2 * len(r.t) for r in self.records)
-
-    def problem(self) -> PredictionError:
-        return PredictionError(self.plant, self.records, self.coordinates, self.noise)
-
-
-def fit(
-    plant: Plant,
-    noise: NDArray[np.float64],
-    records: Sequence[Record],
-    anchor: Plant | None = None,
-    iterations: int = 40,
-    coarse: bool = False,
-) -> Fit:
-    """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
-
-    coarse: with longer integration steps and frozen gains, on one thread: within a nat or so, for a race of many.
-    """
-    coordinates = plant_coordinates(plant, free_sharpness=False)
-    coordinates += noise_coordinates(quietest(anchor or plant, records))
-    if anchor is not None:
-        coordinates = [anchored(c, anchor) for c in coordinates]
-    coordinates = [repeating(c, max(r.duration for r in records)) for c in coordinates]
-    step = _COARSER if coarse else 1.0
-    problem = PredictionError(plant, records, coordinates, noise, coarser=step, parallel=not coarse)
-    optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
-    _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
-    return Fit(filled_plant(plant, coordinates, optimum.z), noise, tuple(coordinates), optimum, tuple(records))
-
-
-def anchored(c: Coordinate, anchor: Plant) -> Coordinate:
-    """θ1 … θ5 with a weak log-normal prior (a factor e^0.5) around the anchor's.
-
-    The pendulum's row has no input: θ3, θ4, θ5, θ7, θ9 share a scale that only the reaction on the arm fixes, and a
-    missing effect leaks into that direction until nothing can be named any more.
-    """
-    if c.noise or c.row > 4 or not c.log:
-        return c
-    return replace(c, weak_prior=(math.log(anchor.theta[c.row]), ANCHOR_STD))
-
-
-def repeating(c: Coordinate, duration: float) -> Coordinate:
-    """A frequency [Hz] kept to what repeats within a log of some duration [s]; any other coordinate as it is."""
-    effect, _, parameter = c.name.partition(".")
-    declared = EFFECTS[effect].parameters if effect in EFFECTS else ()
-    repeats = any(p.name == parameter and p.grid == "frequencies" for p in declared)
-    return replace(c, low=max(c.low, PERIODS / duration)) if repeats else c
 
 
 @dataclass(frozen=True)
@@ -110,7 +37,12 @@ class Score:
     absorbed: float
 
 
-def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.0) -> dict[str, Score]:
+def scores(
+    nominal: Fit,
+    names: Sequence[str] | None = None,
+    quieter: float = 1.0,
+    policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
+) -> dict[str, Score]:
     """Score of every effect not yet in the model. `quieter` divides the torque noise, which hides what it has been
     fitted to explain; scores then rank, but are no longer gains."""
     noise = nominal.noise.copy()
@@ -119,7 +51,7 @@ def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.
     peak = max(float(np.abs(r.u).max()) for r in nominal.records)
     duration = max(float(r.t[-1]) for r in nominal.records)
     scale = nominal.plant.replace(u_max=max(peak, 1e-6))
-    frequencies = _peaks(nominal, noise)
+    frequencies = _peaks(nominal, noise, policy.periods)
     chosen = [n for n in (names or EFFECTS) if n not in taken]
     trial = {name: cells(EFFECTS[name], scale, duration, frequencies) for name in chosen}
     tables = [_answers(nominal, noise, record, [c for n in chosen for c in trial[n]]) for record in nominal.records]
@@ -143,7 +75,7 @@ def scores(nominal: Fit, names: Sequence[str] | None = None, quieter: float = 1.
     return found
 
 
-def _peaks(nominal: Fit, noise: NDArray[np.float64], most: int = 5) -> NDArray[np.float64]:
+def _peaks(nominal: Fit, noise: NDArray[np.float64], periods: float, most: int = 5) -> NDArray[np.float64]:
     """Frequencies [Hz] of the largest peaks in the whitened innovations of the longest record, each bracketed."""
     record = max(nominal.records, key=lambda r: r.duration)
     problem = PredictionError(nominal.plant, [record], nominal.coordinates[:1], noise)
@@ -154,7 +86,7 @@ def _peaks(nominal: Fit, noise: NDArray[np.float64], most: int = 5) -> NDArray[n
     n = len(w)
     power = np.abs(np.fft.rfft(w - w.mean(axis=0), 4 * n, axis=0)) ** 2
     f = np.fft.rfftfreq(4 * n, float(np.median(np.diff(record.t))))
-    total = np.where((f > PERIODS / record.duration) & (f < 25.0), power.sum(axis=1), 0.0)
+    total = np.where((f > periods / record.duration) & (f < HIGHEST_FREQUENCY), power.sum(axis=1), 0.0)
     cell, found = 1.0 / record.duration, []
     for _ in range(most):
         top = f[int(np.argmax(total))]
@@ -240,7 +172,7 @@ def _probe_answers(plant: Plant, noise, record: Record, group: Sequence[Cell]) -
         row += len(other.parameters)
     names = EFFECTS[effect].parameter_names
     coordinates = [Coordinate(f"{effect}.{n}", row + i, log=False) for i, n in enumerate(names)]
-    problem = PredictionError(first, [record], coordinates, noise, coarser=_COARSER)
+    problem = PredictionError(first, [record], coordinates, noise, coarser=COARSER)
     switched_off = Effect(effect).parameters
     neutral = [switched_off[n] for n in names]
     bank = np.array([neutral, *[[p[n] for n in names] for p in probes]])
