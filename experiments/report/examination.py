@@ -1,4 +1,4 @@
-"""What the report shows beside the diagnosis: where each plant fails, the closed loop run again, the next experiment."""
+"""What the report shows beside the diagnosis: where each plant fails, the closed loop run again, what to do next."""
 
 from __future__ import annotations
 
