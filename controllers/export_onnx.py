@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.plant import Plant
 
 from .layers import Network, network_of
-from .learned import SPEED_LIMIT, LearnedController, load_policy, read_record
+from .learned import LearnedController, load_policy, read_record
 
 OPSET = 17
 

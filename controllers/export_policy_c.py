@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.envs.options import SPEED_LIMIT
+
 from .export_c import columns_note
 from .layers import Layer, network_of
-from .learned import SPEED_LIMIT, LearnedController
+from .learned import LearnedController
 
 _HEADER = """\
 /* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; single precision.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.envs.options import SAMPLE_TIME
+from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
 
@@ -18,7 +18,6 @@ from .base import Controller, Reference
 from .design import choose_sensors
 
 FRAME = 5  # q1, sin q2, cos q2, q̇1, q̇2
-SPEED_LIMIT = 200.0  # rad/s, as in the env's observation
 
 
 class LearnedController(Controller):

@@ -12,6 +12,7 @@ from .plant.plant import Plant
 from .sensors import Sensors
 
 LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where the friction's sharpness allows it
+FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
 
 @runtime_checkable

@@ -49,6 +49,7 @@ def compare_command(
     from controllers.conditions import GROUPS
     from controllers.evaluation import compare
     from controllers.film import require_film
+    from controllers.plots import draw_comparison
 
     if gif:
         require_film()
@@ -69,7 +70,7 @@ def compare_command(
                 jobs=jobs,
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )
-        written = [path.name for path in result.save(folder)]
+        written = [path.name for path in (result.save(folder), *draw_comparison(result, folder))]
         if gif:
             with busy("filming …"):
                 written += _films(result, "swing_up" in chosen, folder, seed)

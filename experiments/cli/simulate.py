@@ -14,8 +14,6 @@ from .output import print_json
 if TYPE_CHECKING:
     from controllers import Controller
 
-FALLEN = 1.0  # rad from upright; a balancing run ends there
-
 
 class Start(StrEnum):
     """Where the pendulum starts."""
@@ -71,7 +69,7 @@ def simulate_command(
     import numpy as np
 
     from furuta_gym.plant import Plant
-    from furuta_gym.simulate import open_loop, simulate
+    from furuta_gym.simulate import FALLEN, open_loop, simulate
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
     sensors = _sensors(rig, encoder_counts, noise)
@@ -121,6 +119,8 @@ def simulate_command(
 
 
 def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:
+    from furuta_gym.simulate import FALLEN
+
     largest = [float(abs(run.state[:, i]).max()) for i in (0, 1)]
     fell = None if run.fell is None else float(run.fell)
     if as_json:

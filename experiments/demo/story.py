@@ -196,6 +196,7 @@ def _compare(old: Plant, new: Plant, out: Path, trials: int, seed: int, say: Say
     from rich.console import Console
 
     from controllers.evaluation import compare
+    from controllers.plots import draw_comparison
 
     say(f"\n6  Compare {', '.join(CONTROLLERS)}, designed without and with the effect, on the plant that has it …")
     both = []
@@ -204,6 +205,7 @@ def _compare(old: Plant, new: Plant, out: Path, trials: int, seed: int, say: Say
             new, CONTROLLERS, design_plant=design, trials=trials, duration=8.0, groups=("balance", "push"), seed=seed
         )
         comparison.save(folder)
+        draw_comparison(comparison, folder)
         console = Console(width=120)
         with console.capture() as capture:
             console.print(comparison.table())

@@ -10,9 +10,9 @@ import numpy as np
 
 from controllers.statistics import Interval, success_rate, typical
 from experiments.bench import Laboratory, Rig
+from experiments.bench.recording import BENCH_FALLEN
 from furuta_gym.simulate import check_clock
 
-FALLEN = 0.8  # rad from upright
 WOUND = 2 * np.pi  # rad of the arm
 START = (0.5, 0.1)  # rad; half-widths of the uniform starts, arm and pendulum
 FIGURES = ("rms_q1", "rms_q2", "energy")
@@ -41,7 +41,7 @@ def run_on_bench(rig: Rig, policy: Any, seed: int, duration: float) -> Run:
         commands[k] = min(max(float(policy(y)), -lab.u_max), lab.u_max)
         y = lab.step(commands[k])
         angles[k] = lab.state[:2]
-        if not (abs(angles[k, 0]) <= WOUND and abs(angles[k, 1]) <= FALLEN):
+        if not (abs(angles[k, 0]) <= WOUND and abs(angles[k, 1]) <= BENCH_FALLEN):
             return Run(seed, False, np.nan, np.nan, np.nan)
     rms = np.sqrt(np.mean(angles**2, axis=0))
     return Run(seed, True, float(rms[0]), float(rms[1]), float(np.sum(commands**2) * lab.period))

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from furuta_gym.plant import TABLE_3
 from furuta_gym.plant.parameters import THETA_MEANING
 
-if TYPE_CHECKING:
-    from experiments.studies.reproduce_paper import Results
+from .paper_results import Results
 
 _COLOURS = ("#0072b2", "#e69f00", "#d55e00")  # by λ
 _EXPERIMENT, _LS, _PE = "0.45", "#0072b2", "#009e73"

@@ -22,9 +22,9 @@ from rich.console import Console
 from rich.table import Table
 
 from furuta_gym.envs import ENV_ID
-from furuta_gym.envs.kernels import runge_kutta_plain
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import PLANTS, TABLE_3
+from furuta_gym.plant.dynamics import plain_steps
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def kernel_turn(lanes: int, steps: int) -> Callable[[int], None]:
 
     def turn(n: int) -> None:
         for _ in range(n):
-            runge_kutta_plain(X, h, steps, command, P)
+            plain_steps(X, h, steps, command, P)
 
     return turn
 

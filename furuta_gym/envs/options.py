@@ -11,6 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..plant.effects import Effect
+from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
@@ -153,7 +154,7 @@ class Setup:
         numbers[k.ARM_LIMIT] = o.arm_limit
         numbers[k.PENDULUM_LIMIT] = o.pendulum_limit or (k.BALANCE_LIMIT if balance else k.WINDING_LIMIT)
         numbers[k.SPEED_LIMIT] = SPEED_LIMIT
-        numbers[k.SPEED_SCALE] = math.sqrt(max(plant.theta[4] / plant.theta[3], 1.0))
+        numbers[k.SPEED_SCALE] = max(pendulum_frequency(plant.theta), 1.0) if plant.theta[4] > 0 else 1.0
         numbers[k.START_Q2] = 0.0 if balance else math.pi
         numbers[k.START_SPREAD : k.START_SPREAD + 4] = k.START_BALANCE if balance else k.START_SWING_UP
         return numbers

@@ -19,7 +19,8 @@ from ..plant.dynamics import N_BASE
 from ..plant.effects import EFFECTS, Effect
 from ..plant.effects.declaration import Parameter
 from ..plant.parameters import THETA_NAMES
-from ..plant.plant import Plant, sampled_plants
+from ..plant.plant import Plant
+from ..plant.sampling import sampled_plants
 from .streams import normal_pair, uniform
 
 _TRIES = 10_000  # draws until a possible plant; construction has shown that one in 1000 is

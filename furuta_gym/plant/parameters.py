@@ -51,6 +51,15 @@ def theta_vector(theta: ArrayLike | dict[str, float]) -> NDArray[np.float64]:
     return values
 
 
+def pendulum_frequency(theta: ArrayLike) -> float:
+    """√|θ5/θ4| [rad/s]: of small swings of the hanging pendulum with the arm held, and the rate at which it falls.
+
+    theta: at least θ1 … θ5.
+    """
+    th = np.asarray(theta, dtype=float)
+    return float(np.sqrt(abs(th[4] / th[3])))
+
+
 @dataclass(frozen=True)
 class ConsistencyCheck:
     """Whether a rigid arm with a rigid pendulum can have these θ (Table 2), with a sentence on each failure."""

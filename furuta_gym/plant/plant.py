@@ -4,7 +4,7 @@ import dataclasses
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -228,9 +228,7 @@ class Plant:
 
     @classmethod
     def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":
-        """A plant from a plant, the name of a known set (`sets.PLANTS`), or a plant file."""
-        from .sets import PLANTS
-
+        """A plant from a plant, the name of a known set (`PLANTS`), or a plant file."""
         if isinstance(source, Plant):
             return source
         if str(source) in PLANTS:
@@ -250,11 +248,5 @@ class Plant:
         return "\n".join(rows)
 
 
-def sampled_plants(plant: Plant, n: int, rng: np.random.Generator) -> Iterable[Plant]:
-    """n plants drawn from the covariance of an identified plant; see `Covariance.draw`."""
-    if plant.covariance is None:
-        raise ValueError(
-            "this plant has no covariance to draw from; identify it from a log (`furuta identify`), "
-            "which stores one, or switch randomisation off"
-        )
-    return (plant.covariance.draw(plant, rng) for _ in range(n))
+PLANTS: dict[str, Plant] = {}
+"""The sets that come with the package, by name. `sets`, which the package imports, puts them in."""

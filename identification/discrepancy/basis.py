@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
+from furuta_gym.plant.regressor import regressor
 
 from ..kalman.path import FilterPath
 
@@ -135,12 +136,7 @@ def families(
 
 def parameter_torques(signals: Signals, plant: Plant) -> Array:
     """−∂(M q̈ + C q̇ + g + friction)/∂θ along the motion (N, 2, 9): the torques that larger parameters would add."""
-    (_, q2), (v1, v2), (a1, a2) = signals.q.T, signals.v.T, signals.a.T
-    s, c, o = np.sin(q2), np.cos(q2), np.zeros_like(q2)
-    c1, c2 = np.tanh(plant.sharpness[0] * v1), np.tanh(plant.sharpness[1] * v2)
-    arm = [a1, s * s * a1 + 2 * s * c * v1 * v2, c * a2 - s * v2**2, o, o, v1, o, c1, o]
-    pendulum = [o, -s * c * v1**2, c * a1, a2, -s, o, v2, o, c2]
-    return -np.stack([np.column_stack(arm), np.column_stack(pendulum)], axis=1)
+    return -regressor(signals.q, signals.v, signals.a, plant.sharpness)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from furuta_gym.plant.compiled import compiled
 
 from ..kalman.likelihood import whiten
 from ..kalman.path import FilterPath
+from ..normal_equations import ScaledGram
 from .basis import Family
 
 Array = NDArray[np.float64]
@@ -65,14 +66,13 @@ class Solution:
 
 def solve(normal: Normal) -> Solution:
     """The most likely combination: ridge regression with the precision of largest evidence (MacKay 1992)."""
-    scale = np.sqrt(np.maximum(np.diag(normal.gram), 1e-300))
-    g, V = np.linalg.eigh(normal.gram / np.outer(scale, scale))
-    g = np.maximum(g, 0.0)
-    along = V.T @ (normal.right / scale)
+    scaled = ScaledGram.of(normal.gram)
+    g = np.maximum(scaled.values, 0.0)
+    along = scaled.along(normal.right)
     evidence = [0.5 * float(np.sum(along**2 / (g + p) - np.log1p(g / p))) for p in _PRIORS * len(g)]
     best = int(np.argmax(evidence))
     precision = _PRIORS[best] * len(g)
-    return Solution(V @ (along / (g + precision)) / scale, evidence[best], V**2 @ (g / (g + precision)))
+    return Solution(scaled.back(along / (g + precision)), evidence[best], scaled.vectors**2 @ (g / (g + precision)))
 
 
 @compiled(nogil=True)

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import substep
+from furuta_gym.plant.dynamics import shared_steps, substep
 
-from ..kalman.bank import STATE_STEP, _steps, add_torque_noise, effective_sharpness, propagate, read_pair
+from ..kalman.bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, read_pair
 from ..kalman.record import stretches
 from ..logs.log import Log
 from .start import candidates
@@ -131,7 +131,7 @@ def _track(t, y, u, quantum, x, C, scale, r, noise, wander, age, history, spread
                 P[9, lane] = effective_sharpness(r[0], C[2, 2])
                 P[10, lane] = effective_sharpness(r[1], C[3, 3])
             steps = max(1, math.ceil(T / substep(max(P[9, 0], P[10, 0]), 1e-3) - 1e-6))
-            _steps(X, P, u[k - 1, 0], T / steps, steps)
+            shared_steps(X, u[k - 1, 0], T / steps, steps, P)
             for i in range(4):
                 for m in range(n):
                     Phi[i, m] = (X[i, 1 + m] - X[i, 0]) / (STATE_STEP if m < 4 else _PARAMETER_STEP)

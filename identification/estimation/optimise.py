@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..normal_equations import ScaledGram
+
 _POLISH = 1.0  # nats: gain below which frozen gains give way to exact derivatives
 
 
@@ -126,8 +128,9 @@ def _bounded_step(z, g, H, move, damping, low, high):
     while len(move):
         A = H[np.ix_(move, move)]
         right = g[move] + H[move] @ step
-        scale = np.sqrt(np.maximum(np.diag(A), 1e-12))
-        damped = A / np.outer(scale, scale) + damping * np.eye(len(move)) + _RIDGE * np.diag(scale**-2.0)
+        scaled = ScaledGram.of(A, 1e-12)
+        scale = scaled.scale
+        damped = scaled.matrix + damping * np.eye(len(move)) + _RIDGE * np.diag(scale**-2.0)
         wanted = -np.linalg.solve(damped, right / scale) / scale
         out = (z[move] + wanted < low[move]) | (z[move] + wanted > high[move])
         if not out.any():

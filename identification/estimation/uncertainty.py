@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..normal_equations import ScaledGram
 from .optimise import Expansion, minimise
 from .prediction_error import PredictionError
 
@@ -55,10 +56,7 @@ def recommended(classical: NDArray[np.float64], sandwich: NDArray[np.float64]) -
 
 def inverse_information(H: NDArray[np.float64]) -> NDArray[np.float64]:
     """H⁻¹ through a scaled eigendecomposition; directions without information get a huge, finite variance."""
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-30))
-    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
-    values = np.maximum(values, 1e-13)
-    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+    return ScaledGram.of(H, 1e-30).inverse(1e-13)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import acceleration, advance, mass_matrix, substep
+from furuta_gym.plant.dynamics import advance, mass_matrix, shared_steps, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.effects.library import NUMBERS
 
@@ -83,27 +83,6 @@ def propagate(C, Phi, work):
                 s += work[i, m] * Phi[j, m]
             C[i, j] = s
             C[j, i] = s
-
-
-@compiled(nogil=True)
-def _steps(X, P, tau, h, n):
-    """n classical Runge–Kutta steps of h seconds for lanes without effects, under the torque tau."""
-    for _ in range(n):
-        for k in range(X.shape[1]):
-            th1, th2, th3, th4, th5 = P[0, k], P[1, k], P[2, k], P[3, k], P[4, k]
-            th6, th7, th8, th9, r1, r2 = P[5, k], P[6, k], P[7, k], P[8, k], P[9, k], P[10, k]
-            q2, v1, v2 = X[1, k], X[2, k], X[3, k]
-            a1, a2 = acceleration(q2, v1, v2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            w1, w2, p2 = v1 + 0.5 * h * a1, v2 + 0.5 * h * a2, q2 + 0.5 * h * v2
-            b1, b2 = acceleration(p2, w1, w2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            y1, y2, p2 = v1 + 0.5 * h * b1, v2 + 0.5 * h * b2, q2 + 0.5 * h * w2
-            c1, c2 = acceleration(p2, y1, y2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            z1, z2, p2 = v1 + h * c1, v2 + h * c2, q2 + h * y2
-            d1, d2 = acceleration(p2, z1, z2, tau, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            X[0, k] += h * (v1 + 2.0 * (w1 + y1) + z1) * (1.0 / 6.0)
-            X[1, k] += h * (v2 + 2.0 * (w2 + y2) + z2) * (1.0 / 6.0)
-            X[2, k] += h * (a1 + 2.0 * (b1 + c1) + d1) * (1.0 / 6.0)
-            X[3, k] += h * (a2 + 2.0 * (b2 + c2) + d2) * (1.0 / 6.0)
 
 
 @compiled(nogil=True)
@@ -235,7 +214,7 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
             longest = coarser * substep(sharpest, _LONGEST)
             if plain:
                 steps = max(1, math.ceil(T / longest - 1e-6))
-                _steps(X, PL, u[k - 1, 0], T / steps, steps)
+                shared_steps(X, u[k - 1, 0], T / steps, steps, PL)
             else:
                 advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest)
             for g in range(exact):

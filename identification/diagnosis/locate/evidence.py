@@ -19,6 +19,7 @@ from ...discrepancy.response import Normal
 from ...kalman.likelihood import innovation_cost
 from ...kalman.noise import likeliest
 from ...kalman.path import FilterPath, refilter
+from ...normal_equations import Gained, ScaledGram
 from ..policy import DecisionPolicy
 from .location import Suspicion
 
@@ -62,7 +63,7 @@ def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> tuple[float,
         for _ in range(_REFITS):
             columns = [[parameters_of(look), *group] for look, group in zip(looks, added, strict=True)]
             total = _sum([Normal.of(path, group) for path, group in zip(paths, columns, strict=True)])
-            coefficients, _ = _least_squares(total)
+            coefficients = ScaledGram.of(total.gram).solve(total.right, 1e-9).solution
             rank = _gain(_apart(total, 9), np.arange(len(total.right) - 9))[1] if len(total.right) > 9 else 0
             filtered = []
             for path, group in zip(paths, columns, strict=True):
@@ -76,13 +77,6 @@ def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> tuple[float,
             if before - value < 0.5:
                 break
     return best, rank
-
-
-def _least_squares(normal: Normal) -> tuple[Array, int]:
-    scale = np.sqrt(np.maximum(np.diag(normal.gram), 1e-300))
-    g, V = np.linalg.eigh(normal.gram / np.outer(scale, scale))
-    kept = g > 1e-9 * g.max()
-    return V[:, kept] @ ((V[:, kept].T @ (normal.right / scale)) / g[kept]) / scale, int(kept.sum())
 
 
 def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy: DecisionPolicy) -> list[Suspicion]:
@@ -147,11 +141,6 @@ def _apart(normal: Normal, first: int) -> Normal:
     return Normal(gram, right, normal.square)
 
 
-def _gain(normal: Normal, which: NDArray[np.int64]) -> tuple[float, int]:
+def _gain(normal: Normal, which: NDArray[np.int64]) -> Gained:
     """Log-likelihood gain [nats] of some columns, and how many directions they really have."""
-    gram, right = normal.gram[np.ix_(which, which)], normal.right[which]
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    g, V = np.linalg.eigh(gram / np.outer(scale, scale))
-    along_ = V.T @ (right / scale)
-    kept = g > 1e-6 * max(float(g.max()), 1e-300)
-    return 0.5 * float(np.sum(along_[kept] ** 2 / g[kept])), int(kept.sum())
+    return ScaledGram.of(normal.gram[np.ix_(which, which)]).gain(normal.right[which], 1e-6)

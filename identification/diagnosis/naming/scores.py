@@ -19,6 +19,7 @@ from ...estimation.prediction_error import THREADS, PredictionError, quietest
 from ...kalman.coordinates import Coordinate
 from ...kalman.likelihood import whiten
 from ...kalman.record import Record
+from ...normal_equations import ScaledGram
 from ..policy import DecisionPolicy
 from .fits import COARSER, Fit
 from .probes import Cell, cells
@@ -96,10 +97,10 @@ def _peaks(nominal: Fit, noise: NDArray[np.float64], periods: float, most: int =
 
 
 def _best_weights(gram, right):
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    if not np.isfinite(right).all() or scale.max() < 1e-100:
+    scaled = ScaledGram.of(gram)
+    if not np.isfinite(right).all() or scaled.scale.max() < 1e-100:
         return 0.0, None
-    weights = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-8)[0] / scale
+    weights = np.linalg.lstsq(scaled.matrix, right / scaled.scale, rcond=1e-8)[0] / scaled.scale
     return 0.5 * float(weights @ right), weights
 
 

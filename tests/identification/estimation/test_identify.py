@@ -20,7 +20,7 @@ from identification.estimation.identifiability import NotIdentifiable
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
 from identification.estimation.uncertainty import profile, recommended
-from identification.kalman.bank import _steps, counted
+from identification.kalman.bank import counted
 from identification.kalman.record import Record
 from identification.logs.log import Log, read_log
 from tests.identification.rigs import PaperPolicy, paper_log
@@ -65,20 +65,6 @@ def test_a_rounded_reading_leaves_the_moments_of_its_cell(d: float, v: float, st
 def test_a_fine_encoder_is_an_exact_reading() -> None:
     assert counted(0.5, 2.0, 0.0) == pytest.approx((0.5, 2.0, 0.5 * (0.125 + np.log(2.0))))
     assert counted(0.5, 2.0, 0.35) == pytest.approx(counted(0.5, 2.0, 0.2), rel=0.01)
-
-
-def test_the_filters_own_steps_are_the_plants() -> None:
-    from furuta_gym.plant.dynamics import advance
-
-    p = TABLE_3.packed()
-    rng = np.random.default_rng(0)
-    X = rng.normal(size=(4, 7))
-    P = np.repeat(p.p[:, None], 7, axis=1)
-    Y = X.copy()
-    _steps(X, P, 0.7, 5e-4, 4)
-    t = np.array([0.0, 2e-3])
-    advance(Y, 0.0, 2e-3, t, np.full((2, 1), 0.7), 0, np.zeros((2, 7)), P, p.codes, 5e-4)
-    np.testing.assert_allclose(X, Y, rtol=0, atol=1e-13)
 
 
 def test_upright_and_hanging_together(upright: Log, hanging: Log) -> None:
