@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from furuta_gym.plant import Effect, Parameter, Plant
 
+from ...kalman.noise_model import Noise
 from .multistart import added, race, with_effect, without
 from .scores import Fit
 
 _FACTORS = (1.25, 1.08)  # on a rough size: wide steps first, then narrow ones
 
-Entries = dict[str, tuple[Plant, NDArray[np.float64]]]
+Entries = dict[str, tuple[Plant, Noise]]
 
 
 def starts_of(start: Effect, current: Fit, anchor: Plant) -> Entries:

@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from furuta_gym.plant import EFFECTS, Plant
 
+from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from .multistart import alike
 from .pairs import two_for_one
@@ -19,7 +18,7 @@ from .scores import Fit
 from .search import LEAST_SHARE, OWN_SHARE, THRESHOLD, Ranking, Search, Suspect, slight
 
 EQUALS = 5.0  # nats: suspects this close to the best cannot be told from it
-START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
+START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
 _AS_GOOD = 0.9  # of the leader's gain, where the form of both is wrong
 _VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
 

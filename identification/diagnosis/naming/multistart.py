@@ -10,14 +10,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
-from ...estimation.prediction_error import THREADS
+from ...estimation.pool import shared_pool
+from ...kalman.noise_model import Noise
 from .scores import Fit, fit
-
-Array = NDArray[np.float64]
 
 REACH = 25.0  # nats: suspects so near to the best are worth finishing
 _HEAT, _ROUNDS = 4, 8  # iterations in a round of the race, and rounds at most
@@ -29,7 +27,7 @@ _LARGER, _SMALLER = 3.0, 0.6  # times the size that the score suggests; times th
 
 
 def race(
-    entries: dict[str, tuple[Plant, Array]],
+    entries: dict[str, tuple[Plant, Noise]],
     current: Fit,
     anchor: Plant,
     ahead: float = math.inf,
@@ -44,7 +42,7 @@ def race(
     for turn in range(_ROUNDS):
         if not entries:
             break
-        results = THREADS.map(lambda entry: _round(current, entry, anchor), entries.values())
+        results = shared_pool().map(lambda entry: _round(current, entry, anchor), entries.values())
         pace = {}
         for name, result in zip(list(entries), results, strict=True):
             pace[name] = fits[name].value - result.value if name in fits else math.inf
@@ -61,7 +59,7 @@ def race(
     return fits
 
 
-def _round(current: Fit, entry: tuple[Plant, Array], anchor: Plant) -> Fit:
+def _round(current: Fit, entry: tuple[Plant, Noise], anchor: Plant) -> Fit:
     plant, noise = entry
     return fit(plant, noise, current.records, anchor=anchor, iterations=_HEAT, coarse=True)
 
@@ -70,7 +68,7 @@ def retry(names: Sequence[str], starts: dict[str, Effect], fits: dict[str, Fit],
     """Race on from other sizes of some suspects' effects. A score is taken where θ and the noise have swallowed most of
     an effect: it suggests too small a size, at times of the wrong sign, and from there the descent may not find the
     way. Keeps in `fits` what is better."""
-    entries: dict[str, tuple[Plant, Array]] = {}
+    entries: dict[str, tuple[Plant, Noise]] = {}
     for name in names:
         larger, mirrored = resized(starts[name], _LARGER), resized(starts[name], -1.0)
         if larger is not None:
@@ -140,12 +138,13 @@ def alike(one: str, other: str) -> bool:
     return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
 
 
-def between(leader: Fit, current: Fit) -> Array:
+def between(leader: Fit, current: Fit) -> Noise:
     """Noise for a rival at the leader's θ: half way, in the logarithm, back to what the model without it needs."""
-    return np.sqrt(leader.noise * np.maximum(current.noise, leader.noise))
+    own, other = leader.noise.packed(), current.noise.packed()
+    return Noise.unpacked(np.sqrt(own * np.maximum(other, own)))
 
 
-def with_effect(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Array]:
+def with_effect(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Noise]:
     """Plant and noise to start from, with an effect added. Where the first missing effect has dragged the scale of the
     pendulum's row away, the way back leads along a narrow valley: starting at the anchor's θ is shorter. Once an effect
     has been found, the anchor, which has none, is the one that is far away."""
@@ -155,10 +154,10 @@ def with_effect(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Arra
     return current.plant.with_effects(start), current.noise
 
 
-def _afresh(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Array]:
+def _afresh(current: Fit, start: Effect, anchor: Plant) -> tuple[Plant, Noise]:
     """From the anchor's θ, with noise enough to find the way."""
     plant = current.plant.replace(theta=anchor.theta).with_effects(start)
-    return plant, current.noise * np.array([_RESTART, _RESTART, 1.0, 1.0])
+    return plant, current.noise.louder(_RESTART)
 
 
 def added(fitted: Fit, current: Fit) -> Effect:

@@ -84,7 +84,7 @@ class Search:
         at less noise choose."""
         table = scores(current, self.only)
         names = shortlist(table, current.samples, _FAINT[min(found, 1)])
-        hiding = np.any(current.noise[:2] > 10.0 * quietest(current.plant, current.records))
+        hiding = np.any(current.noise.torque > 10.0 * quietest(current.plant, current.records))
         convincing = any(table[n].gain > price(n, current.samples) + THRESHOLD for n in names)
         if hiding and not convincing:
             quiet = scores(current, self.only, quieter=_QUIETER)
