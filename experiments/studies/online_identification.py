@@ -21,8 +21,8 @@ from experiments.cli.errors import explained
 from experiments.cli.output import write_json
 from experiments.studies.identification_benchmark.cases import Case
 from furuta_gym.plant import PLANTS, THETA_NAMES, Effect, Plant
-from furuta_gym.plant.dynamics import N_BASE
 from furuta_gym.plant.effects.dispatch import modify_theta
+from furuta_gym.plant.layout import N_BASE, THETA_ROWS
 from identification.estimation.ekf import track
 from identification.estimation.identify import identify
 from identification.least_squares.batch import filtered_least_squares
@@ -66,7 +66,7 @@ def true_theta(plant: Plant, t: Array) -> Array:
     P = np.repeat(packed.p[:, None], len(t), axis=1)
     TH = P[:N_BASE].copy()
     modify_theta(np.ascontiguousarray(t), P, packed.codes, TH)
-    return TH[:9].T
+    return TH[THETA_ROWS].T
 
 
 def follow(case: Case, seed: int, effect: Effect | None = None) -> Run:

@@ -3,7 +3,7 @@
 A block holds L envs side by side as the columns ("lanes") of one array (rows, L): single envs are a block of one lane,
 the vector env has many blocks of many lanes, and both run the same code, so that they agree to the last bit.
 
-    rows of a block: N_FIXED rows named below | X (4 + memory) | P (11 + …) | past commands (H) | their times (H) |
+    rows of a block: N_FIXED rows named below | X (4 + memory) | P | past commands (H) | their times (H) |
                      observation frames, oldest first (history · frame)
 """
 
@@ -12,9 +12,10 @@ import math
 import numpy as np
 
 from ..plant.compiled import compiled
-from ..plant.dynamics import N_BASE, _runge_kutta, acting_row, plain_steps, until_next
+from ..plant.dynamics import _runge_kutta, acting_row, plain_steps, until_next
 from ..plant.effects.dispatch import command_delays, filter_command, map_command, store_filter
 from ..plant.elementary import sincos
+from ..plant.layout import N_BASE
 from ..sensors import read_encoders
 from .randomization import draw_parameters
 from .streams import normal_pair, uniform

@@ -4,7 +4,7 @@ Every kernel works on *lanes*: L plants side by side, arrays of shape (rows, L).
 L = N, and the sensitivities of an estimator are lanes with shifted states and parameters.
 
     X  (4 + memory, L)   q1, q2, v1 = q̇1, v2 = q̇2 [rad, rad/s], then the effects' memory
-    P  (11 + ..., L)     theta1 ... theta9, r1, r2, then the effects' parameters
+    P  (rows, L)         theta1 ... theta9, r1, r2, then the effects' parameters: see `layout`
     codes (n, 3)         the active effects: number in the library, first row in P, first row of memory in X
 """
 
@@ -23,8 +23,7 @@ from .effects.dispatch import (
     store_filter,
 )
 from .elementary import sincos, tanh
-
-N_BASE = 11  # rows of P before the effects' parameters
+from .layout import N_BASE
 
 
 @compiled(forceinline=True)
@@ -97,7 +96,7 @@ def _accelerate(X, F, TH, K):
 def rates(t, X, tau, W, P, codes, TH, F, K):
     """K = dX/dt at times t (L,), with the actuator's torque tau (L,) and disturbance torques W (2, L).
 
-    TH (11, L) and F (2, L) are work space.
+    TH (N_BASE, L) and F (2, L) are work space.
     """
     for k in range(X.shape[1]):
         F[0, k] = W[0, k] + tau[k]

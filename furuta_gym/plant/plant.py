@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
+from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from .parameters import THETA_NAMES, physical_consistency, theta_vector
 
 SCHEMA = "furuta-plant/1"
@@ -24,7 +25,7 @@ UNITS = ("V", "N·m")
 
 
 class Packed(NamedTuple):
-    """A plant as the compiled code takes it; see `dynamics`. p (11 + parameters,), codes (effects, 3), rows of X."""
+    """A plant as the compiled code takes it; see `dynamics`. p (rows of the layout,), codes (effects, 3), rows of X."""
 
     p: NDArray[np.float64]
     codes: NDArray[np.int64]
@@ -140,14 +141,21 @@ class Plant:
         return Effect(name, values)
 
     @cached_property
+    def layout(self) -> ParameterLayout:
+        """Which row of the packed parameters holds which parameter."""
+        return ParameterLayout.of(self.effects)
+
+    @cached_property
     def _packed(self) -> Packed:
-        p = [*self.theta, *self.sharpness]
+        p = np.empty(self.layout.size)
+        p[THETA_ROWS], p[SHARPNESS_ROWS] = self.theta, self.sharpness
         codes, rows = [], 4
         for effect in self.effects:
-            codes.append((NUMBERS[effect.name], len(p), rows))
-            p.extend(effect.parameters.values())
+            own = self.layout.rows_of(effect.name)
+            p[own.start : own.stop] = [effect.parameters[name] for name in effect.type.parameter_names]
+            codes.append((NUMBERS[effect.name], own.start, rows))
             rows += len(effect.type.memory)
-        return Packed(np.array(p, dtype=float), np.array(codes, dtype=np.int64).reshape(-1, 3), rows)
+        return Packed(p, np.array(codes, dtype=np.int64).reshape(-1, 3), rows)
 
     def packed(self) -> Packed:
         """Flat arrays for the compiled code (fresh copies)."""

@@ -19,9 +19,11 @@ from scipy.optimize import minimize
 
 from furuta_gym.plant import THETA_NAMES, Plant
 
+from ..estimation.pool import shared_pool
 from ..estimation.prediction_error import PredictionError
 from ..estimation.uncertainty import inverse_information
-from ..kalman.coordinates import Coordinate, noise_coordinates, plant_coordinates
+from ..kalman.coordinates import SHARPNESS_NAMES, Coordinate, noise_coordinates, plant_coordinates
+from ..kalman.noise_model import Noise
 from .setup import MARGIN, Limits, Run, Setup, within_limits
 from .signals import Scaled, Signal, Sines, SquareWave, Sum, paper_signal
 
@@ -115,7 +117,7 @@ class Design:
 def free_coordinates(plant: Plant) -> list[Coordinate]:
     """θ first, then r, effect parameters and noise, as `identify` frees them."""
     found = plant_coordinates(plant)
-    return [replace(c, weak_prior=_R_PRIOR) if c.row in (9, 10) else c for c in found] + noise_coordinates()
+    return [replace(c, weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c for c in found] + noise_coordinates()
 
 
 def predicted(setup: Setup, run: Run) -> Precision:
@@ -123,8 +125,8 @@ def predicted(setup: Setup, run: Run) -> Precision:
     if run.fell is not None:
         return Precision(_NAN, math.inf)
     coordinates = free_coordinates(setup.plant)
-    noise = np.array([*np.maximum(setup.torque_noise, 1e-20), 1.0, 1.0])
-    problem = PredictionError(setup.plant, [setup.record(run)], coordinates, noise)
+    noise = Noise(np.maximum(setup.torque_noise, 1e-20))
+    problem = PredictionError(setup.plant, [setup.record(run)], coordinates, noise, pool=shared_pool())
     z = problem.start()
     expansion = problem.expand(z)
     if not math.isfinite(expansion.value):

@@ -21,8 +21,10 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from furuta_gym.simulate import Policy
 
 from ..estimation.optimise import minimise
+from ..estimation.pool import shared_pool
 from ..estimation.prediction_error import PredictionError
 from ..kalman.coordinates import noise_coordinates, plant_coordinates
+from ..kalman.noise_model import Noise
 from ..kalman.record import Record
 from .setup import Limits, Setup, within_limits
 from .signals import Prbs, Scaled, Signal, Sines, SquareWave, Sum, paper_signal
@@ -248,8 +250,8 @@ def _separations(setup: Setup, entry: Entry, signal: Scaled | None, suspects: Se
 
 def _problem(setup: Setup, plant: Plant, record: Record, restless: float) -> PredictionError:
     coordinates = plant_coordinates(plant, free_sharpness=False, weak_prior_std=_ANCHOR_STD) + noise_coordinates()
-    noise = np.array([*np.maximum(setup.torque_noise, 1e-18), 1.0, 1.0]) * [restless, restless, 1.0, 1.0]
-    return PredictionError(plant, [record], coordinates, noise)
+    noise = Noise(np.maximum(setup.torque_noise, 1e-18)).louder(restless)
+    return PredictionError(plant, [record], coordinates, noise, pool=shared_pool())
 
 
 def _value(setup: Setup, plant: Plant, record: Record) -> float:

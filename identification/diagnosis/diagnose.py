@@ -87,7 +87,7 @@ def searched(
     if any(suspect.name == "friction_sharpness" for suspect in naming.accepted):
         # before it was found, r was what model (5) has; the first estimate had it free already
         before = identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
-    left = math.sqrt(naming.final.noise[0] / 0.1)
+    left = math.sqrt(naming.final.noise.torque[0] / 0.1)
     return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, 0.0, policy)
 
 

@@ -14,6 +14,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,11 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import shared_steps, substep
+from furuta_gym.plant.layout import N_BASE, R1, R2
 
+from ..kalman.arguments import Gaussian, Readings
 from ..kalman.bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, read_pair
+from ..kalman.noise_model import RecordNoise
 from ..kalman.record import stretches
 from ..logs.log import Log
 from .start import candidates
@@ -76,29 +80,30 @@ def track(
     scale = np.maximum(np.abs(theta[_LOG:]), [0.2 * theta[0], 0.1 * theta[3], theta[0], 0.3 * theta[3]])
     eta = np.concatenate([np.log(np.maximum(theta[:_LOG], 1e-9)), theta[_LOG:] / scale])
     C = np.diag(np.concatenate([np.zeros(4), _START_STD**2]))
-    noise = np.empty(4)
-    noise[:2] = 0.01 * (0.02 * np.std(first.u) * np.array([1.0, theta[3] / theta[0]])) ** 2
+    torque = 0.01 * (0.02 * np.std(first.u) * np.array([1.0, theta[3] / theta[0]])) ** 2
     times, etas, variances, offset, spent = [], [], [], 0.0, 0.0
     for piece, record in ((stretch.piece, stretch.record) for stretch in stretches(logs)):
-        noise[2:] = np.where(record.quantum > 0, 0.05 * record.quantum**2 / 12.0, record.variance)
-        x = np.concatenate([record.y[0], record.velocity, eta])
+        before_rounding = np.where(record.quantum > 0, 0.05 * record.quantum**2 / 12.0, record.variance)
+        noise = RecordNoise(torque, before_rounding).packed()
+        state = Gaussian(np.concatenate([record.y[0], record.velocity, eta]), C)
         C[:4], C[:, :4] = 0.0, 0.0
         C[[0, 1], [0, 1]] = 100.0 * record.variance
         C[[2, 3], [2, 3]] = record.velocity_std**2
-        history, spread = np.empty((len(record.t), 9)), np.empty((len(record.t), 9))
-        inputs = (record.t, record.y, record.u, record.quantum, x, C, scale, np.array(start.sharpness), noise)
-        settings = wander, 0.0 if not etas else math.inf
-        two = (a[:2] if i < 3 else a.copy() for i, a in enumerate(inputs))
-        _track(*two, *settings, history[:2], spread[:2])  # compiles, and is not timed
+        history = _History(np.empty((len(record.t), 9)), np.empty((len(record.t), 9)))
+        scaling = _Scaling(scale, np.array(start.sharpness))
+        settings = noise, wander, 0.0 if not etas else math.inf
+        two = Readings(record.t[:2], record.y[:2], record.u[:2], record.quantum)
+        copied = Gaussian(state.mean.copy(), state.covariance.copy())
+        _track(two, copied, scaling, *settings, _History(*(a[:2] for a in history)))  # compiles, and is not timed
         begun = time.perf_counter()
-        if not _track(*inputs, *settings, history, spread):
+        if not _track(record.readings, state, scaling, *settings, history):
             raise ValueError(f"{piece.source}: the joint filter diverges; give a better start, or check the signs")
         spent += time.perf_counter() - begun
-        eta = x[4:].copy()
+        eta = state.mean[4:].copy()
         times.append(record.t - record.t[0] + offset)
         offset = float(times[-1][-1]) + piece.sample_time
-        etas.append(history)
-        variances.append(spread)
+        etas.append(history.eta)
+        variances.append(history.variance)
     eta_history = np.concatenate(etas)
     theta_history = np.column_stack([np.exp(eta_history[:, :_LOG]), eta_history[:, _LOG:] * scale])
     slope = np.column_stack([theta_history[:, :_LOG], np.broadcast_to(scale, (len(eta_history), 4))])
@@ -108,12 +113,28 @@ def track(
     return OnlineHistory(np.concatenate(times), theta_history, std, covariance, cost, start.friction_sharpness)
 
 
+class _Scaling(NamedTuple):
+    """What friction's η are times (4,), and the sharpness (2,) [s/rad]."""
+
+    friction: NDArray[np.float64]
+    sharpness: NDArray[np.float64]
+
+
+class _History(NamedTuple):
+    """η (N, 9) and its variances (N, 9) after each reading."""
+
+    eta: NDArray[np.float64]
+    variance: NDArray[np.float64]
+
+
 @compiled(nogil=True)
-def _track(t, y, u, quantum, x, C, scale, r, noise, wander, age, history, spread):
-    """The filter: x (13,) and C (13, 13) in place; η and its variances after each reading. age [s]: of the estimate
-    at the first reading. False if it diverged."""
+def _track(readings, state, scaling, noise, wander, age, history):
+    """The filter: moves `state` (Gaussian of 13) in place and fills `history`. noise (4,): torque intensities, and
+    variances of the readings before rounding. age [s]: of the estimate at the first reading. False if it diverged."""
+    t, y, u, quantum = readings.t, readings.y, readings.u, readings.quantum
+    x, C, scale, r = state.mean, state.covariance, scaling.friction, scaling.sharpness
     n, lanes = 13, 14  # lane 0, then each state and parameter shifted
-    P, X = np.empty((11, lanes)), np.empty((4, lanes))
+    P, X = np.empty((N_BASE, lanes)), np.empty((4, lanes))
     Phi, work, H = np.eye(n), np.empty((n, n)), np.zeros((2, n))
     K, CH, d, e, S, prior = np.empty((n, 2)), np.empty(n), np.empty(2), np.empty(2), np.empty(3), np.empty(2)
     torques = np.empty(4)
@@ -128,9 +149,9 @@ def _track(t, y, u, quantum, x, C, scale, r, noise, wander, age, history, spread
                 for i in range(9):
                     eta = x[4 + i] + (_PARAMETER_STEP if lane == 5 + i else 0.0)
                     P[i, lane] = math.exp(eta) if i < _LOG else eta * scale[i - _LOG]
-                P[9, lane] = effective_sharpness(r[0], C[2, 2])
-                P[10, lane] = effective_sharpness(r[1], C[3, 3])
-            steps = max(1, math.ceil(T / substep(max(P[9, 0], P[10, 0]), 1e-3) - 1e-6))
+                P[R1, lane] = effective_sharpness(r[0], C[2, 2])
+                P[R2, lane] = effective_sharpness(r[1], C[3, 3])
+            steps = max(1, math.ceil(T / substep(max(P[R1, 0], P[R2, 0]), 1e-3) - 1e-6))
             shared_steps(X, u[k - 1, 0], T / steps, steps, P)
             for i in range(4):
                 for m in range(n):
@@ -159,6 +180,6 @@ def _track(t, y, u, quantum, x, C, scale, r, noise, wander, age, history, spread
         if not (abs(x[1]) < 1e6 and S[0] > 0.0 and S[2] > 0.0):
             return False
         for i in range(9):
-            history[k, i] = x[4 + i]
-            spread[k, i] = C[4 + i, 4 + i]
+            history.eta[k, i] = x[4 + i]
+            history.variance[k, i] = C[4 + i, 4 + i]
     return True

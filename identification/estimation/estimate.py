@@ -22,7 +22,7 @@ from .uncertainty import Profile, profile
 
 
 @dataclass(frozen=True)
-class Noise:
+class NoiseReport:
     """What a fit says about the noise: torque intensities on the rows [{u}² s], reading noise [rad] of each log."""
 
     torque: tuple[float, float]
@@ -47,7 +47,7 @@ class Estimate:
     identifiability: Identifiability
     classical: NDArray[np.float64] | None = None
     sandwich: NDArray[np.float64] | None = None
-    noise: Noise | None = None
+    noise: NoiseReport | None = None
     log_likelihood: float = math.nan
     samples: int = 0
     converged: bool = True

@@ -6,25 +6,34 @@ import datetime
 import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furuta_gym.plant import THETA_NAMES, Effect, Plant
 from furuta_gym.plant.covariance import Covariance
 from furuta_gym.plant.parameters import physical_consistency
 from furuta_gym.sensors import Sensors
 
-from ..kalman.coordinates import R_ROWS, Coordinate, fill, filled_plant, noise_coordinates, plant_coordinates
+from ..kalman.coordinates import (
+    SHARPNESS_NAMES,
+    Coordinate,
+    filled_noise,
+    filled_plant,
+    noise_coordinates,
+    plant_coordinates,
+)
+from ..kalman.noise_model import Noise
 from ..kalman.record import Record, stretches
 from ..logs.log import Log
 from ..logs.signs import motion_signs
-from .estimate import Estimate, Noise
+from .estimate import Estimate, NoiseReport
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
 from .optimise import Optimum, minimise
+from .pool import shared_pool
 from .prediction_error import PredictionError, quietest
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
@@ -46,7 +55,8 @@ def identify(
     sharpness: float | None = None,
     negative_friction: bool = False,
     iterations: int = 60,
-    noise: NDArray[np.float64] | None = None,
+    noise: Noise | None = None,
+    pool: Executor | None = None,
 ) -> Estimate:
     """Estimate θ (and r, and effect parameters) from one log or several of one rig, jointly.
 
@@ -54,9 +64,9 @@ def identify(
     fixed: {name: value} of what is known, None for the start plant's value. priors: {name: (mean, std)}.
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
-    below zero (a sign that something is missing). noise: (4,) torque intensities and factors on the readings' variances
-    of an earlier fit, whose plant is `start`: the fit goes on from there and no other start is tried. method: one of
-    `METHODS`; only "prediction-error" uses the options.
+    below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the
+    fit goes on from there and no other start is tried. pool: where filters run side by side (default: `shared_pool`;
+    inside a task of that one, bring another). method: one of `METHODS`; only "prediction-error" uses the options.
 
     Logs may differ in sensors, sample time and experiment; uneven stamps are used as they are, gaps cut a log.
     Raises ValueError for bad arguments and NotIdentifiable (a ValueError) where the logs cannot tell a parameter.
@@ -73,7 +83,11 @@ def identify(
 
         template = _template(logs, start)
         return with_plant(classical_estimate(logs, method, template, template if start else None), logs, start)
-    effects = tuple(effects)
+    if not (noise is None or isinstance(noise, Noise)):
+        raise ValueError(
+            f"noise must be a Noise of an earlier fit, got {type(noise).__name__}; make one by Noise(torque)"
+        )
+    effects, pool = tuple(effects), pool or shared_pool()
     used = stretches(logs)
     records = [stretch.record for stretch in used]
     template = _template(logs, start)
@@ -103,9 +117,9 @@ def identify(
         if start is not None:
             starts = [Start(template, _restless(template)), *starts]
         starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
-        winner, _ = race(records, starts, freely(starts[0].plant), physical=physical)
+        winner, _ = race(records, starts, freely(starts[0].plant), physical=physical, pool=pool)
     plant = _with_known(winner.plant, known, effects)
-    problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical)
+    problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool)
     optimum = minimise(problem, problem.start(), iterations)
     return _estimate(logs, problem, optimum, plant, fixed, start)
 
@@ -155,9 +169,9 @@ def _limit(logs: Sequence[Log]) -> float:
     return float(f"{1.5 * largest:.1g}") if float(f"{1.5 * largest:.1g}") >= largest else 2.0 * largest
 
 
-def _restless(plant: Plant) -> NDArray[np.float64]:
+def _restless(plant: Plant) -> Noise:
     """Noise for a start plant: accelerations of 3 rad/s² for 10 ms that the model does not know of."""
-    return np.array([0.1 * plant.theta[0] ** 2, 0.1 * plant.theta[3] ** 2, 1.0, 1.0])
+    return Noise((0.1 * plant.theta[0] ** 2, 0.1 * plant.theta[3] ** 2))
 
 
 def _with_known(plant: Plant, known: Mapping[str, float], effects: Sequence[str | Effect] = ()) -> Plant:
@@ -218,7 +232,8 @@ def _coordinates(
 ) -> list[Coordinate]:
     found = plant_coordinates(plant, fixed, priors, negative_friction=negative_friction)
     limited = [
-        replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=_R_PRIOR) if c.name in R_ROWS else c for c in found
+        replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c
+        for c in found
     ]
     return limited + noise_coordinates(quietest(plant, records))
 
@@ -256,8 +271,8 @@ def _estimate(
     motion = Motion.of(logs)
     std = np.sqrt(np.diag(covariance))
     verdict = judge(names, values, inverse_information(covariance), motion, std, _noticeable(start))
-    _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
-    reading = tuple(tuple(np.sqrt(noise[2:] * r.variance).tolist()) for r in problem.records)  # rounding included
+    noise = filled_noise(coordinates, optimum.z, problem.noise)
+    reading = tuple(tuple(np.sqrt(noise.on(r).variance).tolist()) for r in problem.records)  # rounding included
     plant = filled_plant(start, coordinates, optimum.z)
     estimate = Estimate(
         plant=plant,
@@ -268,7 +283,7 @@ def _estimate(
         identifiability=verdict,
         classical=classical,
         sandwich=sandwich,
-        noise=Noise((float(noise[0]), float(noise[1])), reading),  # type: ignore[arg-type]
+        noise=NoiseReport(tuple(noise.torque.tolist()), reading),  # type: ignore[arg-type]
         log_likelihood=problem.prior_cost(optimum.z)
         - optimum.value
         - sum(len(r.t) for r in problem.records) * math.log(2 * math.pi),
@@ -358,14 +373,14 @@ def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | No
     }
 
 
-def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: NDArray[np.float64]) -> Iterable[str]:
+def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
     for name in at_bound:
         if name in THETA_NAMES[5:]:
             yield (
                 f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, the mark of an effect "
                 "that model (5) lacks (run `furuta diagnose`), or of a sign that should be flipped"
             )
-        elif name in R_ROWS:
+        elif name in SHARPNESS_NAMES:
             yield f"{name} ends at its bound {_value_of(plant, name):.3g} s/rad: friction near rest is not told; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
@@ -377,12 +392,12 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
         remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
         yield "; ".join(failures) + f". {remedy}"
     # what the torque noise adds up to over a tenth of a second, against the command's size
-    missing = math.sqrt(noise[0] / 0.1)
+    missing = math.sqrt(noise.torque[0] / 0.1)
     command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
     if missing > 0.1 * command:
         yield (
             f"the model misses torques of about {missing:.2g} {plant.unit} ({100 * missing / command:.0f} % of the "
             "command): something acts that model (5) does not hold; run `furuta diagnose`"
         )
-    if max(noise[2:]) > 4.0:
+    if max(noise.reading_factor) > 4.0:
         yield "the readings are at least twice as noisy as their counts and smoothness say; check the encoder counts"

@@ -1,6 +1,6 @@
 """Maximum likelihood through the Kalman filter's innovations (the prediction-error method).
 
-Minimises V(z) = −log L = ½ Σ (eᵀ S⁻¹ e + ln det S), for rounded readings its counterpart (`filter_bank.counted`), over
+Minimises V(z) = −log L = ½ Σ (eᵀ S⁻¹ e + ln det S), for rounded readings its counterpart (`bank.counted`), over
 θ, r, effect parameters and noise intensities together, for any number of logs (Kristensen, Madsen & Jørgensen 2004;
 Ljung 1999, ch. 7). Works on closed-loop data of the unstable plant and needs no velocities. Derivatives come from a
 bank of filters; `optimise` does the descent.
@@ -10,35 +10,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.dispatch import read_sensors
+from furuta_gym.plant.layout import N_BASE
 
+from ..kalman.arguments import BankResult, Gaussian, Model
 from ..kalman.bank import innovations, sharpness_rows
-from ..kalman.coordinates import Coordinate, fill
+from ..kalman.coordinates import Coordinate, filled_noise, filled_parameters
 from ..kalman.likelihood import differentiate
+from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
 from .optimise import Expansion
+from .pool import mapped
 
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
 _BANDWIDTH = 3.0  # rad/s
 _EXACT_STEP = 0.1  # of a coordinate's step: differences of V itself are one-sided, and V is sharp
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
-THREADS = ThreadPoolExecutor(max_workers=2)  # the filter releases the interpreter's lock
 
 
 class PredictionError:
     """The objective V over the free `coordinates` of a plant and the noise, on `records`.
 
     plant: supplies the structure (effects) and the values of everything that is not free.
-    noise: (4,) torque intensities on the rows and factors on the readings' variances, where not free.
-    coarser: factor on the integration step that the friction's sharpness allows, for a first look. parallel: use two
-    threads. physical: penalise what no rigid body has.
+    noise: where it is not free.
+    coarser: factor on the integration step that the friction's sharpness allows, for a first look. pool: where filters
+    run side by side (None: in the caller's own thread, as inside a task of a pool they must). physical: penalise what
+    no rigid body has.
     """
 
     def __init__(
@@ -46,28 +50,29 @@ class PredictionError:
         plant: Plant,
         records: Sequence[Record],
         coordinates: Sequence[Coordinate],
-        noise: NDArray[np.float64],
+        noise: Noise,
         coarser: float = 1.0,
-        parallel: bool = True,
+        pool: Executor | None = None,
         physical: bool = False,
     ) -> None:
         packed = plant.packed()
         self.p, self.codes, self.rows = packed.p, packed.codes, packed.rows
-        self.records, self.coordinates, self.noise = list(records), list(coordinates), np.asarray(noise, dtype=float)
+        self.records, self.coordinates, self.noise = list(records), list(coordinates), noise
         self.coarser = coarser
-        self.sharp = sharpness_rows(self.codes)
-        self.physical, self.parallel = physical, parallel
-        self._map = THREADS.map if parallel else map
+        self.sharp = sharpness_rows(plant.layout)
+        self.physical, self.pool = physical, pool
         bounds = np.array([c.z_bounds for c in self.coordinates])
         self.low, self.high = bounds[:, 0], bounds[:, 1]
         for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
-            if c.noise and c.row >= 2 and all(r.quantum[c.row - 2] > 0 for r in self.records):
+            axis = c.row - READING.start
+            if c.noise and axis >= 0 and all(r.quantum[axis] > 0 for r in self.records):
                 self.low[i] = max(self.low[i], 0.0)
         self.noisy = np.array([c.noise for c in self.coordinates])
 
     def start(self) -> NDArray[np.float64]:
         """The coordinates of the plant and noise given."""
-        z = [c.to_z((self.noise if c.noise else self.p)[c.row]) for c in self.coordinates]
+        noise = self.noise.packed()
+        z = [c.to_z((noise if c.noise else self.p)[c.row]) for c in self.coordinates]
         return np.clip(np.array(z), self.low, self.high)
 
     def run(
@@ -82,21 +87,23 @@ class PredictionError:
         result = self._filter(record, bank, leaders, leaders if exact is None else exact, states)
         if result is None:
             return None
-        e, S, _, direct, X = result
+        e, S, direct = result.e, result.S, result.direct
         # the plain innovations of rounded readings, with rounding as a variance: their size is what S says
         e += (direct[:, :2] - e[:, :, 0])[:, :, None]
         rounding = np.where(record.quantum > 0, record.quantum**2 / 12.0, 0.0)
         S[:, [0, 2]] += (rounding - direct[:, 2:])[:, :, None]
-        return e, S, X
+        return e, S, result.states
 
-    def _filter(self, record: Record, bank: NDArray[np.float64], leaders: int, exact: int, states: bool = False):
-        """(e, S, cost, direct, states) of `innovations`, or None."""
-        filled = [fill(self.coordinates, z, self.p, self.noise) for z in bank]
-        P = np.ascontiguousarray(np.array([f[0] for f in filled]).T)
-        noise = np.ascontiguousarray(np.array([f[1] for f in filled]).T)
-        noise[2:] = _before_rounding(noise[2:] * record.variance[:, None], record.quantum[:, None])
+    def _filter(
+        self, record: Record, bank: NDArray[np.float64], leaders: int, exact: int, states: bool = False
+    ) -> BankResult | None:
+        """What `innovations` makes of a record, None if a filter diverged."""
+        P = np.ascontiguousarray(np.array([filled_parameters(self.coordinates, z, self.p) for z in bank]).T)
+        found = [filled_noise(self.coordinates, z, self.noise).on(record).packed() for z in bank]
+        noise = np.ascontiguousarray(np.array(found).T)
+        noise[READING] = _before_rounding(noise[READING], record.quantum[:, None])
         B, N = len(bank), len(record.t)
-        if not np.isfinite(P[:11]).all() or np.any(P[0] * P[3] <= P[2] ** 2):
+        if not np.isfinite(P[:N_BASE]).all() or np.any(P[0] * P[3] <= P[2] ** 2):
             return None
         x0 = np.zeros((self.rows, B))
         x0[:2] = record.y[0][:, None]
@@ -107,21 +114,24 @@ class PredictionError:
         C0 = np.zeros((self.rows, self.rows))
         C0[[0, 1], [0, 1]] = _VAGUE * record.variance
         C0[[2, 3], [2, 3]] = record.velocity_std**2
-        e, S, cost = np.empty((N, 2, B)), np.empty((N, 3, leaders)), np.empty((N, leaders))
-        X, direct = np.empty((N if states else 0, self.rows)), np.empty((N, 4))
-        ok = innovations(
-            *(record.t, record.y, record.u, record.quantum, P, self.codes, x0, C0, noise, exact, leaders, self.sharp),
-            *(self.coarser, e, S, cost, direct, X),
+        result = BankResult(
+            e=np.empty((N, 2, B)),
+            S=np.empty((N, 3, leaders)),
+            cost=np.empty((N, leaders)),
+            direct=np.empty((N, 4)),
+            states=np.empty((N if states else 0, self.rows)),
         )
-        return (e, S, cost, direct, X) if ok and np.isfinite(cost).all() and np.isfinite(e).all() else None
+        model, first = Model(P, self.codes, self.sharp), Gaussian(x0, C0)
+        ok = innovations(record.readings, model, first, noise, exact, leaders, self.coarser, result)
+        return result if ok and np.isfinite(result.cost).all() and np.isfinite(result.e).all() else None
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""
         total = self._prior(z)[0]
-        for result in self._map(lambda r: self._filter(r, z[None], 1, 1), self.records):
+        for result in mapped(self.pool, lambda r: self._filter(r, z[None], 1, 1), self.records):
             if result is None:
                 return math.inf
-            total += float(np.sum(result[2]))
+            total += float(np.sum(result.cost))
         return total
 
     def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion:
@@ -140,7 +150,7 @@ class PredictionError:
         bank[np.arange(1, n + 1), order] += steps[order]
         rows = [np.empty((len(r.t), 5, n)) for r in self.records]
         all_scores = [np.empty((len(r.t), n)) for r in self.records]
-        parts = _halves(len(noisy), n) if self.parallel and len(self.records) == 1 else [np.arange(n)]
+        parts = _halves(len(noisy), n) if self.pool is not None and len(self.records) == 1 else [np.arange(n)]
         jobs = [(i, part) for i in range(len(self.records)) for part in parts]
 
         def work(job: tuple[int, NDArray[np.int64]]) -> float:
@@ -152,7 +162,7 @@ class PredictionError:
                 return math.inf
             return differentiate(*result[:3], steps[order[part]], order[part], rows[i], all_scores[i])
 
-        values = list(self._map(work, jobs))
+        values = list(mapped(self.pool, work, jobs))
         value, gradient, information = self._prior(z)
         if not all(map(math.isfinite, values)):
             return Expansion(math.inf, gradient, information)
@@ -191,7 +201,7 @@ class PredictionError:
         """Residuals and slopes that hold J1 = θ1 − θ3²/θ2 and J2 = θ4 − θ2 above a thousandth of θ1 and θ4."""
 
         def lacks(z: NDArray[np.float64]) -> NDArray[np.float64]:
-            th = fill(self.coordinates, z, self.p, self.noise)[0]
+            th = filled_parameters(self.coordinates, z, self.p)
             return np.array([1.001 * th[2] ** 2 / (th[0] * th[1]) - 1.0, 1.001 * th[1] / th[3] - 1.0]) / _STIFF
 
         r = lacks(z)

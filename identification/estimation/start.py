@@ -9,6 +9,7 @@ a short race of prediction-error fits on a reduced log at high process noise; th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +19,13 @@ from scipy.optimize import nnls
 
 from furuta_gym.plant import Plant
 
-from ..kalman.coordinates import Coordinate, fill, filled_plant
+from ..kalman.coordinates import Coordinate, filled_noise, filled_plant
+from ..kalman.noise_model import Noise
 from ..kalman.record import Record
 from ..logs.log import Log
 from .optimise import Optimum, minimise
-from .prediction_error import THREADS, PredictionError
+from .pool import mapped
+from .prediction_error import PredictionError
 
 _SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
 _ROD = 0.75  # θ2/θ4 of a thin rod
@@ -34,10 +37,10 @@ _REDUCED = (4.0, 4e-3)  # s: duration and sample time of the log that the race r
 
 @dataclass(frozen=True)
 class Start:
-    """A start of the fit: the plant's numbers and noise (4,) as `PredictionError` takes it."""
+    """A start of the fit."""
 
     plant: Plant
-    noise: NDArray[np.float64]
+    noise: Noise
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
             restless = 0.01 * (0.3 * np.std(m.a, axis=0) + 0.1) ** 2 * np.array([th1, scale]) ** 2
             sharpness = (_SHARPNESS, _SHARPNESS) if isinstance(plant.friction_sharpness, tuple) else _SHARPNESS
             start = plant.replace(theta=np.array(theta), friction_sharpness=sharpness)
-            starts.append(Start(start, np.array([*restless, 1.0, 1.0])))
+            starts.append(Start(start, Noise(restless)))
     if not starts:
         raise ValueError(
             f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive "
@@ -147,26 +150,26 @@ def race(
     coordinates: Sequence[Coordinate],
     rounds: int = 5,
     physical: bool = False,
+    pool: Executor | None = None,
 ) -> tuple[Start, Optimum | None]:
     """Run short fits from all starts on reduced records; returns the start whose fit got furthest, refined.
 
-    The Optimum is that of the winner (None if every fit diverged: then the first start is returned).
+    pool: where the fits run side by side, each in one thread (None: one after the other). The Optimum is that of the
+    winner (None if every fit diverged: then the first start is returned).
     """
     clock = any("t" in names for e in starts[0].plant.effects for names in e.type.arguments.values())
     short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2), clock=clock) for r in records]
 
     def run(start: Start, iterations: int, z: NDArray[np.float64] | None = None) -> tuple[PredictionError, Optimum]:
-        problem = PredictionError(
-            start.plant, short, coordinates, start.noise, coarser=2.0, parallel=False, physical=physical
-        )
+        problem = PredictionError(start.plant, short, coordinates, start.noise, coarser=2.0, physical=physical)
         return problem, minimise(problem, problem.start() if z is None else z, iterations, tolerance=0.1)
 
-    results = list(THREADS.map(lambda s: run(s, rounds), starts))
+    results = list(mapped(pool, lambda s: run(s, rounds), starts))
     order = np.argsort([o.value for _, o in results])
     if not np.isfinite(results[order[0]][1].value):
         return starts[0], None
     finalists = [order[0]] + [i for i in order[1:2] if np.isfinite(results[i][1].value)]
-    finished = list(THREADS.map(lambda i: run(starts[i], 25, results[i][1].z), finalists))
+    finished = list(mapped(pool, lambda i: run(starts[i], 25, results[i][1].z), finalists))
     _, best = min(finished, key=lambda r: r[1].value)
-    _, noise = fill(coordinates, best.z, starts[0].plant.packed().p, starts[0].noise)
+    noise = filled_noise(coordinates, best.z, starts[0].noise)
     return Start(filled_plant(starts[0].plant, coordinates, best.z), noise), best

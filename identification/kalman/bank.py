@@ -27,11 +27,12 @@ from numpy.typing import NDArray
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance, mass_matrix, shared_steps, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.effects.library import NUMBERS
+from furuta_gym.plant.layout import ParameterLayout
 
 _ROOT_HALF = math.sqrt(0.5)
 _NORMAL = 1.0 / math.sqrt(2.0 * math.pi)
 _REGISTER = 4  # lanes
+_SPEED = {"r1": 2, "r2": 3}  # the state in which the velocity of its friction is
 _LONGEST = 1e-3  # s, of the integration
 STATE_STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
 
@@ -165,22 +166,19 @@ def read_pair(C, H, noise, d, quantum, K, e, S, prior, CH):
 
 
 @compiled(nogil=True)
-def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp, coarser, e, S, cost, direct, X_out):
-    """Run B filters over a log of N samples; fills e (N, 2, B), S (N, 3, leaders) and cost (N, leaders).
+def innovations(readings, model, first, noise, exact, leaders, coarser, result):
+    """Run B filters over a log of N samples; fills `result`.
 
-    t (N,) [s]; y (N, 2) readings [rad]; u (N, 1) commands held from t on; quantum (2,) counts [rad]; P (parameters,
-    B); x0 (n, B) and C0 (n, n) mean and covariance of the first state; noise (4, B): torque intensities on the rows
-    [{u}² s] and variances of the readings before rounding [rad²]. Of the filters, the first `exact` ≥ 1 carry
-    Jacobians, the first `leaders` covariances, the others follow filter 0. sharp (m, 2): rows of P that hold the
-    sharpness of a friction, and the state its velocity is in. coarser: factor on the integration step.
-
-    cost: −log-likelihood of each sample. e, S: innovations and covariances of the Gaussian readings that filter 0's
-    rounded ones are equivalent to, as seen by each filter. direct (N, 4): of filter 0, readings less predictions, and
-    what rounding adds to the two variances in S. X_out (N, n) receives the filtered state of filter 0 if it
-    has N rows. Returns False if a filter diverged (the results are then meaningless).
+    readings: Readings. model: Model of B plants. first: Gaussian, means (n, B). noise (4, B): torque intensities on
+    the rows [{u}² s] and variances of the readings before rounding [rad²]. Of the filters, the first `exact` ≥ 1
+    carry Jacobians, the first `leaders` covariances, the others follow filter 0. coarser: factor on the integration
+    step. result: BankResult. Returns False if a filter diverged (the results are then meaningless).
     """
+    t, y, u, quantum = readings.t, readings.y, readings.u, readings.quantum
+    P, codes, sharp = model.P, model.codes, model.sharp
+    e, S, cost, direct, states = result.e, result.S, result.cost, result.direct, result.states
     N, B = y.shape[0], P.shape[1]
-    n, G = x0.shape[0], leaders
+    n, G = first.mean.shape[0], leaders
     # lanes 0 … B−1 are the filters, then n shifted states of each exact one; the rest do as filter 0
     lanes = whole_registers(exact * n + B)
     plain = codes.shape[0] == 0
@@ -190,10 +188,10 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
     for k in range(lanes):
         owner[k] = k if k < B else ((k - B) // n if k < B + exact * n else 0)
         PL[:, k] = P[:, owner[k]]
-    x = x0.copy()
+    x = first.mean.copy()
     C = np.empty((G, n, n))
     for g in range(G):
-        C[g] = C0
+        C[g] = first.covariance
     Phi, H = np.empty((exact, n, n)), np.zeros((exact, 2, n))
     work, K, CH, d = np.empty((n, n)), np.empty((G, n, 2)), np.empty(n), np.empty(2)
     own_e, own_S, prior = np.empty((G, 2)), np.empty((G, 3)), np.empty((G, 2))
@@ -264,8 +262,8 @@ def innovations(t, y, u, quantum, P, codes, x0, C0, noise, exact, leaders, sharp
             told = own_S[g, 1] / own_S[g, 0]
             for i in range(n):
                 x[i, b] += K[g, i, 0] * e1 + K[g, i, 1] * (e2 - told * e1)
-        if X_out.shape[0] == N:
-            X_out[k] = x[:, 0]
+        if states.shape[0] == N:
+            states[k] = x[:, 0]
     return True
 
 
@@ -285,7 +283,7 @@ def _spread(X, x, exact):
             X[i, k] = x[i, 0]
 
 
-def sharpness_rows(codes: NDArray[np.int64]) -> NDArray[np.int64]:
+def sharpness_rows(layout: ParameterLayout) -> NDArray[np.int64]:
     """(m, 2): rows of P that hold a friction's sharpness, and the state that its velocity is."""
-    own = [offset for number, offset, _ in codes if number == NUMBERS["friction_sharpness"]]
-    return np.array([(9, 2), (10, 3), *((o + i, 2 + i) for o in own for i in range(2))], dtype=np.int64)
+    names = ("r1", "r2", "friction_sharpness.r1", "friction_sharpness.r2")
+    return np.array([(row, _SPEED[name[-2:]]) for name in names for row in layout.rows(name)], dtype=np.int64)

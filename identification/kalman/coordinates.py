@@ -11,18 +11,21 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import THETA_NAMES, Plant
 from furuta_gym.plant.effects.declaration import Parameter
+from furuta_gym.plant.layout import SHARPNESS_NAMES as _SHARPNESS
+from furuta_gym.plant.layout import SHARPNESS_ROWS, THETA_ROWS
 
-NOISE_NAMES = ("torque_noise1", "torque_noise2", "reading_noise1", "reading_noise2")
-R_ROWS = {"r": 9, "r1": 9, "r2": 10}
-_EFFECT_ROW = 11
+from .noise_model import NOISE_NAMES, Noise
+
+SHARPNESS_NAMES = ("r", *_SHARPNESS)
+"""Of coordinates that are a sharpness of friction; "r" is that of both axes."""
 
 
 @dataclass(frozen=True)
 class Coordinate:
     """One free number. `log` works on its logarithm (it stays positive), else on value / scale.
 
-    row: its row in P, or the index of the noise; low, high: bounds of the value; step: difference used for
-    derivatives, in the coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
+    row: its row in P (of "r" the first), or in the packed noise; low, high: bounds of the value; step: difference used
+    for derivatives, in the coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
     coordinate itself, for a log coordinate a log-normal prior.
     """
 
@@ -76,17 +79,19 @@ def plant_coordinates(
     fixed, priors = set(fixed), dict(priors or {})
     coordinates = _theta_coordinates(plant, negative_friction)
     if free_sharpness:
-        names = ("r1", "r2") if isinstance(plant.friction_sharpness, tuple) else ("r",)
-        coordinates += [Coordinate(name, R_ROWS[name], log=True, low=1.0, high=1e4, step=1e-3) for name in names]
-    row = _EFFECT_ROW
+        names = _SHARPNESS if isinstance(plant.friction_sharpness, tuple) else ("r",)
+        rows = [plant.layout.rows(name)[0] for name in names]
+        coordinates += [
+            Coordinate(name, row, log=True, low=1.0, high=1e4, step=1e-3) for name, row in zip(names, rows, strict=True)
+        ]
     for effect in plant.effects:
         defaults = plant.default_effect(effect.name).parameters
         for p in effect.type.parameters:
             value = effect.parameters[p.name]
             if not p.integer and math.isfinite(value):
                 usual = max(abs(defaults[p.name]), abs(value)) if p.role == "size" else abs(defaults[p.name])
-                coordinates.append(_effect_coordinate(f"{effect.name}.{p.name}", p, usual, row))
-            row += 1
+                name = f"{effect.name}.{p.name}"
+                coordinates.append(_effect_coordinate(name, p, usual, plant.layout.row(name)))
     known = {c.name for c in coordinates}
     if strange := (fixed | set(priors)) - known:
         raise ValueError(f"cannot fix or put a prior on {sorted(strange)}; the parameters are {sorted(known)}")
@@ -145,19 +150,24 @@ def noise_coordinates(least: Sequence[float] | NDArray[np.float64] = (1e-22, 1e-
     ]
 
 
-def fill(
-    coordinates: Sequence[Coordinate], z: NDArray[np.float64], p: NDArray[np.float64], noise: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """p and noise (both copied) with the coordinates' values in place; a single r sets both axes."""
-    p, noise = p.copy(), noise.copy()
+def filled_parameters(
+    coordinates: Sequence[Coordinate], z: NDArray[np.float64], p: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Packed parameters p (copied) with the coordinates' values in place; a single r sets both axes."""
+    p = p.copy()
+    for c, zi in zip(coordinates, z, strict=True):
+        if not c.noise:
+            p[SHARPNESS_ROWS if c.name == "r" else c.row] = c.to_value(zi)
+    return p
+
+
+def filled_noise(coordinates: Sequence[Coordinate], z: NDArray[np.float64], noise: Noise) -> Noise:
+    """The noise with the coordinates' values in it."""
+    numbers = noise.packed()
     for c, zi in zip(coordinates, z, strict=True):
         if c.noise:
-            noise[c.row] = c.to_value(zi)
-        else:
-            p[c.row] = c.to_value(zi)
-            if c.name == "r":
-                p[10] = p[9]
-    return p, noise
+            numbers[c.row] = c.to_value(zi)
+    return Noise.unpacked(numbers)
 
 
 def filled_plant(plant: Plant, coordinates: Sequence[Coordinate], z: NDArray[np.float64]) -> Plant:
@@ -165,13 +175,12 @@ def filled_plant(plant: Plant, coordinates: Sequence[Coordinate], z: NDArray[np.
 
     Raises ValueError where the values make no plant (M not positive definite, an effect out of bounds).
     """
-    p, _ = fill(coordinates, z, plant.packed().p, np.zeros(len(NOISE_NAMES)))
-    effects, row = [], _EFFECT_ROW
+    p = filled_parameters(coordinates, z, plant.packed().p)
+    effects, values = [], plant.layout.of_effects(p)
     for effect in plant.effects:
-        values = dict(zip(effect.type.parameter_names, map(float, p[row:]), strict=False))
-        bounded = {q.name: min(max(values[q.name], q.lower), q.upper) for q in effect.type.parameters}
+        own = values[effect.name]
+        bounded = {q.name: min(max(float(own[q.name]), q.lower), q.upper) for q in effect.type.parameters}
         effects.append(type(effect)(effect.name, bounded, effect.std))
-        row += len(bounded)
-    two = isinstance(plant.friction_sharpness, tuple)
-    r = (float(p[9]), float(p[10])) if two else float(p[9])
-    return plant.replace(theta=p[:9], friction_sharpness=r, effects=tuple(effects))
+    r1, r2 = p[SHARPNESS_ROWS].tolist()
+    r = (r1, r2) if isinstance(plant.friction_sharpness, tuple) else r1
+    return plant.replace(theta=p[THETA_ROWS], friction_sharpness=r, effects=tuple(effects))

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
+from .arguments import Assumed, Filtered
 from .bank import whole_registers
 from .likelihood import innovation_cost
 from .noise_kernels import differentiate_noise, run_bank
-from .path import FilterPath, follow, linear_arguments
+from .noise_model import READING, TORQUE, RecordNoise
+from .path import FilterPath, follow
 from .path_kernels import run_filter
 from .record import Record
 
@@ -34,7 +36,7 @@ class NoiseFit:
     value: float
 
     @property
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> RecordNoise:
         return self.path.noise
 
 
@@ -46,8 +48,7 @@ def fit_noise(plant: Plant, record: Record, rounds: int = 3) -> NoiseFit:
     base = unit_intensity(plant, record)
     path = None
     for bandwidth in _BANDWIDTHS:
-        noise = np.concatenate([base * bandwidth**4, record.variance])
-        path = path or follow(plant, record, noise)
+        path = path or follow(plant, record, RecordNoise(base * bandwidth**4, record.variance))
     if path is None:
         raise ValueError(
             "the Kalman filter of this plant loses the log. The plant does not describe this rig: check signs, units "
@@ -73,8 +74,8 @@ def unit_intensity(plant: Plant, record: Record) -> NDArray[np.float64]:
 
 def likeliest(
     path: FilterPath, used: NDArray[np.float64] | None = None, hold_noise: bool = False
-) -> tuple[NDArray, NDArray | None]:
-    """Noise (4,) and walk (2,) or None that minimise V on a linearised log, from those of the path.
+) -> tuple[RecordNoise, NDArray | None]:
+    """Noise and walk (2,) or None that minimise V on a linearised log, from those of the path.
 
     used (2,): number of parameters of torques on the two rows that were fitted to these data; the torque noise is
     estimated from what they left (restricted likelihood: about half of what lies along such a torque's answer is
@@ -131,14 +132,14 @@ class _Problem:
 
     def start(self) -> NDArray[np.float64]:
         p = self.path
-        z = [np.log(p.noise[:2] / self.base), np.log(p.noise[2:] / p.record.variance)]
+        z = [np.log(p.noise.torque / self.base), np.log(p.noise.variance / p.record.variance)]
         if p.walk is not None:
             z.append(np.log(np.maximum(p.walk, 1e-300) / self.base))
         return np.clip(np.concatenate(z), self.low, self.high)
 
-    def unpack(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    def unpack(self, z: NDArray[np.float64]) -> tuple[RecordNoise, NDArray[np.float64] | None]:
         noise = np.concatenate([self.base, self.path.record.variance]) * np.exp(z[:4])
-        return noise, self.base * np.exp(z[4:]) if self.walk else None
+        return RecordNoise(noise[TORQUE], noise[READING]), self.base * np.exp(z[4:]) if self.walk else None
 
     def run(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         p = self.path
@@ -148,23 +149,23 @@ class _Problem:
             first[[-2, -1], [-2, -1]] = walk
         e, S = np.empty_like(p.e), np.empty_like(p.S)
         n = p.about.shape[1]
-        unkept = np.empty((0, n)), np.empty((0, n, n)), np.empty((0, n, 2))
-        run_filter(*linear_arguments(replace(p, first=first, noise=noise, walk=walk)), *unkept, e, S)
+        found = Filtered(np.empty((0, n)), np.empty((0, n, n)), np.empty((0, n, 2)), e, S)
+        assumed = replace(p, first=first, noise=noise, walk=walk).assumed
+        run_filter(p.record.t, p.used, p.inertias, p.linearised, assumed, found)
         return e, S
 
     def _bank(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """e (N, 2, L) and S (N, 3, L) of the filters at points (L or less, n)."""
         lanes = whole_registers(len(points))
         unpacked = [self.unpack(z) for z in points] + [self.unpack(points[0])] * (lanes - len(points))
-        noise = np.array([noise for noise, _ in unpacked]).T.copy()
+        noise = np.array([noise.packed() for noise, _ in unpacked]).T.copy()
         walk = np.array([[] if walk is None else walk for _, walk in unpacked]).T.copy()
-        p, n = self.path, self.path.about.shape[1]
+        p = self.path
         C = np.repeat(p.first[:, :, None], lanes, axis=2)
         if self.walk:
             C[[-2, -1], [-2, -1]] = walk
         e, S = np.empty((len(p.e), 2, lanes)), np.empty((len(p.e), 3, lanes))
-        work = np.zeros((n, lanes)), np.empty((n, n, lanes)), *np.empty((2, n, 2, lanes))
-        run_bank(*linear_arguments(p)[:-3], C, noise, walk, *work, e, S)
+        run_bank(p.record.t, p.used, p.inertias, p.linearised, Assumed(C, noise, walk), e, S)
         return e, S
 
     def value(self, z: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""The compiled loops behind `noise_fit`: one linearised log, filtered under several noise intensities side by side."""
+"""The compiled loops behind `noise`: one linearised log, filtered under several noise intensities side by side."""
 
 import math
 
@@ -9,14 +9,17 @@ from furuta_gym.plant.dynamics import mass_matrix
 
 
 @compiled(nogil=True)
-def run_bank(t, used, theta, about, carried, misread, Phi, H, C, noise, walk, d, work, CH, K, e, S):
-    """`path_kernels.run_filter` for L filters that share the linearisation and differ in their noise.
+def run_bank(t, used, theta, kept, assumed, e, S):
+    """`path_kernels.run_filter` for L filters that share the linearisation and differ in what they assume.
 
-    C (n, n, L): covariances of the first state, overwritten. noise (4, L), walk (0 or 2, L). d (n, L) zeros,
-    work (n, n, L), CH and K (n, 2, L): work space. Fills e (N, 2, L) and S (N, 3, L).
+    assumed: Assumed with first (n, n, L), noise (4, L) and walk (0 or 2, L). Fills e (N, 2, L) and S (N, 3, L).
     """
+    about, carried, misread, Phi, H = kept.about, kept.carried, kept.misread, kept.transition, kept.reading
+    noise, walk = assumed.noise, assumed.walk
     N, n = about.shape
     L = noise.shape[1]
+    C, d = assumed.first.copy(), np.zeros((n, L))
+    work, CH, K = np.empty((n, n, L)), np.empty((n, 2, L)), np.empty((n, 2, L))
     for k in range(N):
         if k > 0:
             T = t[k] - t[k - 1]
@@ -71,7 +74,7 @@ def _propagate_bank(C, d, Phi, work, new):
 
 @compiled(nogil=True)
 def _add_noise_bank(C, q2, theta, noise, walk, T):
-    """As `filter_bank._add_torque_noise`, in every lane, and what the walking torques add."""
+    """As `bank.add_torque_noise`, in every lane, and what the walking torques add."""
     n, L = C.shape[0], noise.shape[1]
     m11, m12, m22 = mass_matrix(q2, theta[0], theta[1], theta[2], theta[3])
     det = m11 * m22 - m12 * m12

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.dispatch import read_sensors
 
+from .arguments import Assumed, Filtered, Linearised, Model
 from .bank import sharpness_rows
+from .noise_model import RecordNoise
 from .path_kernels import follow_log, run_filter, run_smoother
 from .record import Record
 
@@ -36,7 +38,7 @@ class FilterPath:
     the first state's mean); misread (N, 2): reading minus what the model reads there. transition (N, n, n) and
     push (N, n, 2): how about[k] and a torque held on the two rows from k on change carried[k+1]; reading (N, 2, n).
     filtered (N, n), covariance (N, n, n), gain (N, n, 2): after reading k; e (N, 2) innovations and S (N, 3) their
-    covariances (S11, S12, S22). noise (4,): torque intensities [{u}² s], variances of the readings [rad²].
+    covariances (S11, S12, S22). noise: the log's, as the filter took it.
     walk (2,): intensities of w1, w2 [{u}²/s], or None. first (n, n): covariance of the first state.
     used (N,): samples whose readings the filter took (see `informative`); the others have e = 0, S = (1, 0, 1).
     """
@@ -51,7 +53,7 @@ class FilterPath:
     push: Array
     reading: Array
     first: Array
-    noise: Array
+    noise: RecordNoise
     walk: Array | None
     filtered: Array
     covariance: Array
@@ -64,6 +66,25 @@ class FilterPath:
         """Number of the plant's own states."""
         return self.plant.packed().rows
 
+    @property
+    def inertias(self) -> Array:
+        """θ1 … θ4 (4,): what turns torques into accelerations."""
+        return self.plant.theta[:4].copy()
+
+    @property
+    def linearised(self) -> Linearised:
+        """The path's own arrays, as the compiled loops take them."""
+        return Linearised(self.about, self.carried, self.misread, self.transition, self.push, self.reading)
+
+    @property
+    def assumed(self) -> Assumed:
+        return Assumed(self.first, self.noise.packed(), np.zeros(0) if self.walk is None else self.walk)
+
+    @property
+    def found(self) -> Filtered:
+        """The path's own arrays, as the compiled loops fill them."""
+        return Filtered(self.filtered, self.covariance, self.gain, self.e, self.S)
+
 
 @dataclass(frozen=True)
 class Smoothed:
@@ -73,14 +94,13 @@ class Smoothed:
     variance: Array
 
 
-def follow(plant: Plant, record: Record, noise: Array, walk: Array | None = None) -> FilterPath | None:
+def follow(plant: Plant, record: Record, noise: RecordNoise, walk: Array | None = None) -> FilterPath | None:
     """The extended Kalman filter over a record; None if it loses the log.
 
-    noise (4,): torque intensities on the two rows [{u}² s] and variances of the two readings [rad²]. walk (2,):
-    intensities of unknown torques [{u}²/s]; at the start they may be as large as a second's wandering.
+    walk (2,): intensities of unknown torques [{u}²/s]; at the start they may be as large as a second's wandering.
     """
     path = _empty(plant, record, noise, walk)
-    return path if _filled(path, np.zeros((0, 2)), path.about) else None
+    return path if _filled(path, np.zeros((0, 2))) else None
 
 
 def along(path: FilterPath, states: Array, velocity_variance: Array) -> FilterPath | None:
@@ -90,12 +110,12 @@ def along(path: FilterPath, states: Array, velocity_variance: Array) -> FilterPa
     """
     new = _empty(path.plant, path.record, path.noise, path.walk)
     new.about[:] = states
-    return new if _filled(new, velocity_variance, new.about) else None
+    return new if _filled(new, velocity_variance) else None
 
 
 def refilter(
     path: FilterPath,
-    noise: Array,
+    noise: RecordNoise,
     walk: Array | None = None,
     torque: Array | None = None,
     misreading: Array | None = None,
@@ -117,17 +137,10 @@ def refilter(
     first = path.first.copy()
     if walk is not None:
         first[[-2, -1], [-2, -1]] = walk
-    arrays = [np.empty_like(a) for a in (path.filtered, path.covariance, path.gain, path.e, path.S)]
-    new = replace(path, carried=carried, misread=misread, first=first, noise=noise, walk=walk)
-    run_filter(*linear_arguments(new), *arrays)
-    return replace(new, **dict(zip(("filtered", "covariance", "gain", "e", "S"), arrays, strict=True)))
-
-
-def linear_arguments(path: FilterPath) -> tuple:
-    """What the compiled linear filter takes of a path."""
-    walk = np.zeros(0) if path.walk is None else path.walk
-    arrays = (path.about, path.carried, path.misread, path.transition, path.reading, path.first, path.noise, walk)
-    return path.record.t, path.used, path.plant.theta[:4].copy(), *arrays
+    found = Filtered(*(np.empty_like(array) for array in path.found))
+    new = replace(path, carried=carried, misread=misread, first=first, noise=noise, walk=walk, **found._asdict())
+    run_filter(new.record.t, new.used, new.inertias, new.linearised, new.assumed, found)
+    return new
 
 
 def smooth(path: FilterPath) -> Smoothed:
@@ -136,8 +149,7 @@ def smooth(path: FilterPath) -> Smoothed:
     No covariance is inverted, so that states which are known exactly do no harm.
     """
     mean, variance = np.empty_like(path.filtered), np.empty_like(path.filtered)
-    arrays = (path.filtered, path.covariance, path.transition, path.reading, path.gain, path.e, path.S)
-    run_smoother(*arrays, path.used, mean, variance)
+    run_smoother(path.linearised, path.found, path.used, mean, variance)
     return Smoothed(mean, variance)
 
 
@@ -161,7 +173,7 @@ def informative(record: Record) -> NDArray[np.bool_]:
     return np.arange(len(t)) % every == 0
 
 
-def _empty(plant: Plant, record: Record, noise: Array, walk: Array | None) -> FilterPath:
+def _empty(plant: Plant, record: Record, noise: RecordNoise, walk: Array | None) -> FilterPath:
     p, codes, rows = plant.packed()
     n, N = rows + (0 if walk is None else 2), len(record.t)
     first = np.zeros((n, n))
@@ -175,24 +187,27 @@ def _empty(plant: Plant, record: Record, noise: Array, walk: Array | None) -> Fi
     read_sensors(x0, p[:, None], codes, reading)
     x0[:2] -= reading - x0[:2]
     x0[2:4, 0] = record.velocity
-    shapes = ((n,), (n,), (2,), (n, n), (n, 2), (2, n))
-    kept = tuple(np.zeros((N, *shape)) for shape in shapes)
-    kept[1][0, :rows] = x0[:, 0]
-    found = [np.zeros((N, *shape)) for shape in ((n,), (n, n), (n, 2), (2,), (3,))]
-    noise = np.asarray(noise, dtype=float)
-    walk = None if walk is None else np.asarray(walk, dtype=float)
-    return FilterPath(record, plant, informative(record), *kept, first, noise, walk, *found)  # type: ignore[call-arg]
+    kept = Linearised(*(np.zeros((N, *shape)) for shape in ((n,), (n,), (2,), (n, n), (n, 2), (2, n))))
+    kept.carried[0, :rows] = x0[:, 0]
+    found = Filtered(*(np.zeros((N, *shape)) for shape in ((n,), (n, n), (n, 2), (2,), (3,))))
+    return FilterPath(
+        record=record,
+        plant=plant,
+        used=informative(record),
+        first=first,
+        noise=noise,
+        walk=None if walk is None else np.array(walk, dtype=float),
+        **kept._asdict(),
+        **found._asdict(),
+    )
 
 
-def _filled(path: FilterPath, velocity_variance: Array, about: Array) -> bool:
+def _filled(path: FilterPath, velocity_variance: Array) -> bool:
     """Linearise and filter into the path's own arrays (`about` too where no velocity variances are given)."""
-    p, codes, rows = path.plant.packed()
-    r = path.record
-    walk = np.zeros(0) if path.walk is None else path.walk
-    kept = (about, path.carried, path.misread, path.transition, path.push, path.reading)
-    found = (path.filtered, path.covariance, path.gain, path.e, path.S)
+    p, codes, _ = path.plant.packed()
+    model = Model(p[:, None], codes, sharpness_rows(path.plant.layout))
     ok = follow_log(
-        *(r.t, r.y, r.u, path.used, p[:, None], codes, rows, path.first, path.noise, walk, sharpness_rows(codes)),
-        *(velocity_variance, LONGEST_STEP, *kept, *found),
+        *(path.record.readings, path.used, model, path.assumed),
+        *(velocity_variance, LONGEST_STEP, path.linearised, path.found),
     )
     return bool(ok) and bool(np.isfinite(path.e).all())

@@ -1,4 +1,4 @@
-"""The compiled loops behind `filter_path`; its `FilterPath` says what the arrays are."""
+"""The compiled loops behind `path`; its `FilterPath` and `arguments` say what the arrays are."""
 
 import numpy as np
 
@@ -10,12 +10,20 @@ from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, 
 
 
 @compiled(nogil=True)
-def follow_log(
-    t, y, u, used, P, codes, rows, first, noise, walk, sharp, spread, longest_step,
-    about, carried, misread, Phi, push, H, filtered, Cf, gains, e, S,
-):  # fmt: skip
-    """Fills the kept arrays and the filter's. With spread (N, 2) the states `about` are given, else its own."""
+def follow_log(readings, used, model, assumed, spread, longest_step, kept, found):
+    """Linearises a log and filters it: fills `kept` (Linearised) and `found` (Filtered).
+
+    model: Model of one plant. assumed: Assumed. With spread (N, 2) [rad²/s²], the variances of their velocities, the
+    states `kept.about` are given, else they are the filter's own. Returns False if the filter loses the log.
+    """
+    t, y, u = readings.t, readings.y, readings.u
+    P, codes, sharp = model.P, model.codes, model.sharp
+    first, noise, walk = assumed.first, assumed.noise, assumed.walk
+    about, carried, misread = kept.about, kept.carried, kept.misread
+    Phi, push, H = kept.transition, kept.push, kept.reading
+    filtered, Cf, gains, e, S = found.filtered, found.covariance, found.gain, found.e, found.S
     N, n = y.shape[0], first.shape[0]
+    rows = n - walk.shape[0]
     given = spread.shape[0] == N
     lanes = whole_registers(rows + 3)
     X, Y, W = np.empty((rows, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
@@ -139,10 +147,12 @@ def _update(C, H, misread, noise, used, d, K, e, S, CH):
 
 
 @compiled(nogil=True)
-def run_filter(
-    t, used, theta, about, carried, misread, Phi, H, first, noise, walk, filtered, Cf, gains, e, S
-):  # fmt: skip
-    """The linear filter; means, covariances and gains are kept if `filtered` has N rows."""
+def run_filter(t, used, theta, kept, assumed, found):
+    """The linear filter on a Linearised log; fills `found` (Filtered), means, covariances and gains only where
+    `found.filtered` has N rows. theta: θ1 … θ4 (4,)."""
+    about, carried, misread, Phi, H = kept.about, kept.carried, kept.misread, kept.transition, kept.reading
+    first, noise, walk = assumed.first, assumed.noise, assumed.walk
+    filtered, Cf, gains, e, S = found.filtered, found.covariance, found.gain, found.e, found.S
     N, n = about.shape
     keep = filtered.shape[0] == N
     C, d = first.copy(), np.zeros(n)
@@ -167,8 +177,10 @@ def run_filter(
 
 
 @compiled(nogil=True)
-def run_smoother(filtered, Cf, Phi, H, gains, e, S, used, mean, variance):
+def run_smoother(kept, found, used, mean, variance):
     """Backward recursion of the adjoint λ and its covariance Λ: mean = x̂ − C λ, variance = diag(C − C Λ C)."""
+    filtered, Cf, gains, e, S = found.filtered, found.covariance, found.gain, found.e, found.S
+    Phi, H = kept.transition, kept.reading
     N, n = filtered.shape
     lam, L = np.zeros(n), np.zeros((n, n))
     back, M, work = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..logs.checks import LogError, warn
 from ..logs.encoders import FEWEST_STEPS
 from ..logs.log import Log
+from .arguments import Readings
 
 SHORTEST = 20
 """Samples between two gaps below which a stretch is not used."""
@@ -36,6 +37,11 @@ class Record:
     variance: NDArray[np.float64]
     velocity: NDArray[np.float64]
     velocity_std: float
+
+    @property
+    def readings(self) -> Readings:
+        """As the compiled filters take them."""
+        return Readings(self.t, self.y, self.u, self.quantum)
 
     @property
     def duration(self) -> float:

@@ -7,6 +7,7 @@ that depends on time needs it) and the whole costs little more than one pass ove
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance, substep
 from furuta_gym.plant.effects.dispatch import read_sensors
+from furuta_gym.plant.layout import SHARPNESS_ROWS
 
-from ..kalman.bank import add_torque_noise, propagate
+from ..kalman.arguments import Model
+from ..kalman.bank import add_torque_noise, propagate, sharpness_rows
+from ..kalman.noise_model import RecordNoise
 from ..kalman.path import LONGEST_STEP, FilterPath
 from ..kalman.path_kernels import gain
 
@@ -62,42 +66,51 @@ def free_run(path: FilterPath, windows: Windows, longest_step: float = LONGEST_S
     A run that leaves all bounds gives inf.
     """
     p, codes, rows = path.plant.packed()
-    h_max = substep(min(1e4, max(1.0, p[9], p[10])), longest_step)
-    record = path.record
+    h_max = substep(min(1e4, max(1.0, *p[SHARPNESS_ROWS])), longest_step)
     errors = np.full((*windows.targets.shape, 2), np.inf)
     states = np.ascontiguousarray(path.filtered[windows.starts, :rows])
     P = np.repeat(p[:, None], windows.open_at_once, axis=1)
-    _free_run(record.t, record.y, record.u, P, codes, windows.starts, windows.targets, states, h_max, errors)
+    model = Model(P, codes, sharpness_rows(path.plant.layout))
+    _free_run(path.record.readings, model, windows.starts, windows.targets, states, h_max, errors)
     return np.where(np.isfinite(errors), errors, np.inf)
 
 
-def floor_covariance(path: FilterPath, windows: Windows, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (M, J, 3) = (11, 12, 22) [rad²] of such errors if the plant were right and `noise` (4,) all there is.
+def floor_covariance(path: FilterPath, windows: Windows, noise: RecordNoise) -> NDArray[np.float64]:
+    """Covariance (M, J, 3) = (11, 12, 22) [rad²] of such errors if the plant were right and `noise` all there is.
 
     The sum of three parts: the error of the filtered state at the start carried over the horizon, the torque noise on
-    the way, and the noise of the reading at its end. noise: as `FilterPath.noise`.
+    the way, and the noise of the reading at its end.
     """
     n = path.states
     out = np.zeros((*windows.targets.shape, 3))
-    _floor_covariance(
-        path.record.t,
-        np.ascontiguousarray(path.transition[:, :n, :n]),
-        np.ascontiguousarray(path.reading[:, :, :n]),
-        np.ascontiguousarray(path.about[:, 1]),
-        path.plant.theta[:4].copy(),
-        path.first[:n, :n].copy(),
-        np.asarray(noise, dtype=float),
-        windows.starts,
-        windows.targets,
-        windows.open_at_once,
-        path.used,
-        out,
+    motion = _Motion(
+        t=path.record.t,
+        used=path.used,
+        q2=np.ascontiguousarray(path.about[:, 1]),
+        transition=np.ascontiguousarray(path.transition[:, :n, :n]),
+        reading=np.ascontiguousarray(path.reading[:, :, :n]),
+        first=path.first[:n, :n].copy(),
+        inertias=path.inertias,
     )
+    _floor_covariance(motion, noise.packed(), windows.starts, windows.targets, windows.open_at_once, out)
     return out
 
 
+class _Motion(NamedTuple):
+    """Of a FilterPath what carries a covariance along: the plant's own states only, q2 (N,) where it is linearised."""
+
+    t: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    q2: NDArray[np.float64]
+    transition: NDArray[np.float64]
+    reading: NDArray[np.float64]
+    first: NDArray[np.float64]
+    inertias: NDArray[np.float64]
+
+
 @compiled(nogil=True)
-def _free_run(t, y, u, P, codes, starts, targets, states, h_max, errors):
+def _free_run(readings, model, starts, targets, states, h_max, errors):
+    t, y, u, P, codes = readings.t, readings.y, readings.u, model.P, model.codes
     M, J = targets.shape
     rows, lanes = states.shape[1], P.shape[1]
     X, Y, W = np.zeros((rows, lanes)), np.zeros((2, lanes)), np.zeros((2, lanes))
@@ -132,7 +145,9 @@ def _free_run(t, y, u, P, codes, starts, targets, states, h_max, errors):
 
 
 @compiled(nogil=True)
-def _floor_covariance(t, Phi, H, q2, theta, C, noise, starts, targets, lanes, used, out):
+def _floor_covariance(motion, noise, starts, targets, lanes, out):
+    t, used, q2, theta = motion.t, motion.used, motion.q2, motion.inertias
+    Phi, H, C = motion.transition, motion.reading, motion.first.copy()
     M, J = targets.shape
     n = C.shape[0]
     work, CH, K, S = np.empty((n, n)), np.empty((n, 2)), np.empty((n, 2)), np.empty(3)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from ..discrepancy.correction import flexible
+from ..kalman.noise_model import RecordNoise
 from ..kalman.path import FilterPath
 from ..kalman.record import Record
 from ..logs.log import Log
@@ -29,19 +30,19 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Floor:
     """Of one log: variance (M, J, 2) [rad²] of the errors of every window and horizon under the right plant, the part
-    that comes from readings alone, the plant's own filter path, and the log's noise (4,)."""
+    that comes from readings alone, the plant's own filter path, and the log's noise."""
 
     variance: Array
     readings_only: Array
     path: FilterPath
-    noise: Array
+    noise: RecordNoise
 
 
 def noise_floor(plant: Plant, record: Record, windows: Windows) -> Floor:
     """The floor of a record's windows. The plant serves to follow the motion; it may be wrong."""
     found = flexible(plant, record)
     noise = found.path.noise
-    quiet = noise * np.array([1e-6, 1e-6, 1.0, 1.0])
+    quiet = noise.louder(1e-6)
     both = floor_covariance(found.path, windows, noise)[:, :, [0, 2]]
     readings = floor_covariance(found.path, windows, quiet)[:, :, [0, 2]]
     return Floor(both, readings, found.plain.path, noise)

@@ -109,7 +109,9 @@ def _look(plant: Plant, stretch: Stretch, start: float) -> Look:
 def _missing(look: Look, source: str) -> MissingTorque:
     """Unknown torques as random walks beside the log's own noise, their intensities most likely, smoothed."""
     path = look.flexible.path
-    size = np.maximum(np.var(look.flexible.torque, axis=0), path.noise[:2])  # a first guess, over a tenth of a second
+    size = np.maximum(
+        np.var(look.flexible.torque, axis=0), path.noise.torque
+    )  # a first guess, over a tenth of a second
     walk = follow(path.plant, path.record, path.noise, 10.0 * size)
     if walk is not None:
         noise, intensity = likeliest(walk, hold_noise=True)

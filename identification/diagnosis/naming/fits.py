@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ...estimation.optimise import Optimum, minimise
+from ...estimation.pool import shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
-from ...kalman.coordinates import Coordinate, fill, filled_plant, noise_coordinates, plant_coordinates
+from ...kalman.coordinates import Coordinate, filled_noise, filled_plant, noise_coordinates, plant_coordinates
+from ...kalman.noise_model import Noise
 from ...kalman.record import Record
 from ..policy import DecisionPolicy
 
@@ -27,7 +26,7 @@ class Fit:
     """A plant fitted to records: the structure, where the optimiser ended, and V there."""
 
     plant: Plant
-    noise: NDArray[np.float64]
+    noise: Noise
     coordinates: tuple[Coordinate, ...]
     optimum: Optimum
     records: tuple[Record, ...]
@@ -58,7 +57,7 @@ class Fitter(Protocol):
     def __call__(
         self,
         plant: Plant,
-        noise: NDArray[np.float64],
+        noise: Noise,
         records: Sequence[Record],
         *,
         anchor: Plant | None = None,
@@ -70,7 +69,7 @@ class Fitter(Protocol):
 
 def fit(
     plant: Plant,
-    noise: NDArray[np.float64],
+    noise: Noise,
     records: Sequence[Record],
     *,
     anchor: Plant | None = None,
@@ -89,9 +88,9 @@ def fit(
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
     step = COARSER if coarse else 1.0
-    problem = PredictionError(plant, records, coordinates, noise, coarser=step, parallel=not coarse)
+    problem = PredictionError(plant, records, coordinates, noise, step, None if coarse else shared_pool())
     optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
-    _, noise = fill(coordinates, optimum.z, problem.p, problem.noise)
+    noise = filled_noise(coordinates, optimum.z, problem.noise)
     return Fit(filled_plant(plant, coordinates, optimum.z), noise, tuple(coordinates), optimum, tuple(records))
 
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from furuta_gym.plant import EFFECTS, Plant
 
+from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from ..policy import DecisionPolicy
 from .fits import Fit
@@ -19,7 +18,7 @@ from .pairs import two_for_one
 from .search import Search
 from .suspects import Ranking, Suspect, alike, slight
 
-START_NOISE = np.array([1e-3, 1e-5, 0.5, 0.5])
+START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
 _VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
 
 

@@ -13,16 +13,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furuta_gym.plant import Effect, Plant
 
-from ...estimation.prediction_error import THREADS
+from ...estimation.pool import shared_pool
+from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
 from .fits import Fit, Fitter, added, without
 from .suspects import alike
-
-Array = NDArray[np.float64]
 
 
 class Setting(Protocol):
@@ -40,11 +38,11 @@ class Setting(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where one fit starts: the effects it stands for, a plant with them, and its noise (4,)."""
+    """Where one fit starts: the effects it stands for, a plant with them, and its noise."""
 
     effects: tuple[str, ...]
     plant: Plant
-    noise: Array
+    noise: Noise
 
     @property
     def effect(self) -> str:
@@ -68,7 +66,7 @@ def multi_start(
     for turn in range(policy.rounds):
         if not running:
             break
-        results = THREADS.map(lambda entry: _round(current, entry[1], entry[2], setting), running)
+        results = shared_pool().map(lambda entry: _round(current, entry[1], entry[2], setting), running)
         pace = {}
         for (start, _, _), result in zip(running, results, strict=True):
             pace[start] = fits[start].value - result.value if start in fits else math.inf
@@ -86,7 +84,7 @@ def multi_start(
     return fits
 
 
-def _round(current: Fit, plant: Plant, noise: Array, setting: Setting) -> Fit:
+def _round(current: Fit, plant: Plant, noise: Noise, setting: Setting) -> Fit:
     return setting.fitter(
         plant,
         noise,
@@ -170,12 +168,13 @@ def look_alikes(name: str, fits: Mapping[str, Fit]) -> list[str]:
     return sorted((n for n in fits if alike(n, name)), key=lambda n: fits[n].value)
 
 
-def between(best: Fit, current: Fit) -> Array:
+def between(best: Fit, current: Fit) -> Noise:
     """Noise for a rival at the best fit's θ: half way, in the logarithm, back to what the model without it needs."""
-    return np.sqrt(best.noise * np.maximum(current.noise, best.noise))
+    own, other = best.noise.packed(), current.noise.packed()
+    return Noise.unpacked(np.sqrt(own * np.maximum(other, own)))
 
 
-def with_effect(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Array]:
+def with_effect(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Noise]:
     """Plant and noise to start from, with an effect added.
 
     Where the first missing effect has dragged the scale of the pendulum's row away, the way back leads along a narrow
@@ -187,8 +186,7 @@ def with_effect(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, A
     return current.plant.with_effects(start), current.noise
 
 
-def _afresh(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Array]:
+def _afresh(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Noise]:
     """From the anchor's θ, with noise enough to find the way."""
     plant = current.plant.replace(theta=setting.anchor.theta).with_effects(start)
-    more = setting.policy.restart_noise
-    return plant, current.noise * np.array([more, more, 1.0, 1.0])
+    return plant, current.noise.louder(setting.policy.restart_noise)

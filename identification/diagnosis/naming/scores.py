@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ...discrepancy.correction import HIGHEST_FREQUENCY
-from ...estimation.prediction_error import THREADS, PredictionError, quietest
+from ...estimation.pool import shared_pool
+from ...estimation.prediction_error import PredictionError, quietest
 from ...kalman.coordinates import Coordinate
 from ...kalman.likelihood import whiten
+from ...kalman.noise_model import Noise
 from ...kalman.record import Record
 from ...normal_equations import ScaledGram
 from ..policy import DecisionPolicy
@@ -46,8 +48,8 @@ def scores(
 ) -> dict[str, Score]:
     """Score of every effect not yet in the model. `quieter` divides the torque noise, which hides what it has been
     fitted to explain; scores then rank, but are no longer gains."""
-    noise = nominal.noise.copy()
-    noise[:2] = np.maximum(noise[:2] / quieter, quietest(nominal.plant, nominal.records))
+    least = quietest(nominal.plant, nominal.records)
+    noise = Noise(np.maximum(nominal.noise.torque / quieter, least), nominal.noise.reading_factor)
     taken = {e.name for e in nominal.plant.effects}
     peak = max(float(np.abs(r.u).max()) for r in nominal.records)
     duration = max(float(r.t[-1]) for r in nominal.records)
@@ -76,7 +78,7 @@ def scores(
     return found
 
 
-def _peaks(nominal: Fit, noise: NDArray[np.float64], periods: float, most: int = 5) -> NDArray[np.float64]:
+def _peaks(nominal: Fit, noise: Noise, periods: float, most: int = 5) -> NDArray[np.float64]:
     """Frequencies [Hz] of the largest peaks in the whitened innovations of the longest record, each bracketed."""
     record = max(nominal.records, key=lambda r: r.duration)
     problem = PredictionError(nominal.plant, [record], nominal.coordinates[:1], noise)
@@ -111,7 +113,7 @@ class _Answers:
     right: list
 
 
-def _answers(nominal: Fit, noise, record: Record, trial: Sequence[Cell]) -> _Answers:
+def _answers(nominal: Fit, noise: Noise, record: Record, trial: Sequence[Cell]) -> _Answers:
     """For each cell: projected Gram matrix, unprojected square, and inner product with the innovations."""
     coordinates = [c for c in nominal.coordinates if not c.noise]
     z = np.array([zi for c, zi in zip(nominal.coordinates, nominal.optimum.z, strict=True) if not c.noise])
@@ -130,7 +132,7 @@ def _answers(nominal: Fit, noise, record: Record, trial: Sequence[Cell]) -> _Ans
     found = _Answers([], [], [])
     groups = _grouped(trial)
     for group, de in zip(
-        groups, THREADS.map(lambda g: _probe_answers(nominal.plant, noise, record, g), groups), strict=True
+        groups, shared_pool().map(lambda g: _probe_answers(nominal.plant, noise, record, g), groups), strict=True
     ):
         if de is None:
             for cell in group:
@@ -162,17 +164,12 @@ def _grouped(trial: Sequence[Cell]) -> list[list[Cell]]:
     return groups
 
 
-def _probe_answers(plant: Plant, noise, record: Record, group: Sequence[Cell]) -> NDArray[np.float64] | None:
+def _probe_answers(plant: Plant, noise: Noise, record: Record, group: Sequence[Cell]) -> NDArray[np.float64] | None:
     """Change of the innovations (N, 2, probes) when each probe of one effect's cells is switched on, gains held."""
     effect, probes = group[0].effect, [p for cell in group for p in cell.probes]
     first = plant.with_effects(Effect(effect))
-    row = 11  # of the effect's first parameter
-    for other in first.effects:
-        if other.name == effect:
-            break
-        row += len(other.parameters)
     names = EFFECTS[effect].parameter_names
-    coordinates = [Coordinate(f"{effect}.{n}", row + i, log=False) for i, n in enumerate(names)]
+    coordinates = [Coordinate(f"{effect}.{n}", first.layout.row(f"{effect}.{n}"), log=False) for n in names]
     problem = PredictionError(first, [record], coordinates, noise, coarser=COARSER)
     switched_off = Effect(effect).parameters
     neutral = [switched_off[n] for n in names]

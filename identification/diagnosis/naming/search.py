@@ -52,7 +52,7 @@ class Search:
         table = self.scorer(current, self.only, policy=policy)
         faint = policy.faint_later if found else policy.faint_first
         names = shortlist(table, current.samples, faint, policy)
-        hiding = np.any(current.noise[:2] > policy.hiding_noise * quietest(current.plant, current.records))
+        hiding = np.any(current.noise.torque > policy.hiding_noise * quietest(current.plant, current.records))
         convincing = any(table[n].gain > price(n, current.samples) + policy.believed for n in names)
         if hiding and not convincing:
             quiet = self.scorer(current, self.only, quieter=policy.quieter, policy=policy)

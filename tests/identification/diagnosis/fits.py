@@ -5,15 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.naming.search import Suspect
+from identification.kalman.noise_model import Noise
 
 
 def a_fit(*effects: str, value: float = 0.0) -> Any:
     plant = TABLE_3.with_effects(*(TABLE_3.default_effect(name) for name in effects))
-    return SimpleNamespace(plant=plant, noise=np.ones(4), value=value, samples=1000, records=())
+    return SimpleNamespace(plant=plant, noise=Noise((1.0, 1.0)), value=value, samples=1000, records=())
 
 
 def ranked(*suspects: tuple[str, float], fit: Any) -> tuple[Suspect, ...]:

@@ -11,12 +11,13 @@ from identification.estimation.optimise import minimise
 from identification.estimation.prediction_error import PredictionError
 from identification.kalman.coordinates import noise_coordinates, plant_coordinates
 from identification.kalman.likelihood import whiten
+from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
 from identification.logs.log import Log
 from tests.identification.rigs import PaperPolicy, paper_log
 
 TRUTH = np.array([*TABLE_3.theta, 100.0])
-NOISE = np.array([1e-3, 1e-5, 1.0, 1.0])
+NOISE = Noise((1e-3, 1e-5))
 
 
 def simulated(seed: int, plant: Plant = TABLE_3, T: float = 0.002, duration: float = 10.0) -> Log:

@@ -6,6 +6,7 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from identification.kalman.likelihood import innovation_cost
 from identification.kalman.noise import _Problem
+from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import follow, refilter
 from identification.kalman.record import Record
 from tests.identification.loops import TORQUE_NOISE, loop_log
@@ -15,8 +16,8 @@ from tests.identification.loops import TORQUE_NOISE, loop_log
 def problem(request) -> _Problem:
     """On a log whose every other sample or fewer is read."""
     record = Record.from_log(loop_log(T=0.001, counts=1024, duration=4.0)[0])
-    noise = np.concatenate([10.0 * np.asarray(TORQUE_NOISE), record.variance])
-    path = follow(TABLE_3, record, noise, noise[:2] if request.param else None)
+    noise = RecordNoise(10.0 * np.asarray(TORQUE_NOISE), record.variance)
+    path = follow(TABLE_3, record, noise, noise.torque if request.param else None)
     assert path is not None
     assert not path.used.all()
     return _Problem(path)

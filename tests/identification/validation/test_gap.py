@@ -15,6 +15,7 @@ from furuta_gym.simulate import open_loop, simulate
 from identification.estimation.identify import identify
 from identification.kalman.bank import add_torque_noise
 from identification.kalman.noise import fit_noise
+from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import follow, informative, smooth
 from identification.kalman.record import Record
 from identification.kalman.whiteness import innovations
@@ -45,7 +46,7 @@ def test_a_wrong_plant_hardly_raises_its_own_floor(effect):
     wrong, true = validate(TABLE_3, log), validate(right, log)
     assert np.all(wrong.floor / true.floor < 1.5)
     # what the wrong plant takes for torque noise would have excused it
-    naive = fit_noise(TABLE_3, Record.from_log(log)).noise[:2] / fit_noise(right, Record.from_log(log)).noise[:2]
+    naive = fit_noise(TABLE_3, Record.from_log(log)).noise.torque / fit_noise(right, Record.from_log(log)).noise.torque
     assert naive.max() > 20
 
 
@@ -68,7 +69,7 @@ def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():
     )
     log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command)
     record = Record.from_log(log)
-    path = follow(TABLE_3, record, np.array([1e-8, 1e-10, 1e-12, 1e-12]))
+    path = follow(TABLE_3, record, RecordNoise((1e-8, 1e-10), (1e-12, 1e-12)))
     path.filtered[:] = run.state
     windows = Windows.over(record.t, (0.1, 0.3), settle=0.2)
     errors = free_run(path, windows)
@@ -79,7 +80,7 @@ def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():
 def test_the_smoother_equals_least_squares_over_the_whole_trajectory():
     log, plant = loop_log(duration=1.0)
     record = Record.from_log(log.slice(stop=0.12))
-    noise = np.concatenate([1e3 * np.array(TORQUE_NOISE), record.variance])
+    noise = RecordNoise(1e3 * np.array(TORQUE_NOISE), record.variance)
     path = follow(plant, record, noise)
     N, n = path.filtered.shape
     # unknowns: all states; rows: the first state, the motion, the readings, each divided by its standard deviation
@@ -97,13 +98,13 @@ def test_the_smoother_equals_least_squares_over_the_whole_trajectory():
         reading = np.zeros((2, N * n))
         reading[:, k * n : k * n + n] = path.reading[k]
         if path.used[k]:
-            add(reading, path.misread[k] + path.reading[k] @ path.carried[k], np.diag(noise[2:]))
+            add(reading, path.misread[k] + path.reading[k] @ path.carried[k], np.diag(noise.variance))
         if k + 1 < N:
             motion = np.zeros((n, N * n))
             motion[:, (k + 1) * n : (k + 2) * n] = np.eye(n)
             motion[:, k * n : (k + 1) * n] = -path.transition[k]
             Q = np.zeros((n, n))
-            add_torque_noise(Q, path.about[k, 1], plant.theta[:4], noise, record.t[k + 1] - record.t[k])
+            add_torque_noise(Q, path.about[k, 1], plant.theta[:4], noise.packed(), record.t[k + 1] - record.t[k])
             add(motion, path.carried[k + 1] - path.transition[k] @ path.about[k], Q)
     A = np.concatenate(rows)
     best = np.linalg.lstsq(A, np.concatenate(right), rcond=None)[0].reshape(N, n)
@@ -116,8 +117,8 @@ def test_the_smoother_equals_least_squares_over_the_whole_trajectory():
 def test_the_noise_of_the_true_plant_is_found():
     log, plant = loop_log(duration=20.0)
     found = fit_noise(plant, Record.from_log(log))
-    assert 0.5 < found.noise[0] / TORQUE_NOISE[0] < 2.0
-    assert 0.4 < found.noise[1] / TORQUE_NOISE[1] < 2.5
+    assert 0.5 < found.noise.torque[0] / TORQUE_NOISE[0] < 2.0
+    assert 0.4 < found.noise.torque[1] / TORQUE_NOISE[1] < 2.5
 
 
 def test_repeated_counts_are_read_less_often():

@@ -6,7 +6,6 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 import identification.diagnosis.naming.discrete as stepping_module
@@ -14,13 +13,14 @@ from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.naming.discrete import best_of, starts_of, stepped
 from identification.diagnosis.naming.scores import repeating
 from identification.kalman.coordinates import plant_coordinates
+from identification.kalman.noise_model import Noise
 from tests.identification.diagnosis.fits import a_fit
 
 
 def with_value(effect: str, parameter: str, x: float, value: float) -> Any:
     start = TABLE_3.default_effect(effect)
     plant = TABLE_3.with_effects(Effect(effect, {**start.parameters, parameter: x}))
-    return SimpleNamespace(plant=plant, noise=np.ones(4), value=value, samples=1000, records=())
+    return SimpleNamespace(plant=plant, noise=Noise((1.0, 1.0)), value=value, samples=1000, records=())
 
 
 def test_whole_numbers_walk_to_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,7 +28,7 @@ def test_whole_numbers_walk_to_the_best(monkeypatch: pytest.MonkeyPatch) -> None
 
     def fitted(n: float) -> Any:
         own = plant.with_effects(Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}))
-        return SimpleNamespace(plant=own, noise=np.ones(4), value=abs(n - 16.0))
+        return SimpleNamespace(plant=own, noise=Noise((1.0, 1.0)), value=abs(n - 16.0))
 
     def race(entries: Any, current: Any, anchor: Any, ahead: float) -> dict[str, Any]:
         return {step: fitted(p.effects[-1].parameters["n"]) for step, (p, _) in entries.items()}

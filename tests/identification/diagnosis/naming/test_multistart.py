@@ -6,7 +6,6 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 import identification.diagnosis.naming.discrete as stepping_module
@@ -16,6 +15,7 @@ import identification.diagnosis.naming.search as search_module
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.naming.multistart import added, chase, resized, retry
 from identification.diagnosis.naming.scores import Score
+from identification.kalman.noise_model import Noise
 from tests.identification.diagnosis.fits import a_fit, ranked
 from tests.identification.loops import loop_log
 
@@ -26,7 +26,7 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
 
     def fitted(name: str, value: float) -> Any:
         own = plant.with_effects(plant.default_effect(name))
-        return SimpleNamespace(plant=own, noise=np.ones(4), value=value, samples=1000, records=())
+        return SimpleNamespace(plant=own, noise=Noise((1.0, 1.0)), value=value, samples=1000, records=())
 
     values = {"arm_spring": 50.0, "arm_ripple": 60.0}
     reached = {"arm_spring": 5.0, "arm_ripple": 20.0}  # from another's θ
@@ -42,7 +42,7 @@ def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monk
     for module in (search_module, race_module, stepping_module):
         monkeypatch.setattr(module, "race", race)
     monkeypatch.setattr(search_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
-    left: Any = SimpleNamespace(plant=plant, noise=np.ones(4), value=100.0, samples=1000, records=())
+    left: Any = SimpleNamespace(plant=plant, noise=Noise((1.0, 1.0)), value=100.0, samples=1000, records=())
     table = {name: Score(name, 40.0, plant.default_effect(name), 0.0) for name in values}
     search = search_module.Search(plant, None, lambda text: None)
     _, ranking = search.refits(left, list(values), table)
@@ -276,7 +276,7 @@ def test_unknown_is_said_after_a_thorough_search_only(
     import identification.diagnosis.diagnose as module
 
     def searched(*a: Any, thorough: bool = False) -> Any:
-        final = SimpleNamespace(value=value if thorough else 0.0, noise=np.ones(4))
+        final = SimpleNamespace(value=value if thorough else 0.0, noise=Noise((1.0, 1.0)))
         return SimpleNamespace(final=final, thorough=thorough, accepted=()), None, None
 
     monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3))
@@ -295,7 +295,7 @@ def test_the_model_before_a_sharpness_was_found_does_not_have_it(
     import identification.diagnosis.diagnose as module
 
     found = SimpleNamespace(name=name, net=50.0)
-    fitted = SimpleNamespace(value=0.0, noise=np.ones(4), plant=TABLE_3)
+    fitted = SimpleNamespace(value=0.0, noise=Noise((1.0, 1.0)), plant=TABLE_3)
     naming = SimpleNamespace(final=fitted, nominal=fitted, accepted=(found,), rankings=())
     monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3, given=k))
     monkeypatch.setattr(module, "fit", lambda *a, **k: None)
