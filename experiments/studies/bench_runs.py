@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.statistics import Interval, success_rate, typical
 from experiments.bench import Laboratory, Rig
-from furuta_gym.simulate import check_clock
+from furuta_gym.simulation import check_clock
 
 FALLEN = 0.8  # rad from upright
 WOUND = 2 * np.pi  # rad of the arm

@@ -14,7 +14,7 @@ from controllers.statistics import Interval
 from controllers.trials import PUSH_LENGTH, Starts, balance_starts, pace, run_trials
 from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 
 
 class Idle:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .export_c import columns_note
-from .layers import Layer, network_of
-from .learned import SPEED_LIMIT, LearnedController
+from ..layers import Layer, network_of
+from ..learned import SPEED_LIMIT, LearnedController
+from .c import columns_note
 
 _HEADER = """\
 /* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; single precision.

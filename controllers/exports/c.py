@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
-from .base import Controller
-from .linear import LinearController
+from ..base import Controller
+from ..linear import LinearController
 
 _HEADER = """\
 /* Controller "{name}" of a Furuta pendulum. C99, no dependencies{math}.

@@ -9,8 +9,8 @@ import numpy as np
 
 from furuta_gym.plant import Plant
 
-from .layers import Network, network_of
-from .learned import SPEED_LIMIT, LearnedController, load_policy, read_record
+from ..layers import Network, network_of
+from ..learned import SPEED_LIMIT, LearnedController, load_policy, read_record
 
 OPSET = 17
 
