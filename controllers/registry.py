@@ -66,7 +66,10 @@ def make_controller(
 
 
 def usual_controller(plant: Plant | str | os.PathLike[str], sample_time: float | None = None) -> Controller:
-    """The paper's LQR where it holds the plant, else an LQR of its own."""
+    """The paper's LQR where it holds the plant, else an LQR of its own.
+
+    sample_time [s]: default is the plant's, else 2 ms. Raises DesignError if no LQR controls the plant.
+    """
     try:
         return make_controller("paper-lqr", plant, sample_time)
     except DesignError:

@@ -129,7 +129,11 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
 
 
 def export_policy_c(controller: LearnedController, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
-    """Write `policy_c_header` to `path`; see there for what is refused."""
+    """Write a learned policy as one C99 header to `path` and return the path.
+
+    prefix begins its names, by default `furuta_` and the policy's name. Raises ValueError for what `policy_c_header`
+    refuses.
+    """
     text = policy_c_header(controller, prefix)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
