@@ -67,7 +67,9 @@ def export_onnx(
 ) -> Path:
     """Write the policy file for `plant` as ONNX; its metadata say how an observation is made.
 
-    sample_time [s]: of the controller; default: the plant's or the policy's own. Returns the path. Raises ValueError for a policy that `load_policy` or `network_of` refuse, or without the package onnx.
+    sample_time [s]: of the controller; default: the plant's or the policy's own. Returns the path.
+
+    Raises ValueError for a policy that `load_policy` or `network_of` refuse, or without the package onnx.
     """
     controller = load_policy(policy, plant, sample_time)
     try:

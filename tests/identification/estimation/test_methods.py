@@ -87,8 +87,9 @@ def test_an_unknown_method_is_refused_with_the_names_there_are(log: Log, tmp_pat
     assert "filtered-ls" in result.stderr
 
 
+@pytest.mark.usefixtures("toy")
 def test_the_limit_of_the_command_is_an_argument_and_in_the_file(log: Log) -> None:
-    guessed, given = identify(log, method="filtered-ls"), identify(log, method="filtered-ls", u_max=24.0)
+    guessed, given = identify(log, method="table3"), identify(log, method="table3", u_max=24.0)
     assert guessed.u_max_guessed
     assert not given.u_max_guessed
     assert "u_max" in str(guessed)
@@ -97,7 +98,7 @@ def test_the_limit_of_the_command_is_an_argument_and_in_the_file(log: Log) -> No
     assert given.plant.provenance["u_max"] == "given"
     assert guessed.plant.provenance["u_max"].startswith("guessed")
     assert np.array_equal(given.values, guessed.values)
-    kept = identify(log, given.plant, method="filtered-ls")
+    kept = identify(log, given.plant, method="table3")
     assert (kept.plant.u_max, kept.u_max_guessed) == (24.0, False)
 
 
@@ -107,10 +108,11 @@ def test_a_limit_below_the_command_is_refused(log: Log, u_max: float) -> None:
         identify(log, method="filtered-ls", u_max=u_max)
 
 
+@pytest.mark.usefixtures("toy")
 def test_what_was_skipped_is_in_the_plant_file(log: Log, tmp_path: Path) -> None:
     write_log(tmp_path / "log.csv", log)
     entries = [
-        identify(read_log(tmp_path / "log.csv", skip=skip), method="filtered-ls").plant.provenance["logs"][0]
+        identify(read_log(tmp_path / "log.csv", skip=skip), method="table3").plant.provenance["logs"][0]
         for skip in (0.0, 1.5)
     ]
     assert [entry.get("skipped_s") for entry in entries] == [None, 1.5]
