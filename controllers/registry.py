@@ -15,7 +15,7 @@ from .base import Controller, DesignError
 
 @dataclass(frozen=True)
 class Design:
-    """Where a controller's design function is (a module of this package as `.lqr`, or a full path), and what it does."""
+    """Where a controller's design function is (a module here, as `.lqr`, or a full path), and what it does."""
 
     module: str
     function: str

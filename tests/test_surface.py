@@ -85,6 +85,12 @@ def test_every_public_name_is_documented(package: str, name: str) -> None:
     assert len(text) > 20
     assert name in pydoc.render_doc(thing)
     if isinstance(thing, type):
+        fields = " ".join(map(str, inspect.get_annotations(thing).values()))
+        if re.search(r"NDArray|ndarray|Array\b", fields):
+            assert re.search(r"\(\w+,|length n", text), "an array without its shape"
+            assert re.search(r"\[\w+|unit", text), "an array without its unit"
+        if "__post_init__" in thing.__dict__:
+            assert "Raises" in text
         return
     assert callable(thing)
     signature = inspect.signature(thing)
@@ -99,7 +105,7 @@ def test_every_public_name_is_documented(package: str, name: str) -> None:
 
 
 def _source(thing: object) -> str:
-    return inspect.getsource(thing)  # type: ignore[arg-type]
+    return inspect.getsource(thing)
 
 
 @pytest.mark.parametrize("package", ["furuta_gym", "identification", "controllers"])
@@ -121,6 +127,6 @@ def test_the_lines_of_the_readme_run_as_they_stand(tmp_path: Path, monkeypatch: 
     scope: dict[str, object] = {}
     exec(compile(block, "README.md", "exec"), scope)
     assert isinstance(first, Log)
-    assert furuta_gym.Plant.load(tmp_path / "rig.json").theta == pytest.approx(scope["estimate"].plant.theta)  # type: ignore[attr-defined]
-    observation, _ = scope["env"].reset(seed=1)  # type: ignore[attr-defined]
+    assert furuta_gym.Plant.load(tmp_path / "rig.json").theta == pytest.approx(scope["estimate"].plant.theta)
+    observation, _ = scope["env"].reset(seed=1)
     assert np.isfinite(observation).all()

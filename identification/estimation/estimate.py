@@ -33,7 +33,8 @@ class Noise:
 class Estimate:
     """Parameters from logs. Printing it gives the table and the verdict.
 
-    plant: ready to use and to save, with covariance, provenance and checks. names, values (n,): what was estimated.
+    plant: ready to use and to save, with covariance, provenance and checks. names, values (n,): what was estimated,
+    in the units of `unit_of`.
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
     u_max_guessed: whether the plant's u_max was guessed from the largest command.
