@@ -1,4 +1,4 @@
-"""Many trials at once: one controller on many rigs side by side, all sampled as `furuta_gym.simulate` samples one."""
+"""Many trials at once: one controller on many rigs side by side, all sampled as `furuta_gym.simulation` samples one."""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import advance, substep
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import LONGEST_STEP, check_clock
+from furuta_gym.simulation import LONGEST_STEP, check_clock
 
 from .base import Controller
 

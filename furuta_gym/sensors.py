@@ -27,6 +27,7 @@ class Sensors:
     noise_std [rad]: standard deviation of white noise before counting (jitter of the edges, vibration).
     offset [rad]: what is read at zero; it is added before counting.
     velocity_cutoff [rad/s]: corner of the filtered difference that turns readings into velocities.
+    Raises ValueError for counts, noise or a corner that cannot be.
     """
 
     encoder_counts: tuple[float, float] | float | None = 4096

@@ -85,9 +85,9 @@ def diagnose_command(
     require_extra()
     if plant is not None:
         Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
-    read = opt.skipped(read_logs(logs, **mapping), skip)
-    held = opt.skipped(read_logs(held_out, constant_command="ignore", **mapping), skip) if held_out else ()
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
+    read = read_logs(logs, **mapping)
+    held = read_logs(held_out, constant_command="ignore", **mapping) if held_out else ()
     from identification.diagnosis.diagnose import diagnose
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)

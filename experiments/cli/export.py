@@ -48,13 +48,13 @@ def export_command(
     if kind is Format.mjcf:
         if chosen is not None:
             raise ValueError(f"MJCF holds the plant alone; leave {chosen} out, or take --format c or onnx")
-        from controllers.export_mjcf import export_mjcf
+        from controllers.exports.mjcf import export_mjcf
 
         export_mjcf(rig, output)
     elif kind is Format.onnx:
         if chosen is None or not chosen.endswith(".zip"):
             raise ValueError(f"ONNX is for learned policies; expected a file *.zip, got {chosen or 'none'}")
-        from controllers.export_onnx import export_onnx
+        from controllers.exports.onnx import export_onnx
 
         export_onnx(chosen, rig, output, sample_time)
     else:
@@ -64,11 +64,11 @@ def export_command(
 
         made = make_controller(chosen, rig, sample_time)
         if chosen.endswith(".zip"):
-            from controllers.export_policy_c import export_policy_c
+            from controllers.exports.policy_c import export_policy_c
 
             export_policy_c(made, output)  # type: ignore[arg-type]
         else:
-            from controllers.export_c import export_c
+            from controllers.exports.c import export_c
 
             export_c(made, output)
     if as_json:

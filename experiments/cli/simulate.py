@@ -61,7 +61,7 @@ def simulate_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Simulate a rig and write what its computer would have recorded."""
-    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"], [Path(plant), Path(excitation)])
+    opt.log_file(output, [Path(plant), Path(excitation)])
     if not 0 < duration <= 3600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
     if sample_time is not None and not 0 < sample_time <= 1:
@@ -69,7 +69,7 @@ def simulate_command(
     import numpy as np
 
     from furuta_gym.plant import Plant
-    from furuta_gym.simulate import FALLEN, open_loop, simulate
+    from furuta_gym.simulation import FALLEN, open_loop, simulate
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
     sensors = _sensors(rig, encoder_counts, noise)
@@ -109,7 +109,7 @@ def simulate_command(
         input_unit=rig.unit,
         encoder_counts=counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
         device=f"simulated {plant}",
-        controller_gain=_gain(policy),
+        controller_gain=getattr(policy, "feedback_gain", None),
         metadata={"controller": controller, "excitation": f"{excitation} {amplitude:g}", "seed": str(seed)}
         | ({"effects": "; ".join(map(str, rig.effects))} if rig.effects else {}),
     )
@@ -170,18 +170,3 @@ def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:
 
         return read_signal(name, amplitude)
     return excitation(name, amplitude, duration, seed)
-
-
-def _gain(policy: Any) -> tuple[float, float, float, float] | None:
-    """K of u = −K (q1, q̇1, q2, q̇2) + d where the controller is just that, read from its law (`state_feedback`)."""
-    from controllers.linear import LinearController
-
-    if not isinstance(policy, LinearController) or policy.name not in ("paper-lqr", "lqr", "dlqr"):
-        return None
-    if policy.law.size != 4 or policy.plant.effects:
-        return None
-    C, D, F = policy.law.C, policy.law.D, policy.law.F
-    per_step = F[2, 0]  # how a step of the reading enters the velocity, g/T
-    speed = C[:2] / per_step
-    angle = -D[:2] - C[:2]
-    return float(angle[0]), float(speed[0]), float(angle[1]), float(speed[1])

@@ -38,8 +38,8 @@ def validate_command(
     from identification.logs.log import read_logs
 
     rig = Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
-    read = opt.skipped(read_logs(logs, constant_command="ignore", **mapping), skip)
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
+    read = read_logs(logs, constant_command="ignore", **mapping)
     if rig.unit != read[0].input_unit:
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"

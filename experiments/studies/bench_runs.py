@@ -11,7 +11,7 @@ import numpy as np
 from controllers.statistics import Interval, success_rate, typical
 from experiments.bench import Laboratory, Rig
 from experiments.bench.recording import BENCH_FALLEN
-from furuta_gym.simulate import check_clock
+from furuta_gym.simulation import check_clock
 
 WOUND = 2 * np.pi  # rad of the arm
 START = (0.5, 0.1)  # rad; half-widths of the uniform starts, arm and pendulum

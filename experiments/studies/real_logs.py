@@ -83,9 +83,8 @@ def study(folder: Path, rig: Rig) -> Finding:
     return Finding(rig, estimate, unbounded, gaps)
 
 
-def _read(folder: Path, rig: Rig, files: Sequence[str]) -> list[Log]:
-    logs = read_logs([folder / rig.folder / f"{f}.csv" for f in files], **_MAPPING)
-    return [log.slice(float(log.t[0]) + rig.skip) if rig.skip else log for log in logs]
+def _read(folder: Path, rig: Rig, files: Sequence[str]) -> tuple[Log, ...]:
+    return read_logs([folder / rig.folder / f"{f}.csv" for f in files], skip=rig.skip, **_MAPPING)
 
 
 def report(found: Sequence[Finding]) -> str:

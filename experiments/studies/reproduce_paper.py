@@ -26,7 +26,7 @@ from rich.table import Table
 from controllers.paper_lqr import design_paper_lqr
 from furuta_gym.plant import TABLE_3, THETA_NAMES, Plant
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import FALLEN, Simulation, simulate
+from furuta_gym.simulation import FALLEN, Simulation, simulate
 from identification.design.signals import paper_signal
 from identification.estimation.identify import identify
 from identification.least_squares.batch import evolution, filtered_least_squares

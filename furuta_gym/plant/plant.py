@@ -47,9 +47,10 @@ class Plant:
 
     theta: θ1 … θ9 (9,), in command units (see `parameters.THETA_MEANING`).
     friction_sharpness: r [s/rad] of tanh(r q̇), or one for each axis.
-    unit: the command's unit, "V" or "N·m". u_max: largest command. sample_time: control period [s], if known.
+    unit: the command's unit {u}, "V" or "N·m". u_max [{u}]: largest command. sample_time [s]: if known.
     effects: what acts besides model (5). covariance: over θ and effect parameters, as estimated.
     sensors, provenance, checks: free mappings that go to the file with it.
+    Raises ValueError for numbers that no plant can have, as a mass matrix that is not positive definite.
     """
 
     theta: NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
-from furuta_gym.simulate import Policy
+from furuta_gym.simulation import Policy
 
 from ..estimation.optimise import minimise
 from ..estimation.pool import shared_pool
@@ -223,11 +223,12 @@ def _try(setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[E
             signal = within_limits(setup, entry.signal, allowed, seed, entry.most)
         except ValueError as error:
             return Trial(entry, setup, None, {}, str(error))
-    for _ in range(_SMALLER):
-        trial = _separations(setup, entry, signal, suspects, seed)
+    trial = _separations(setup, entry, signal, suspects, seed)
+    for _ in range(_SMALLER - 1):
         if not trial.problem or signal is None:
             break
         signal = Scaled(signal.signal, 0.6 * signal.factor)
+        trial = _separations(setup, entry, signal, suspects, seed)
     return trial
 
 

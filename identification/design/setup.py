@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import Policy, check_clock, open_loop, simulate
+from furuta_gym.simulation import Policy, check_clock, open_loop, simulate
 
 from ..kalman.record import Record
 from .signals import Scaled, Signal

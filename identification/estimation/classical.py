@@ -18,11 +18,29 @@ from .identifiability import Motion, judge, spoken
 from .uncertainty import inverse_information
 
 
-def classical_estimate(logs: Sequence[Log], method: str, template: Plant, start: Plant | None) -> Estimate:
-    """θ by "filtered-ls", "recursive-ls" or "ekf". template: supplies unit and limits of the plant made.
+class FilteredLeastSquares:
+    """The paper's batch least squares on the filtered dynamic model."""
 
-    Raises ValueError where the result is no plant (these methods are biased, and may end at a negative inertia).
-    """
+    def estimate(self, logs: Sequence[Log], template: Plant, start: Plant | None, /) -> Estimate:
+        return _estimate(logs, "filtered-ls", template, start)
+
+
+class RecursiveLeastSquares:
+    """The same, one reading at a time."""
+
+    def estimate(self, logs: Sequence[Log], template: Plant, start: Plant | None, /) -> Estimate:
+        return _estimate(logs, "recursive-ls", template, start)
+
+
+class ExtendedKalmanFilter:
+    """One filter over joints and θ (`ekf.track`)."""
+
+    def estimate(self, logs: Sequence[Log], template: Plant, start: Plant | None, /) -> Estimate:
+        return _estimate(logs, "ekf", template, start)
+
+
+def _estimate(logs: Sequence[Log], method: str, template: Plant, start: Plant | None) -> Estimate:
+    """Raises ValueError where the result is no plant (these methods are biased, and may end at a negative inertia)."""
     warnings: tuple[str, ...] = ()
     sharpness = FRICTION_SHARPNESS
     if template.effects:

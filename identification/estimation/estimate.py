@@ -33,9 +33,11 @@ class NoiseReport:
 class Estimate:
     """Parameters from logs. Printing it gives the table and the verdict.
 
-    plant: ready to use and to save, with covariance, provenance and checks. names, values (n,): what was estimated.
+    plant: ready to use and to save, with covariance, provenance and checks. names, values (n,): what was estimated,
+    in the units of `unit_of`.
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
+    u_max_guessed: whether the plant's u_max was guessed from the largest command.
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
     """
 
@@ -56,6 +58,7 @@ class Estimate:
     at_bound: tuple[str, ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    u_max_guessed: bool = False
     problem: PredictionError | None = field(default=None, repr=False)
     optimum: Optimum | None = field(default=None, repr=False)
 
@@ -137,7 +140,7 @@ class Estimate:
         if self.noise is not None:
             q, unit = self.noise.torque, self.plant.unit
             lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
-        if str(self.plant.provenance.get("u_max", "")).startswith("guessed"):
+        if self.u_max_guessed:
             limit = f"{self.plant.u_max:g} {self.plant.unit}"
             lines.append(
                 f"  u_max = {limit}, guessed from the largest command; say --u-max if the amplifier gives more"

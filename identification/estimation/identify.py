@@ -32,13 +32,26 @@ from ..logs.log import Log
 from ..logs.signs import motion_signs
 from .estimate import Estimate, NoiseReport
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
+from .methods import DEFAULT, method_named
 from .optimise import Optimum, minimise
 from .pool import shared_pool
 from .prediction_error import PredictionError, quietest
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
 
-METHODS = ("prediction-error", "filtered-ls", "recursive-ls", "ekf")
+_ITERATIONS = 60
+_ABSENT: dict[str, Any] = {
+    "fixed": {},
+    "priors": {},
+    "effects": (),
+    "physical": False,
+    "sharpness": None,
+    "negative_friction": False,
+    "iterations": _ITERATIONS,
+    "noise": None,
+    "pool": None,
+}
+"""The options that belong to a method, as they are where the user gives none."""
 _R_RANGE = (3.0, 2000.0)  # s/rad
 _R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
 
@@ -46,7 +59,7 @@ _R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction 
 def identify(
     logs: Log | Sequence[Log],
     start: Plant | str | None = None,
-    method: str = "prediction-error",
+    method: str = DEFAULT,
     *,
     fixed: Mapping[str, float | None] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -54,8 +67,9 @@ def identify(
     physical: bool = False,
     sharpness: float | None = None,
     negative_friction: bool = False,
-    iterations: int = 60,
+    iterations: int = _ITERATIONS,
     noise: Noise | None = None,
+    u_max: float | None = None,
     pool: Executor | None = None,
 ) -> Estimate:
     """Estimate θ (and r, and effect parameters) from one log or several of one rig, jointly.
@@ -64,33 +78,68 @@ def identify(
     fixed: {name: value} of what is known, None for the start plant's value. priors: {name: (mean, std)}.
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
-    below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the
-    fit goes on from there and no other start is tried. pool: where filters run side by side (default: `shared_pool`;
-    inside a task of that one, bring another). method: one of `METHODS`; only "prediction-error" uses the options.
+    below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the fit goes on
+    from there and no other start is tried. u_max [{u}]: largest command that the rig can give; by default the start
+    plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`;
+    inside a task of that one, bring another). method: one of `methods.METHODS`. All options above but u_max belong to
+    "prediction-error".
 
     Logs may differ in sensors, sample time and experiment; uneven stamps are used as they are, gaps cut a log.
-    Raises ValueError for bad arguments and NotIdentifiable (a ValueError) where the logs cannot tell a parameter.
+    Raises ValueError for bad arguments, among them an option that the method does not use, and NotIdentifiable (a
+    ValueError) where the logs cannot tell a parameter.
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
-    _check(logs, method)
-    fixed, priors = dict(fixed or {}), dict(priors or {})
+    chosen = method_named(method)
+    _check(logs, u_max)
+    options: dict[str, Any] = {
+        "fixed": dict(fixed or {}),
+        "priors": dict(priors or {}),
+        "effects": tuple(effects),
+        "physical": physical,
+        "sharpness": sharpness,
+        "negative_friction": negative_friction,
+        "iterations": iterations,
+        "noise": noise,
+        "pool": pool,
+    }
+    used = [name for name in chosen.options() if name in options]
+    if ignored := [n for n, v in options.items() if n not in used and _is_given(v, _ABSENT[n])]:
+        raise ValueError(f"method {method!r} does not use {', '.join(ignored)}; leave it out, or use {DEFAULT!r}")
+    if verdict := gate(logs, known={*options["fixed"], *options["priors"], *(["r"] if sharpness is not None else [])}):
+        raise NotIdentifiable(verdict)
+    template = _template(logs, start)
+    estimator = chosen.load()
+    given = {name: options[name] for name in used}
+    estimate = estimator.estimate(logs, template, None if start is None else template, **given)
+    return with_plant(estimate, logs, start, u_max)
+
+
+def _most_likely(
+    logs: Sequence[Log],
+    template: Plant,
+    start: Plant | None,
+    /,
+    *,
+    fixed: Mapping[str, float | None],
+    priors: Mapping[str, tuple[float, float]],
+    effects: Sequence[str | Effect],
+    physical: bool,
+    sharpness: float | None,
+    negative_friction: bool,
+    iterations: int,
+    noise: Noise | None,
+    pool: Executor | None,
+) -> Estimate:
+    fixed, priors = dict(fixed), dict(priors)
     if sharpness is not None:
         fixed |= {"r": float(sharpness)}
-    if verdict := gate(logs, known={*fixed, *priors}):
-        raise NotIdentifiable(verdict)
-    if method != "prediction-error":
-        from .classical import classical_estimate
-
-        template = _template(logs, start)
-        return with_plant(classical_estimate(logs, method, template, template if start else None), logs, start)
     if not (noise is None or isinstance(noise, Noise)):
         raise ValueError(
             f"noise must be a Noise of an earlier fit, got {type(noise).__name__}; make one by Noise(torque)"
         )
-    effects, pool = tuple(effects), pool or shared_pool()
+    pool = pool or shared_pool()
     used = stretches(logs)
     records = [stretch.record for stretch in used]
-    template = _template(logs, start)
     if fixed.get("r", 0.0) is None and isinstance(template.friction_sharpness, tuple):
         del fixed["r"]
         fixed |= {"r1": None, "r2": None}
@@ -121,7 +170,13 @@ def identify(
     plant = _with_known(winner.plant, known, effects)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool)
     optimum = minimise(problem, problem.start(), iterations)
-    return _estimate(logs, problem, optimum, plant, fixed, start)
+    return _estimate(logs, problem, optimum, plant, fixed)
+
+
+class PredictionErrorMethod:
+    """Maximum likelihood through the innovations of extended Kalman filters; uses every option of `identify`."""
+
+    estimate = staticmethod(_most_likely)
 
 
 def _known(fixed: Mapping[str, float | None], start: Plant | None, effects: Sequence[str | Effect]) -> dict[str, float]:
@@ -138,13 +193,17 @@ def _known(fixed: Mapping[str, float | None], start: Plant | None, effects: Sequ
     return known
 
 
-def _check(logs: Sequence[Log], method: str) -> None:
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+def _is_given(value: Any, absent: Any) -> bool:
+    return value is not None if absent is None else value != absent
+
+
+def _check(logs: Sequence[Log], u_max: float | None) -> None:
     if not logs:
         raise ValueError("identify needs at least one log, got none")
     if len(units := {log.input_unit for log in logs}) > 1:
         raise ValueError(f"logs of one rig must share the command's unit, got {', '.join(sorted(units))}")
+    if u_max is not None and not u_max >= (largest := max(float(np.abs(log.u).max()) for log in logs)):
+        raise ValueError(f"u_max {u_max:g} (--u-max): the logs' command reaches {largest:g}; expected at least that")
 
 
 def _template(logs: Sequence[Log], start: Plant | str | None) -> Plant:
@@ -244,7 +303,6 @@ def _estimate(
     optimum: Optimum,
     start: Plant,
     fixed: Mapping[str, float | None],
-    user_start: Plant | str | None,
 ) -> Estimate:
     if not math.isfinite(optimum.value):
         raise ValueError(
@@ -274,9 +332,9 @@ def _estimate(
     noise = filled_noise(coordinates, optimum.z, problem.noise)
     reading = tuple(tuple(np.sqrt(noise.on(r).variance).tolist()) for r in problem.records)  # rounding included
     plant = filled_plant(start, coordinates, optimum.z)
-    estimate = Estimate(
+    return Estimate(
         plant=plant,
-        method="prediction-error",
+        method=DEFAULT,
         names=names,
         values=values,
         covariance=covariance,
@@ -297,7 +355,6 @@ def _estimate(
         problem=problem,
         optimum=optimum,
     )
-    return with_plant(estimate, logs, user_start)
 
 
 def _noticeable(plant: Plant) -> dict[str, float]:
@@ -309,8 +366,10 @@ def _noticeable(plant: Plant) -> dict[str, float]:
     }
 
 
-def with_plant(estimate: Estimate, logs: Sequence[Log], start: Plant | str | None = None) -> Estimate:
-    """The estimate with its plant completed: covariance, stds of effects, sensors, provenance, checks."""
+def with_plant(
+    estimate: Estimate, logs: Sequence[Log], start: Plant | str | None = None, u_max: float | None = None
+) -> Estimate:
+    """The estimate with its plant completed: covariance, stds of effects, sensors, u_max, provenance, checks."""
     plant = estimate.plant
     std = dict(zip(estimate.names, estimate.std.tolist(), strict=True))
     effects = tuple(
@@ -328,13 +387,14 @@ def with_plant(estimate: Estimate, logs: Sequence[Log], start: Plant | str | Non
     consistency = physical_consistency(plant.theta)
     plant = plant.replace(
         effects=effects,
+        u_max=plant.u_max if u_max is None else float(u_max),
         covariance=Covariance(estimate.names, estimate.covariance),
         sensors=sensors,
         sample_time=logs[0].sample_time,
-        provenance=_provenance(estimate, logs, start),
+        provenance=_provenance(estimate, logs, start, u_max),
         checks=consistency.to_dict() | {"identifiability": estimate.identifiability.to_dict()},
     )
-    return replace(estimate, plant=plant)
+    return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None)
 
 
 def _value_of(plant: Plant, name: str) -> float:
@@ -349,7 +409,10 @@ def _value_of(plant: Plant, name: str) -> float:
     return math.nan if found is None else float(found.parameters[parameter])
 
 
-def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | None) -> dict[str, Any]:
+def _provenance(
+    estimate: Estimate, logs: Sequence[Log], start: Plant | str | None, u_max: float | None
+) -> dict[str, Any]:
+    limit = "guessed from the logs' largest command" if start is None else "of the start plant"
     versions = {"python": platform.python_version()}
     for package in ("furuta-gym", "numpy", "scipy", "numba"):
         try:
@@ -360,6 +423,7 @@ def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | No
         "logs": [
             {"source": log.source, "sha256": log.sha256, "samples": len(log), "duration_s": round(log.duration, 6)}
             | ({"read_as": log.read_as} if log.read_as else {})
+            | ({"skipped_s": log.skipped} if log.skipped else {})
             for log in logs
         ],
         "method": estimate.method,
@@ -367,7 +431,7 @@ def _provenance(estimate: Estimate, logs: Sequence[Log], start: Plant | str | No
         "fixed": dict(estimate.fixed),
         "torque_noise": None if estimate.noise is None else list(estimate.noise.torque),
         "log_likelihood": estimate.log_likelihood if math.isfinite(estimate.log_likelihood) else None,
-        "u_max": "guessed from the logs' largest command" if start is None else "of the start plant",
+        "u_max": limit if u_max is None else "given",
         "versions": versions,
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }

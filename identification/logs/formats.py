@@ -1,6 +1,7 @@
 """File formats: each reader returns a `Table` of named columns and text metadata, each writer takes one.
 
-CSV (also .txt, .tsv, .dat), Parquet, NPZ and MAT version 5. Nothing here knows what a pendulum is.
+CSV (also .txt, .tsv, .dat), Parquet, NPZ and MAT version 5. `register` adds a format by the ending of its files; every
+command and `read_log` then take it. Nothing here knows what a pendulum is.
 """
 
 from __future__ import annotations
@@ -51,12 +52,32 @@ class Table:
         raise LogError(f"{self.name}: column {column} holds {kind}. Expected real numbers (time in seconds).")
 
 
+Reader = Callable[[Path], Table]
+"""Reads a file that exists. Raises LogError for one that is not of its format."""
+Writer = Callable[[Path, Mapping[str, np.ndarray], Mapping[str, str]], None]
+"""Writes columns of equal length and metadata of one line each to a path."""
+
+
+def register(ending: str, reader: Reader, writer: Writer | None = None) -> None:
+    """Add a format: how files with this ending (as ".tdms") are read and, where given, written.
+
+    Raises ValueError for an ending without its dot or with capitals, or one that is taken.
+    """
+    if not re.fullmatch(r"\.[a-z0-9]+", ending):
+        raise ValueError(f"ending {ending!r}: expected a dot and small letters or digits, as .tdms")
+    if ending in READERS:
+        raise ValueError(f"ending {ending!r} is taken; there are {', '.join(READERS)}")
+    READERS[ending] = reader
+    if writer is not None:
+        WRITERS[ending] = writer
+
+
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read a file in the format that its ending names. Raises LogError for anything that is not such a file."""
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
+    reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(_READERS)}.")
+        raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "does not exist"
         nearby = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))[:5] if path.parent.is_dir() else []
@@ -68,9 +89,9 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
     """Write a table whole or not at all: into a file beside it that then takes its name."""
     path = Path(path)
-    writer = _WRITERS.get(path.suffix.lower())
+    writer = WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise LogError(f"{path.name}: cannot write {path.suffix!r}. Expected one of {', '.join(_WRITERS)}.")
+        raise LogError(f"{path.name}: cannot write {path.suffix!r}. Expected one of {', '.join(WRITERS)}.")
     part = path.with_name(f".{path.stem}.part{path.suffix}")  # keeps the ending: some writers would add it
     try:
         writer(part, columns, metadata)
@@ -266,13 +287,13 @@ def _from_variables(name: str, variables: Mapping[str, Any]) -> Table:
     return Table(name, columns, metadata)
 
 
-_READERS: dict[str, Callable[[Path], Table]] = {
+READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _read_csv),
     ".parquet": _read_parquet,
     ".npz": _read_npz,
     ".mat": _read_mat,
 }
-_WRITERS: dict[str, Callable[[Path, Mapping[str, np.ndarray], Mapping[str, str]], None]] = {
+WRITERS: dict[str, Writer] = {
     ".csv": _write_csv,
     ".parquet": _write_parquet,
     ".npz": _write_npz,

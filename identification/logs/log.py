@@ -33,6 +33,7 @@ class Log:
 
     t [s], q1, q2 [rad], u [input_unit]. encoder_counts: counts per revolution of (q1, q2), None if unknown.
     controller_gain: K of u = −K (q1, q̇1, q2, q̇2) + d, None if unknown. source, sha256: the file it came from.
+    read_as: what the mapping did to the file's columns, as formulas. skipped: seconds left out at its start.
     metadata: further `# key: value` pairs of that file. Raises LogError if any of this does not hold.
     """
 
@@ -47,6 +48,7 @@ class Log:
     source: str = "log"
     sha256: str | None = None
     read_as: str = ""
+    skipped: float = 0.0
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -90,7 +92,7 @@ class Log:
 
     @property
     def angles(self) -> np.ndarray:
-        """(q1, q2) as one array, shape (n, 2)."""
+        """(q1, q2) [rad] as one array, shape (n, 2)."""
         return np.column_stack([self.q1, self.q2])
 
     @property
@@ -196,6 +198,7 @@ def read_log(
     controller_gain: str | Sequence[float] | None = None,
     time_unit: str = "s",
     constant_command: str = "error",
+    skip: float = 0.0,
 ) -> Log:
     """Read a CSV, Parquet, NPZ or MAT (version 5) file, map it to the paper's convention, and check it.
 
@@ -208,10 +211,13 @@ def read_log(
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
     time_unit: "s", "ms" or "us". constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
+    skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
     Raises LogError (a ValueError) for anything that would make an estimate from this file meaningless.
     """
+    if not 0.0 <= skip < np.inf:
+        raise LogError(f"skip {skip:g} (--skip): expected seconds, not negative")
     table = read_table(path)
     mapped = map_table(
         table,
@@ -227,19 +233,21 @@ def read_log(
         constant_command=constant_command,
     )
     digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    return Log(**mapped.signals, **mapped.facts, source=table.name, sha256=digest, metadata=mapped.metadata)
+    log = Log(**mapped.signals, **mapped.facts, source=table.name, sha256=digest, metadata=mapped.metadata)
+    return replace(log.slice(float(log.t[0]) + skip), skipped=float(skip)) if skip else log
 
 
-def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: object) -> tuple[Log, ...]:
-    """Several logs of one rig, all with the same mapping; sample times may differ.
+def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: Any) -> tuple[Log, ...]:
+    """Several logs of one rig, all with the same mapping (see `read_log`); sample times may differ.
 
-    A log whose command is constant (a free decay) is accepted beside one that is driven, never alone.
+    A log whose command is constant (a free decay) is accepted beside one that is driven, never alone. Raises LogError
+    as `read_log` does, for no logs, and for logs whose commands differ in unit.
     """
     paths = list(paths)
     if not paths:
         raise LogError("no log was given. Expected at least one file.")
     severity = mapping.pop("constant_command", "warn" if len(paths) > 1 else "error")
-    logs = tuple(read_log(path, constant_command=severity, **mapping) for path in paths)  # type: ignore[arg-type]
+    logs = tuple(read_log(path, constant_command=severity, **mapping) for path in paths)
     if severity == "warn" and len(logs) > 1 and all(np.ptp(log.u) == 0 for log in logs):
         raise LogError(f"the command is constant in all {len(logs)} logs. Expected at least one that is driven.")
     units = {log.input_unit for log in logs}
@@ -251,7 +259,8 @@ def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: object) -> tup
 def write_log(path: str | os.PathLike[str], log: Log) -> None:
     """Write a log as .csv, .parquet, .npz or .mat, whole or not at all; `read_log` gives the same log back.
 
-    (The same but for whole turns of q2, and the hash. A finite float is written with all its digits.)
+    (The same but for whole turns of q2, and the hash. A finite float is written with all its digits.) Raises LogError
+    for an ending that has no writer.
     """
     facts: dict[str, str] = {"input_unit": log.input_unit, "pendulum_zero": "upright"}
     if log.encoder_counts is not None:

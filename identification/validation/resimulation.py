@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 
 from ..logs.log import Log
 

@@ -16,7 +16,7 @@ from controllers.trials import PUSH_LENGTH, Starts, balance_starts, run_trials
 from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 
 
 class Idle:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.export_onnx import export_onnx
-from controllers.export_policy_c import export_policy_c
+from controllers.exports.onnx import export_onnx
+from controllers.exports.policy_c import export_policy_c
 from controllers.layers import network_of
 from furuta_gym.plant import QUBE
 from furuta_gym.sensors import FilteredDifference

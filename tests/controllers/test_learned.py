@@ -14,7 +14,7 @@ from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
 from experiments.studies.bench_runs import run_on_bench
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 from identification.design.setup import Setup
 
 

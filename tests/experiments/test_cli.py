@@ -14,9 +14,9 @@ import typer
 from typer.testing import CliRunner, Result
 
 from experiments.cli import app
-from experiments.cli.options import fixed_values, prior_values, skipped, with_effects
+from experiments.cli.options import fixed_values, prior_values, with_effects
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
-from identification.logs.log import read_log
+from identification.logs.log import read_log, read_logs
 
 
 def furuta(*arguments: object) -> Result:
@@ -146,12 +146,11 @@ def test_bad_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, argument
 
 @pytest.mark.filterwarnings("ignore:.*zero or signs")
 def test_the_start_of_a_log_is_left_out_on_request(tmp_path: Path) -> None:
-    logs = [read_log(some_log(tmp_path / f"{name}.csv")) for name in "ab"]
-    whole, cut = skipped(logs, 0.0), skipped(logs, 0.25)
-    assert whole == tuple(logs)
-    for log, short in zip(logs, cut, strict=True):
+    paths = [some_log(tmp_path / f"{name}.csv") for name in "ab"]
+    for log, short in zip(read_logs(paths), read_logs(paths, skip=0.25), strict=True):
         assert short.t[0] == pytest.approx(log.t[0] + 0.25, abs=log.sample_time)
         assert short.t[-1] == log.t[-1]
+        assert (log.skipped, short.skipped) == (0.0, 0.25)
 
 
 def test_an_output_that_is_an_input_is_refused(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Effect, Plant
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 from identification.design.signals import paper_signal
 from identification.logs.log import Log
 

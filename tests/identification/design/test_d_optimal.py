@@ -7,7 +7,7 @@ import pytest
 
 from furuta_gym.plant import TABLE_3
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 from identification.design.d_optimal import Design, design, free_coordinates, predicted
 from identification.design.setup import Limits, Setup, assumed_torque_noise, within_limits
 from identification.design.signals import Sines, paper_signal

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from furuta_gym.plant.parameters import physical_consistency
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import open_loop, simulate
+from furuta_gym.simulation import open_loop, simulate
 from identification.design.signals import Chirp, paper_signal
 from identification.estimation.classical import _plant
 from identification.estimation.ekf import track

@@ -23,7 +23,7 @@ NOISE = Noise((1e-3, 1e-5))
 def simulated(seed: int, plant: Plant = TABLE_3, T: float = 0.002, duration: float = 10.0) -> Log:
     """The paper's experiment with small torque noise, another realisation for each seed."""
     from furuta_gym.sensors import Sensors
-    from furuta_gym.simulate import simulate
+    from furuta_gym.simulation import simulate
     from identification.design.signals import paper_signal
 
     run = simulate(

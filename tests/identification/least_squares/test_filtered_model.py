@@ -93,7 +93,7 @@ def test_the_truth_solves_the_filtered_model_of_its_own_motion(plant):
 
 def driven(plant, T):
     from furuta_gym.sensors import Sensors
-    from furuta_gym.simulate import open_loop, simulate
+    from furuta_gym.simulation import open_loop, simulate
 
     command = 0.3 * plant.u_max * np.sin(4.0 * np.floor(np.arange(round(3 / T)) * T / 0.01) * 0.01)
     run = simulate(

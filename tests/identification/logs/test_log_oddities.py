@@ -100,7 +100,7 @@ def test_a_missing_column_with_units_in_its_name_is_guessed(tmp_path):
         ({"pendulum_zero": "hanging", "flip": "q2,u", "unit": "deg"}, "q1 = q1*pi/180, q2 = -(q2*pi/180 - pi), u = -u"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::identification.log_checks.LogWarning")
+@pytest.mark.filterwarnings("ignore::identification.logs.checks.LogWarning")
 def test_the_log_says_how_it_was_read(tmp_path, mapping, said):
     """As a formula that gives the log's angles from the file's columns."""
     table = rows()

@@ -7,7 +7,7 @@ import pytest
 
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import open_loop, simulate
+from furuta_gym.simulation import open_loop, simulate
 from identification.design.signals import excitation
 from identification.logs.signs import Signs, motion_signs
 from tests.identification.rigs import paper_log

@@ -11,7 +11,7 @@ import pytest
 
 from furuta_gym.plant import QUBE, TABLE_3
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import open_loop, simulate
+from furuta_gym.simulation import open_loop, simulate
 from identification.estimation.identify import identify
 from identification.kalman.bank import add_torque_noise
 from identification.kalman.noise import fit_noise

@@ -10,8 +10,8 @@ import numpy as np
 from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.plant import Plant
 
-from .layers import Network, network_of
-from .learned import LearnedController, load_policy, read_record
+from ..layers import Network, network_of
+from ..learned import LearnedController, load_policy, read_record
 
 OPSET = 17
 
@@ -67,6 +67,8 @@ def export_onnx(
     policy: str | os.PathLike[str], plant: Plant, path: str | os.PathLike[str], sample_time: float | None = None
 ) -> Path:
     """Write the policy file for `plant` as ONNX; its metadata say how an observation is made.
+
+    sample_time [s]: of the controller; default: the plant's or the policy's own. Returns the path.
 
     Raises ValueError for a policy that `load_policy` or `network_of` refuse, or without the package onnx.
     """

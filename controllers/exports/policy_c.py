@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from furuta_gym.envs.options import SPEED_LIMIT
 
-from .export_c import columns_note
-from .layers import Layer, network_of
-from .learned import LearnedController
+from ..layers import Layer, network_of
+from ..learned import LearnedController
+from .c import columns_note
 
 _HEADER = """\
 /* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; single precision.
@@ -131,7 +131,11 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
 
 
 def export_policy_c(controller: LearnedController, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
-    """Write `policy_c_header` to `path`; see there for what is refused."""
+    """Write a learned policy as one C99 header to `path` and return the path.
+
+    prefix begins its names, by default `furuta_` and the policy's name. Raises ValueError for what `policy_c_header`
+    refuses.
+    """
     text = policy_c_header(controller, prefix)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -114,7 +114,10 @@ def mjcf(plant: Plant) -> str:
 
 
 def export_mjcf(plant: Plant, path: str | os.PathLike[str]) -> Path:
-    """Write `mjcf` to `path`; see there for what is refused."""
+    """Write a physically consistent plant as MuJoCo XML to `path` and return the path.
+
+    Raises ValueError for what `mjcf` refuses.
+    """
     text = mjcf(plant)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

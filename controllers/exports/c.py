@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
-from .base import Controller
-from .linear import LinearController
+from ..base import Controller
+from ..linear import LinearController
 
 _HEADER = """\
 /* Controller "{name}" of a Furuta pendulum. C99, no dependencies{math}.
@@ -157,7 +157,11 @@ def columns_note(plant: Plant) -> str:
 
 
 def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
-    """Write `c_header` to `path`; see there for what is refused."""
+    """Write a linear controller as one C99 header to `path` and return the path.
+
+    prefix begins its names, by default `furuta_` and the controller's name. Raises ValueError for what `c_header`
+    refuses; learned policies go through `export_policy_c`.
+    """
     text = c_header(controller, prefix)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -86,6 +86,7 @@ def simulate(
 ) -> Simulation:
     """Simulate `duration` seconds with commands u = clip(policy(y) + d(t), ±u_max) held for `sample_time`.
 
+    policy: called with readings y (2,) [rad] once a sample, gives the command [{u}]; `open_loop()` commands nothing.
     sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.
     excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2, q̇1, q̇2. torque_noise:
     intensities [{u}² s] of white torque on the two rows, held over each sample. Stops early when |q2| passes q2_limit
@@ -110,8 +111,9 @@ def simulate(
     noise_std = np.sqrt(np.asarray(torque_noise, dtype=float) / T)
     state, measured = np.empty((n, 4)), np.empty((n, 2))
     h_max = substep(plant.sharpest, longest_step)
-    if hasattr(policy, "reset"):
-        policy.reset()
+    reset = getattr(policy, "reset", None)
+    if reset is not None:
+        reset()
     end, fell = n, None
     for k in range(n):
         state[k] = X[:4, 0]
