@@ -103,13 +103,10 @@ def simulate_command(
             else "the pendulum falls within the first sample: --sample-time is too long for this controller"
         )
     counts = sensors.encoder_counts
-    log = Log(
-        run.t,
-        run.measured[:, 0],
-        run.measured[:, 1],
-        run.command,
-        input_unit=rig.unit,
-        encoder_counts=counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
+    log = Log.from_run(
+        run,
+        rig.unit,
+        counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
         device=f"simulated {plant}",
         controller_gain=_gain(policy),
         metadata={"controller": controller, "excitation": f"{excitation} {amplitude:g}", "seed": str(seed)}

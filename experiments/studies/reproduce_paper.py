@@ -14,7 +14,7 @@ import csv
 import json
 import math
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -134,8 +134,7 @@ def closed_loop(plant: Plant, a: Arguments, counts: float | None, torque_noise: 
 
 def as_log(run: Simulation, angles: NDArray[np.float64], counts: float | None, name: str) -> Log:
     """The run as a log with the given angles (n, 2)."""
-    pair = None if counts is None else (counts, counts)
-    return Log(run.t, angles[:, 0], angles[:, 1], run.command, TABLE_3.unit, encoder_counts=pair, source=name)
+    return Log.from_run(replace(run, measured=angles), TABLE_3.unit, counts, name)
 
 
 def run(a: Arguments) -> Results:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from .checks import GAP, LogError, LogWarning
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
 from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
+
+if TYPE_CHECKING:
+    from furuta_gym.simulate import Simulation
 
 __all__ = ["Log", "LogError", "LogWarning", "read_log", "read_logs", "write_log"]
 
@@ -80,6 +83,23 @@ class Log:
                     f"that is none of {', '.join((*COLUMNS, *KNOWN_KEYS))}, and a value of one line."
                 )
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+
+    @classmethod
+    def from_run(
+        cls,
+        run: Simulation,
+        unit: str = "V",
+        counts: float | Sequence[float] | None = None,
+        source: str = "simulated",
+        **facts: Any,
+    ) -> Log:
+        """The readings and commands of a run of `furuta_gym.simulate`.
+
+        unit: of the command. counts: per revolution, one number or (q1, q2), None for sensors without steps.
+        facts: further fields of Log, such as controller_gain. Raises LogError as Log does."""
+        pair = None if counts is None else parse_counts(counts)
+        q1, q2 = np.asarray(run.measured).T
+        return cls(run.t, q1, q2, run.command, unit, encoder_counts=pair, source=source, **facts)
 
     def __reduce__(self) -> tuple[Any, ...]:  # by construction, so that a copy in a worker is read-only too
         values = [getattr(self, f.name) for f in fields(self)]

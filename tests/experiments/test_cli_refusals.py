@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 
 from furuta_gym.plant import QUBE
-from tests.experiments.test_cli import furuta, recorded, refused
-
-__all__ = ["recorded"]
+from tests.commands import furuta, refused
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from controllers import make_controller
 from controllers.recipes import discount, observation_scale, recipe, training_period
 from controllers.trials import balance_starts, run_trials
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
-from tests.experiments.test_cli import furuta, refused
+from tests.commands import furuta, refused
 
 pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
 

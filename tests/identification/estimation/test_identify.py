@@ -11,9 +11,7 @@ from scipy.stats import norm
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from furuta_gym.plant.parameters import physical_consistency
-from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import open_loop, simulate
-from identification.design.signals import Chirp, paper_signal
+from furuta_gym.simulate import LONGEST_STEP
 from identification.estimation.classical import _plant
 from identification.estimation.ekf import track
 from identification.estimation.identifiability import NotIdentifiable
@@ -23,7 +21,7 @@ from identification.estimation.uncertainty import profile, recommended
 from identification.kalman.bank import _steps, counted
 from identification.kalman.record import Record
 from identification.logs.log import Log, read_log
-from tests.identification.rigs import PaperPolicy, paper_log
+from tests.factories import closed_loop, hanging_log, paper_log
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +31,8 @@ def upright() -> Log:
 
 @pytest.fixture(scope="module")
 def hanging() -> Log:
-    """The Table 3 plant hanging, driven by a chirp, with other sensors and another clock."""
-    run = simulate(
-        TABLE_3, open_loop(), 8.0, 0.004, Sensors(2048), excitation=Chirp(1.5, 0.5, 3.0, 8.0), x0=(0, np.pi, 0, 0)
-    )
-    return Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(2048, 2048))
+    """The same plant hanging, driven by a chirp, with other sensors and another clock."""
+    return hanging_log()
 
 
 def within(plant: Plant, estimate, deviations: float = 5.0) -> bool:
@@ -145,12 +140,8 @@ def _scaled(log: Log, **factors: float) -> Log:
 
 def test_a_gentle_log_says_that_theta2_is_weak() -> None:
     """A rig with restless torques, near upright: a number for θ2, and a warning with it."""
-    T = 0.004
-    run = simulate(
-        TABLE_3, PaperPolicy(T), 6.0, T, Sensors(4096), excitation=paper_signal(), torque_noise=(3e-5, 3e-7), seed=1
-    )
-    log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
-    estimate = identify(log)
+    run = closed_loop(T=0.004, duration=6.0, seed=1, phases=False, torque_noise=(3e-5, 3e-7), longest_step=LONGEST_STEP)
+    estimate = identify(Log.from_run(run, counts=4096))
     assert "theta2" in (*estimate.identifiability.weak, *estimate.identifiability.unidentified)
     assert any("θ2" in advice and "swing" in advice for advice in estimate.identifiability.advice)
     assert estimate.plant.checks["identifiability"]["level"] != "good"
@@ -312,9 +303,8 @@ def test_classical_results_are_of_the_model_they_fitted(upright: Log, method: st
 def test_an_effects_parameter_may_be_known_to_be_zero(upright: Log) -> None:
     """Against itself, a spring at zero angle would never be identified."""
     spring = Effect("arm_spring", {"k": 0.3, "q1n": 0.0})
-    run = simulate(TABLE_3.with_effects(spring), PaperPolicy(0.002), 8.0, 0.002, excitation=paper_signal())
-    log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
-    estimate = identify(log, TABLE_3, effects=["arm_spring"])
+    run = closed_loop(TABLE_3.with_effects(spring), duration=8.0, phases=False, longest_step=LONGEST_STEP)
+    estimate = identify(Log.from_run(run, counts=4096), TABLE_3, effects=["arm_spring"])
     i = estimate.names.index("arm_spring.q1n")
     assert estimate.std[i] < 0.05
     assert abs(estimate.values[i]) < 4 * estimate.std[i]

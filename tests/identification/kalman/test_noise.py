@@ -8,7 +8,7 @@ from identification.kalman.likelihood import innovation_cost
 from identification.kalman.noise import _Problem
 from identification.kalman.path import follow, refilter
 from identification.kalman.record import Record
-from tests.identification.loops import TORQUE_NOISE, loop_log
+from tests.factories import TORQUE_NOISE, loop_log
 
 
 @pytest.fixture(params=[False, True], ids=["fixed", "walk"])

@@ -17,7 +17,7 @@ from identification.logs.checks import LogError
 from identification.logs.encoders import encoder_step
 from identification.logs.log import Log
 from identification.validation.gap import validate
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 def without(log: Log, *samples: int) -> Log:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.logs.log import LogError, LogWarning, read_log
-from tests.identification.logs.test_log_errors import csv, rows, warned
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
+from tests.files import csv, rows, warned
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ import identification.diagnosis.naming.search as search_module
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.naming.multistart import added, chase, resized, retry
 from identification.diagnosis.naming.scores import Score
+from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_fit, ranked
-from tests.identification.loops import loop_log
 
 
 def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
