@@ -18,21 +18,34 @@ settings.register_profile(
 settings.load_profile("furuta")
 
 
+def _slow() -> list[str]:
+    """Entries of tests/slow.txt, files or tests."""
+    return [line for line in SLOW.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """The fast part does not import what is slow as a whole."""
+    if config.option.markexpr == "not slow" and collection_path.suffix == ".py":
+        return collection_path.relative_to(ROOT).as_posix() in _slow() or None
+    return None
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what tests/slow.txt lists. Raises pytest.UsageError for an entry of a collected file that is no test."""
-    lines = SLOW.read_text(encoding="utf-8").splitlines()
-    listed = {line.strip() for line in lines if line.strip() and not line.startswith("#")}
+    """Mark what tests/slow.txt lists, in its order. Raises pytest.UsageError for an entry that is no test."""
+    listed = _slow()
     files, found = set(), set()
     for item in items:
         file, *names = item.nodeid.split("[")[0].split("::")
         files.add(file)
         levels = {"::".join([file, *names[:depth]]) for depth in range(len(names) + 1)}
-        if entries := listed & levels:
+        if entries := levels.intersection(listed):
             found |= entries
             item.add_marker(pytest.mark.slow)
+    rank = {file: i for i, file in enumerate(dict.fromkeys(entry.split("::")[0] for entry in listed))}
+    items.sort(key=lambda item: rank.get(item.nodeid.split("::")[0], len(rank)))
     whole = not any("::" in argument for argument in config.args)
-    if whole and (stale := sorted(entry for entry in listed - found if entry.split("::")[0] in files)):
+    if whole and (stale := [entry for entry in listed if entry not in found and entry.split("::")[0] in files]):
         raise pytest.UsageError(f"tests/slow.txt lists what is no test: {', '.join(stale)}")
 
 
