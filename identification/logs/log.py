@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,12 +22,22 @@ from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
 from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
 
-if TYPE_CHECKING:
-    from furuta_gym.simulate import Simulation
-
 __all__ = ["Log", "LogError", "LogWarning", "read_log", "read_logs", "write_log"]
 
 _OFF_GRID = 0.01  # stamps within this fraction of a sample of an even grid count as regular
+
+
+class Run(Protocol):
+    """What a simulator made: t (n,) [s], readings (n, 2) of q1, q2 [rad], the command (n,) held from t on."""
+
+    @property
+    def t(self) -> np.ndarray: ...
+
+    @property
+    def measured(self) -> np.ndarray: ...
+
+    @property
+    def command(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,18 +97,18 @@ class Log:
     @classmethod
     def from_run(
         cls,
-        run: Simulation,
+        run: Run,
         unit: str = "V",
         counts: float | Sequence[float] | None = None,
         source: str = "simulated",
         **facts: Any,
     ) -> Log:
-        """The readings and commands of a run of `furuta_gym.simulate`.
+        """The readings and commands of a run, such as one of `furuta_gym.simulate`.
 
         unit: of the command. counts: per revolution, one number or (q1, q2), None for sensors without steps.
         facts: further fields of Log, such as controller_gain. Raises LogError as Log does."""
         pair = None if counts is None else parse_counts(counts)
-        q1, q2 = np.asarray(run.measured).T
+        q1, q2 = run.measured.T
         return cls(run.t, q1, q2, run.command, unit, encoder_counts=pair, source=source, **facts)
 
     def __reduce__(self) -> tuple[Any, ...]:  # by construction, so that a copy in a worker is read-only too
