@@ -101,13 +101,10 @@ def simulate_command(
             else "the pendulum falls within the first sample: --sample-time is too long for this controller"
         )
     counts = sensors.encoder_counts
-    log = Log(
-        run.t,
-        run.measured[:, 0],
-        run.measured[:, 1],
-        run.command,
-        input_unit=rig.unit,
-        encoder_counts=counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
+    log = Log.from_run(
+        run,
+        rig.unit,
+        counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
         device=f"simulated {plant}",
         controller_gain=getattr(policy, "feedback_gain", None),
         metadata={"controller": controller, "excitation": f"{excitation} {amplitude:g}", "seed": str(seed)}
@@ -119,7 +116,7 @@ def simulate_command(
 
 
 def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:
-    from furuta_gym.simulate import FALLEN
+    from furuta_gym.simulation import FALLEN
 
     largest = [float(abs(run.state[:, i]).max()) for i in (0, 1)]
     fell = None if run.fell is None else float(run.fell)

@@ -76,8 +76,7 @@ def follow(case: Case, seed: int, effect: Effect | None = None) -> Run:
     run = setup.run(case.signal(), seed, plant)
     if run.fell is not None:
         raise RuntimeError(f"{case.name}: the pendulum falls after {run.fell:.2f} s; try another rig")
-    q1, q2 = run.measured.T
-    log = Log(run.t, q1, q2, run.command, case.plant.unit, (case.counts, case.counts), source=case.name)
+    log = Log.from_run(run, case.plant.unit, case.counts, case.name)
     return Run(
         "constant" if effect is None else "heavier from half way on",
         log,

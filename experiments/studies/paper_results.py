@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import TABLE_3, Plant
-from furuta_gym.simulate import Simulation
+from furuta_gym.simulation import Simulation
 from identification.least_squares.filtered_model import ParameterHistory
 from identification.logs.log import Log
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import csv
 import json
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -51,8 +51,7 @@ def closed_loop(plant: Plant, a: Arguments, counts: float | None, torque_noise: 
 
 def as_log(run: Simulation, angles: NDArray[np.float64], counts: float | None, name: str) -> Log:
     """The run as a log with the given angles (n, 2)."""
-    pair = None if counts is None else (counts, counts)
-    return Log(run.t, angles[:, 0], angles[:, 1], run.command, TABLE_3.unit, encoder_counts=pair, source=name)
+    return Log.from_run(replace(run, measured=angles), TABLE_3.unit, counts, name)
 
 
 def run(a: Arguments) -> Results:

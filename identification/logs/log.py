@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,6 +25,19 @@ from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, p
 __all__ = ["Log", "LogError", "LogWarning", "read_log", "read_logs", "write_log"]
 
 _OFF_GRID = 0.01  # stamps within this fraction of a sample of an even grid count as regular
+
+
+class Run(Protocol):
+    """What a simulator made: t (n,) [s], readings (n, 2) of q1, q2 [rad], the command (n,) held from t on."""
+
+    @property
+    def t(self) -> np.ndarray: ...
+
+    @property
+    def measured(self) -> np.ndarray: ...
+
+    @property
+    def command(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +95,23 @@ class Log:
                     f"that is none of {', '.join((*COLUMNS, *KNOWN_KEYS))}, and a value of one line."
                 )
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+
+    @classmethod
+    def from_run(
+        cls,
+        run: Run,
+        unit: str = "V",
+        counts: float | Sequence[float] | None = None,
+        source: str = "simulated",
+        **facts: Any,
+    ) -> Log:
+        """The readings and commands of a run, such as one of `furuta_gym.simulate`.
+
+        unit: of the command. counts: per revolution, one number or (q1, q2), None for sensors without steps.
+        facts: further fields of Log, such as controller_gain. Raises LogError as Log does."""
+        pair = None if counts is None else parse_counts(counts)
+        q1, q2 = run.measured.T
+        return cls(run.t, q1, q2, run.command, unit, encoder_counts=pair, source=source, **facts)
 
     def __reduce__(self) -> tuple[Any, ...]:  # by construction, so that a copy in a worker is read-only too
         values = [getattr(self, f.name) for f in fields(self)]

@@ -11,38 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner, Result
 
 from experiments.cli import app
 from experiments.cli.options import fixed_values, prior_values, with_effects
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
 from identification.logs.log import read_log, read_logs
-
-
-def furuta(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(a) for a in arguments])
-
-
-def refused(result: Result, *words: str) -> None:
-    """Exit 2, all words on stderr, nothing on stdout, no traceback."""
-    assert result.exit_code == 2, result.output
-    for word in words:
-        assert word in result.stderr
-    assert "Traceback" not in result.output
-    assert result.stdout == ""
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The paper's experiment on Table 3, simulated by the command: 20 s at 2 ms."""
-    path = tmp_path_factory.mktemp("cli") / "log.csv"
-    result = furuta(
-        *("simulate", "--plant", "table3", "--controller", "paper-lqr", "--excitation", "paper", "-o", path, "--json")
-    )
-    assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)
-    path.with_suffix(".json").write_text(json.dumps(figures))
-    return path
+from tests.commands import furuta, refused, some_log
 
 
 @pytest.fixture(scope="module")
@@ -54,15 +28,6 @@ def rig(recorded: Path) -> Path:
     result = furuta("identify", short, "-o", path, "--start", "table3", "--fix", "r=100")
     assert result.exit_code == 0, result.output
     assert "Verdict" in result.stdout
-    return path
-
-
-def some_log(path: Path, n: int = 400, **columns: object) -> Path:
-    """A small log that reads without complaint, with columns replaced."""
-    t = 0.002 * np.arange(n)
-    table = {"t": t, "q1": 0.1 * np.sin(3 * t), "q2": 0.1 * np.sin(5 * t), "u": np.sign(np.sin(9 * t))} | columns
-    rows = [",".join(str(v) for v in row) for row in zip(*table.values(), strict=True)]
-    path.write_text("\n".join([",".join(table), *rows]) + "\n")
     return path
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from experiments.cli.app import app
 from furuta_gym.plant import Plant
 from identification.logs.log import write_log
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 @pytest.fixture(scope="module")

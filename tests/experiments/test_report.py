@@ -26,7 +26,7 @@ from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.verify import TAIL, rms_interval
 from identification.logs.log import Log, read_log, write_log
 from identification.validation.gap import closed_fraction, validate
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 @pytest.fixture(scope="module")

@@ -59,17 +59,23 @@ def _data() -> Path | None:
 
 def run_case(name: str, out: Path, code: Path = ROOT) -> dict[str, Any]:
     """Diagnose and identify the logs of a case with the code in a folder; returns what is compared."""
-    fitted, held_out, options = _arguments(name)
+    fitted, _, options = _arguments(name)
     folder = out / name
-    diagnosed = _call(
-        code, "diagnose", *fitted, *(["--held-out", *held_out] if held_out else []), *options, "-o", str(folder)
-    )
+    diagnosed = _call(code, *diagnose_arguments(name, folder))
     identified = _call(code, "identify", *fitted, *options, "-o", str(folder / "rig.json"))
-    found: dict[str, Any] = {"diagnose": diagnosed, "identify": identified}
-    for file in ("diagnosis.json", "plant.json", "rig.json"):
-        if (folder / file).exists():
-            found[file] = json.loads((folder / file).read_text(encoding="utf-8"))
-    return _comparable(found)
+    return {"diagnose": diagnosed, "identify": identified} | written(folder)
+
+
+def diagnose_arguments(name: str, folder: Path) -> list[str]:
+    """The command line that diagnoses the logs of a case, its held-out log with it, into a folder."""
+    fitted, held_out, options = _arguments(name)
+    return ["diagnose", *fitted, *(["--held-out", *held_out] if held_out else []), *options, "-o", str(folder)]
+
+
+def written(folder: Path) -> dict[str, Any]:
+    """What is compared of the files in a folder that the commands wrote, by file name."""
+    files = [folder / name for name in ("diagnosis.json", "plant.json", "rig.json")]
+    return {f.name: _comparable(json.loads(f.read_text(encoding="utf-8"))) for f in files if f.exists()}
 
 
 def _arguments(name: str) -> tuple[list[str], list[str], list[str]]:

@@ -73,15 +73,7 @@ def sample(case: Case, seed: int) -> Sample:
     run = setup.run(case.signal(), seed)
     if run.fell is not None:
         raise RuntimeError(f"{case.name}: the pendulum falls after {run.fell:.2f} s")
-    log = Log(
-        run.t,
-        run.measured[:, 0],
-        run.measured[:, 1],
-        run.command,
-        input_unit=case.plant.unit,
-        encoder_counts=(case.counts, case.counts),
-        source=f"{case.name}, seed {seed}",
-    )
+    log = Log.from_run(run, case.plant.unit, case.counts, f"{case.name}, seed {seed}")
     return Sample(log, case.plant.theta, predicted(setup, run).std)
 
 

@@ -13,7 +13,7 @@ from identification.design.setup import Limits, Setup, assumed_torque_noise, wit
 from identification.design.signals import Sines, paper_signal
 from identification.estimation.identify import identify
 from identification.logs.log import Log
-from tests.identification.rigs import PaperPolicy
+from tests.factories import PaperPolicy
 
 LIMITS = Limits(q1=0.8, q2=0.2, u=8.0)
 T = 0.004
@@ -61,7 +61,7 @@ def test_predicted_deviations_are_those_of_repeated_fits() -> None:
     fits = []
     for seed in range(10):
         run = rig.run(paper_signal(), seed=100 + seed)
-        log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
+        log = Log.from_run(run, counts=4096)
         fits.append(identify(log, TABLE_3).values[:9])
     ratio = np.sqrt(np.mean((np.array(fits) - TABLE_3.theta) ** 2, axis=0)) / promised.std
     assert 1 / 1.5 < np.sqrt(np.mean(ratio**2)) < 1.5, ratio

@@ -9,7 +9,7 @@ from furuta_gym.plant import TABLE_3, Effect
 from identification.design.discriminate import Separation, between
 from identification.estimation.identify import identify
 from identification.logs.log import Log
-from tests.identification.rigs import PaperPolicy
+from tests.factories import PaperPolicy
 
 T = 0.004
 
@@ -49,7 +49,7 @@ def test_the_predicted_separation_is_that_of_fits_to_new_data(delay_or_lag: Sepa
     trial = delay_or_lag.best
     for truth, other in (("input_delay", "actuator_lag"), ("actuator_lag", "input_delay")):
         run = trial.setup.run(trial.signal, 77, TABLE_3.with_effects(TABLE_3.default_effect(truth)))
-        log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
+        log = Log.from_run(run, counts=4096)
         right, wrong = (identify(log, TABLE_3, effects=[e], sharpness=100.0).log_likelihood for e in (truth, other))
         assert 1 / 1.5 < (right - wrong) / trial.separations[truth, other] < 1.5
 

@@ -13,7 +13,7 @@ from identification.diagnosis.diagnose import CONSTANT, Diagnosis, _anchor, _ver
 from identification.diagnosis.naming.forward import Naming, unsettled
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Suspect, price, shortlist, slight
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 def suspect(name: str, gain: float) -> Suspect:

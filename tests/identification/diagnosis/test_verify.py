@@ -13,7 +13,7 @@ from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.scores import fit
 from identification.diagnosis.verify import LIKELIER, TAIL, _of_tails, brings_nothing, judged, measure_gap
 from identification.kalman.record import Record
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 def change(closed: tuple[float, float] = (0.3, 0.9), likelier: float = 500.0, **more: Any) -> Any:

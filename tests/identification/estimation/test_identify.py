@@ -11,11 +11,10 @@ from scipy.stats import norm
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from furuta_gym.plant.parameters import physical_consistency
-from furuta_gym.sensors import Sensors
-from furuta_gym.simulation import open_loop, simulate
-from identification.design.signals import Chirp, paper_signal
+from furuta_gym.simulation import LONGEST_STEP
 from identification.estimation.classical import _plant
 from identification.estimation.ekf import track
+from identification.estimation.estimate import Estimate
 from identification.estimation.identifiability import NotIdentifiable
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
@@ -23,7 +22,7 @@ from identification.estimation.uncertainty import profile, recommended
 from identification.kalman.bank import counted
 from identification.kalman.record import Record
 from identification.logs.log import Log, read_log
-from tests.identification.rigs import PaperPolicy, paper_log
+from tests.factories import closed_loop, hanging_log, paper_log
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +32,14 @@ def upright() -> Log:
 
 @pytest.fixture(scope="module")
 def hanging() -> Log:
-    """The Table 3 plant hanging, driven by a chirp, with other sensors and another clock."""
-    run = simulate(
-        TABLE_3, open_loop(), 8.0, 0.004, Sensors(2048), excitation=Chirp(1.5, 0.5, 3.0, 8.0), x0=(0, np.pi, 0, 0)
-    )
-    return Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(2048, 2048))
+    """The same plant hanging, driven by a chirp, with other sensors and another clock."""
+    return hanging_log()
+
+
+@pytest.fixture(scope="module")
+def fitted(upright: Log) -> Estimate:
+    """The upright log by itself, with nothing known."""
+    return identify(upright)
 
 
 def within(plant: Plant, estimate, deviations: float = 5.0) -> bool:
@@ -67,8 +69,8 @@ def test_a_fine_encoder_is_an_exact_reading() -> None:
     assert counted(0.5, 2.0, 0.35) == pytest.approx(counted(0.5, 2.0, 0.2), rel=0.01)
 
 
-def test_upright_and_hanging_together(upright: Log, hanging: Log) -> None:
-    one, both = identify(upright), identify([upright, hanging])
+def test_upright_and_hanging_together(fitted: Estimate, upright: Log, hanging: Log) -> None:
+    one, both = fitted, identify([upright, hanging])
     assert both.converged
     assert within(TABLE_3, both)
     i = one.names.index("theta2")
@@ -90,18 +92,17 @@ def test_uneven_stamps_and_gaps_are_used_as_they_are() -> None:
     assert within(TABLE_3, estimate)
 
 
-def test_the_constraint_gives_a_rigid_body(upright: Log) -> None:
-    free, held = identify(upright), identify(upright, physical=True)
+def test_the_constraint_gives_a_rigid_body(fitted: Estimate, upright: Log) -> None:
+    free, held = fitted, identify(upright, physical=True)
     assert not physical_consistency(free.plant.theta).consistent  # Table 3 itself is none (errata, row 5)
     assert physical_consistency(held.plant.theta).consistent
     assert held.log_likelihood < free.log_likelihood
 
 
-def test_a_wrong_start_does_not_matter(upright: Log) -> None:
-    own = identify(upright)
+def test_a_wrong_start_does_not_matter(fitted: Estimate, upright: Log) -> None:
     far = TABLE_3.replace(theta=TABLE_3.theta * np.array([1.88, 0.56, 2.29, 0.7, 0.7, 0.46, 0.9, 1.92, 0.55]))
     given = identify(upright, start=far)
-    assert given.log_likelihood == pytest.approx(own.log_likelihood, abs=0.5)
+    assert given.log_likelihood == pytest.approx(fitted.log_likelihood, abs=0.5)
 
 
 @pytest.mark.parametrize(
@@ -131,12 +132,8 @@ def _scaled(log: Log, **factors: float) -> Log:
 
 def test_a_gentle_log_says_that_theta2_is_weak() -> None:
     """A rig with restless torques, near upright: a number for θ2, and a warning with it."""
-    T = 0.004
-    run = simulate(
-        TABLE_3, PaperPolicy(T), 6.0, T, Sensors(4096), excitation=paper_signal(), torque_noise=(3e-5, 3e-7), seed=1
-    )
-    log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
-    estimate = identify(log)
+    run = closed_loop(T=0.004, duration=6.0, seed=1, phases=False, torque_noise=(3e-5, 3e-7), longest_step=LONGEST_STEP)
+    estimate = identify(Log.from_run(run, counts=4096))
     assert "theta2" in (*estimate.identifiability.weak, *estimate.identifiability.unidentified)
     assert any("θ2" in advice and "swing" in advice for advice in estimate.identifiability.advice)
     assert estimate.plant.checks["identifiability"]["level"] != "good"
@@ -298,9 +295,8 @@ def test_classical_results_are_of_the_model_they_fitted(upright: Log, method: st
 def test_an_effects_parameter_may_be_known_to_be_zero(upright: Log) -> None:
     """Against itself, a spring at zero angle would never be identified."""
     spring = Effect("arm_spring", {"k": 0.3, "q1n": 0.0})
-    run = simulate(TABLE_3.with_effects(spring), PaperPolicy(0.002), 8.0, 0.002, excitation=paper_signal())
-    log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
-    estimate = identify(log, TABLE_3, effects=["arm_spring"])
+    run = closed_loop(TABLE_3.with_effects(spring), duration=8.0, phases=False, longest_step=LONGEST_STEP)
+    estimate = identify(Log.from_run(run, counts=4096), TABLE_3, effects=["arm_spring"])
     i = estimate.names.index("arm_spring.q1n")
     assert estimate.std[i] < 0.05
     assert abs(estimate.values[i]) < 4 * estimate.std[i]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
+from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.optimise import minimise
 from identification.estimation.prediction_error import PredictionError
@@ -14,28 +15,21 @@ from identification.kalman.likelihood import whiten
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
 from identification.logs.log import Log
-from tests.identification.rigs import PaperPolicy, paper_log
+from tests.factories import noisy_log, paper_log
 
 TRUTH = np.array([*TABLE_3.theta, 100.0])
 NOISE = Noise((1e-3, 1e-5))
 
 
-def simulated(seed: int, plant: Plant = TABLE_3, T: float = 0.002, duration: float = 10.0) -> Log:
-    """The paper's experiment with small torque noise, another realisation for each seed."""
-    from furuta_gym.sensors import Sensors
-    from furuta_gym.simulation import simulate
-    from identification.design.signals import paper_signal
-
-    run = simulate(
-        plant, PaperPolicy(T), duration, T, Sensors(4096, 2e-4), excitation=paper_signal(), seed=seed,
-        torque_noise=(1e-6, 1e-8),
-    )  # fmt: skip
-    return Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096))
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return noisy_log(0)
 
 
 @pytest.fixture(scope="module")
-def log() -> Log:
-    return simulated(0)
+def fitted(log: Log) -> Estimate:
+    """The log by itself, from a start that is right."""
+    return identify(log, "table3")
 
 
 def problem(log: Log, plant: Plant = TABLE_3) -> PredictionError:
@@ -86,7 +80,7 @@ def test_error_bars_cover_the_truth() -> None:
     """z-scores of θ1 … θ5 over independent runs: neither far too wide nor far too narrow."""
     scores = []
     for seed in range(8):
-        estimate = identify(simulated(10 + seed, duration=8.0), start="table3")
+        estimate = identify(noisy_log(10 + seed, duration=8.0), start="table3")
         scores.append((estimate.values[:9] - TABLE_3.theta) / estimate.std[:9])
     size = np.sqrt(np.mean(np.square(scores)))
     assert 0.6 < size < 1.5, size
@@ -102,23 +96,22 @@ def test_the_log_alone_gives_the_start(log: Log) -> None:
     assert Plant.from_dict(estimate.plant.to_dict()) == estimate.plant
 
 
-def test_two_logs_know_more_than_one(log: Log) -> None:
-    one, two = identify(log, "table3"), identify([log, simulated(99)], "table3")
-    assert np.all(two.std[:9] < one.std[:9])
+def test_two_logs_know_more_than_one(fitted: Estimate, log: Log) -> None:
+    two = identify([log, noisy_log(99)], "table3")
+    assert np.all(two.std[:9] < fitted.std[:9])
 
 
-def test_known_values_and_priors_are_kept(log: Log) -> None:
+def test_known_values_and_priors_are_kept(fitted: Estimate, log: Log) -> None:
     fixed = identify(log, "table3", fixed={"theta4": 0.0119})
     assert fixed.plant.theta[3] == pytest.approx(0.0119)
     assert "theta4" not in fixed.names
-    free = identify(log, "table3")
     prior = identify(log, "table3", priors={"theta2": (0.05, 1e-5)})
-    assert abs(prior.plant.theta[1] - 0.05) < 1e-4 < abs(free.plant.theta[1] - 0.05)
+    assert abs(prior.plant.theta[1] - 0.05) < 1e-4 < abs(fitted.plant.theta[1] - 0.05)
 
 
 def test_an_effect_is_estimated_along() -> None:
     plant = TABLE_3.with_effects(Effect("arm_spring", {"k": 0.4, "q1n": 0.3}))
-    estimate = identify(simulated(3, plant), "table3", effects=["arm_spring"])
+    estimate = identify(noisy_log(3, plant), "table3", effects=["arm_spring"])
     found = estimate.plant.effect("arm_spring")
     assert found is not None
     assert abs(found.parameters["k"] - 0.4) < 5 * found.std["k"] < 0.1

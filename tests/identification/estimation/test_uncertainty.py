@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from identification.estimation.optimise import Expansion
 from identification.estimation.prediction_error import PredictionError
@@ -44,9 +45,7 @@ def test_the_sandwich_is_the_scatter_of_the_estimates(memory, logs):
     errors, sandwich, classical = [], [], []
     for _ in range(300):
         white = rng.standard_normal((SAMPLES, 2)) @ np.array([[1.0, 0.5], [0.0, 1.0]])
-        scores = white.copy()
-        for k in range(1, SAMPLES if memory else 0):
-            scores[k] += memory * scores[k - 1]
+        scores = lfilter([1.0], [1.0, -memory], white, axis=0)
         found = covariances(np.array_split(scores, logs))
         errors.append(scores.mean(axis=0))
         sandwich.append(found.sandwich)

@@ -9,7 +9,7 @@ from identification.kalman.noise import _Problem
 from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import follow, refilter
 from identification.kalman.record import Record
-from tests.identification.loops import TORQUE_NOISE, loop_log
+from tests.factories import TORQUE_NOISE, loop_log
 
 
 @pytest.fixture(params=[False, True], ids=["fixed", "walk"])

@@ -10,6 +10,7 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.locate.locate import locate
 from identification.estimation.ekf import track
+from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
 from identification.kalman.record import SHORTEST, Record, stretches
@@ -17,7 +18,7 @@ from identification.logs.checks import LogError
 from identification.logs.encoders import encoder_step
 from identification.logs.log import Log
 from identification.validation.gap import validate
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 def without(log: Log, *samples: int) -> Log:
@@ -26,10 +27,14 @@ def without(log: Log, *samples: int) -> Log:
     return log._where(keep)
 
 
+@pytest.fixture(scope="module")
+def whole() -> Estimate:
+    return identify(loop_log(duration=6.0)[0], "table3")
+
+
 @pytest.mark.parametrize("apart", [2, 12, 31, 50])
-def test_two_dropped_samples_cost_what_is_between_them_at_most(apart: int) -> None:
+def test_two_dropped_samples_cost_what_is_between_them_at_most(whole: Estimate, apart: int) -> None:
     log = loop_log(duration=6.0)[0]
-    whole = identify(log, "table3")
     broken = identify(without(log, 1000, 1000 + apart), "table3")
     assert broken.converged
     assert np.all(np.abs(broken.values[:9] - TABLE_3.theta) < 4 * broken.std[:9])

@@ -14,7 +14,7 @@ from identification.least_squares.batch import evolution, filtered_least_squares
 from identification.least_squares.filtered_model import FilteredModel, filtered_models
 from identification.least_squares.recursive import recursive_least_squares
 from identification.logs.log import Log, read_log
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
 
 
 def model_of(theta: np.ndarray, n: int = 400, seed: int = 0, noise: float = 0.0) -> FilteredModel:

@@ -17,7 +17,7 @@ from identification.least_squares.filtered_model import (
     stacked,
 )
 from identification.logs.log import Log, LogError
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
 
 
 def smooth_motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -99,7 +99,7 @@ def driven(plant, T):
     run = simulate(
         plant, open_loop(command), 3.0, T, Sensors(encoder_counts=None), x0=(0, np.pi, 0, 0), longest_step=2.5e-4
     )
-    return Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command), run.state
+    return Log.from_run(run), run.state
 
 
 def test_errata_the_printed_16_does_not_hold():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.logs.encoders import encoder_step, noise_std
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
 
 
 @pytest.mark.parametrize("counts", [500, 2048, 4096, 10_000])

@@ -3,35 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.logs.log import Log, LogError, LogWarning, read_log
+from identification.logs.log import Log, LogError, read_log
 from identification.logs.mapping import parse_columns, parse_flip
-from tests.identification.logs.test_logs import quietly, rows, write_csv
-from tests.identification.rigs import paper_log
-
-
-def csv(tmp_path: Path, table=None, head: str = "", **changes) -> Path:
-    return write_csv(tmp_path / "log.csv", (table or rows()) | changes, head)
+from tests.factories import paper_log
+from tests.files import csv, quietly, rows, warned, write_csv
 
 
 def changed(column: str, row: int, value) -> dict[str, list]:
     values = rows()[column].tolist()
     values[row] = value
     return {column: values}
-
-
-def warned(path: Path, **options) -> str:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        read_log(path, **options)
-    return "\n".join(str(w.message) for w in caught if issubclass(w.category, LogWarning))
 
 
 # --- files ------------------------------------------------------------------------------------------------

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from identification.logs.log import LogError, LogWarning, read_log
-from tests.identification.logs.test_log_errors import csv, rows, warned
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
+from tests.files import csv, quietly, rows, warned
 
 
 @pytest.mark.parametrize(
     "comment", ["2024-05-01 12:33:05", "12:30 started", "1. channel: arm", ": nothing", "t: seconds", "q1: the arm"]
 )
 def test_a_comment_that_only_looks_like_metadata_is_harmless(tmp_path, comment):
-    log = read_log(csv(tmp_path, head=f"# {comment}\n"))
+    log = quietly(csv(tmp_path, head=f"# {comment}\n"))
     assert len(log.metadata) <= 1
     assert all(key.isidentifier() for key in log.metadata)
 
 
 def test_known_facts_may_be_written_with_blanks(tmp_path):
-    log = read_log(csv(tmp_path, head="# encoder counts: 4096\n# input unit: Nm\n"))
+    log = quietly(csv(tmp_path, head="# encoder counts: 4096\n# input unit: Nm\n"))
     assert log.encoder_counts == (4096, 4096)
     assert log.input_unit == "N·m"
 
@@ -73,7 +73,7 @@ def test_a_separator_at_the_end_of_the_rows_alone_makes_no_title_of_the_header(t
     lines = ["t,q1,q2,u", *(",".join(map(str, row)) + "," for row in zip(*table.values(), strict=True))]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(lines), encoding="utf-8")
-    assert read_log(path).u == pytest.approx(table["u"])
+    assert quietly(path).u == pytest.approx(table["u"])
 
 
 def test_seconds_that_are_milliseconds_are_refused(tmp_path):
@@ -81,7 +81,7 @@ def test_seconds_that_are_milliseconds_are_refused(tmp_path):
     path = csv(tmp_path, table | {"t": 1e3 * table["t"]})
     with pytest.raises(LogError, match="--time-unit ms"):
         read_log(path)
-    assert read_log(path, time_unit="ms").t == pytest.approx(table["t"])
+    assert quietly(path, time_unit="ms").t == pytest.approx(table["t"])
 
 
 def test_a_missing_column_with_units_in_its_name_is_guessed(tmp_path):

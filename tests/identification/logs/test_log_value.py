@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from identification.logs.log import LogError
-from tests.identification.logs.test_logs import make_log
-from tests.identification.rigs import paper_log
+from tests.factories import made_log, paper_log
 
 
 def test_log_is_frozen_and_its_arrays_are_read_only_copies():
     u = np.sin(np.arange(200))
-    log = make_log(u=u)
+    log = made_log(u=u)
     with pytest.raises(ValueError, match="read-only"):
         log.u[0] = 1.0
     u[0] = 99.0
@@ -25,7 +24,7 @@ def test_log_is_frozen_and_its_arrays_are_read_only_copies():
 
 
 def test_log_travels_to_workers_whole():
-    log = make_log(device="rig", metadata={"run": "3"}, controller_gain=(1, 2, 3, 4))
+    log = made_log(device="rig", metadata={"run": "3"}, controller_gain=(1, 2, 3, 4))
     back = pickle.loads(pickle.dumps(log))
     assert not back.q1.flags.writeable
     assert (back.device, back.metadata, back.controller_gain) == (log.device, log.metadata, log.controller_gain)
@@ -50,7 +49,7 @@ def test_log_travels_to_workers_whole():
 )
 def test_log_validates_itself(changes, message):
     with pytest.raises(LogError, match=message):
-        make_log(**changes)
+        made_log(**changes)
 
 
 def test_log_prints_what_a_person_looks_for():
@@ -63,7 +62,7 @@ def test_log_prints_what_a_person_looks_for():
 
 
 def test_clock_properties():
-    log = make_log(1001)
+    log = made_log(1001)
     assert log.sample_time == pytest.approx(0.002)
     assert log.duration == pytest.approx(2.0)
     assert log.regular
@@ -75,7 +74,7 @@ def test_clock_properties():
 
 
 def test_slice_and_split_partition_the_samples():
-    log = make_log(1000)
+    log = made_log(1000)
     part = log.slice(0.5, 1.0)
     assert part.t[0] == pytest.approx(0.5)
     assert part.t[-1] == pytest.approx(0.998)
@@ -91,7 +90,7 @@ def test_slice_and_split_partition_the_samples():
 
 
 def test_pieces_cut_at_dropped_samples():
-    log = make_log(300)
+    log = made_log(300)
     keep = np.ones(300, dtype=bool)
     keep[100:120] = keep[200] = False
     pieces = log._where(keep).pieces()
@@ -101,7 +100,7 @@ def test_pieces_cut_at_dropped_samples():
 
 
 def test_resampling_interpolates_angles_and_holds_the_command():
-    log = make_log(400, u=np.floor(np.arange(400) / 50))
+    log = made_log(400, u=np.floor(np.arange(400) / 50))
     fine = log.resampled(0.0005)
     assert fine.regular
     assert fine.sample_time == pytest.approx(0.0005)

@@ -13,30 +13,10 @@ from scipy.io import savemat
 
 from identification.logs.checks import MIN_SAMPLES
 from identification.logs.log import Log, LogError, LogWarning, read_log, read_logs, write_log
-from tests.identification.rigs import paper_log
+from tests.factories import made_log, paper_log
+from tests.files import quietly, rows, write_csv
 
 SUFFIXES = [".csv", ".parquet", ".npz", ".mat"]
-
-
-def make_log(n: int = 200, T: float = 0.002, **changes) -> Log:
-    """Four smooth signals; no rig moves so, which does not matter here."""
-    t = np.arange(n) * T
-    values = {"t": t, "q1": 0.3 * np.sin(7 * t), "q2": 0.2 * np.cos(5 * t), "u": np.sin(3 * t + 0.4)}
-    return Log(**(values | changes))
-
-
-def write_csv(path, columns: dict[str, np.ndarray], head: str = ""):
-    rows = zip(*(np.asarray(c).tolist() for c in columns.values()), strict=True)
-    text = head + ",".join(columns) + "\n" + "\n".join(",".join(map(str, row)) for row in rows) + "\n"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def quietly(path, *args, **kwargs) -> Log:
-    """Read, with the warnings about these made-up motions left out."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LogWarning)
-        return read_log(path, *args, **kwargs)
 
 
 # --- round trips ------------------------------------------------------------------------------------------
@@ -44,7 +24,7 @@ def quietly(path, *args, **kwargs) -> Log:
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_round_trip_of_everything_a_log_holds(tmp_path, suffix):
-    log = make_log(
+    log = made_log(
         input_unit="Nm",
         encoder_counts=(2048, 1_048_576),
         device="rig: 7, blue",
@@ -89,7 +69,7 @@ def test_any_log_survives_the_round_trip(tmp_path_factory, steps, start, seed, s
 
 
 def test_nothing_is_left_behind_when_writing_fails(tmp_path):
-    log = make_log(metadata={"a_key_that_is_longer_than_matlab_can_take": "1"})
+    log = made_log(metadata={"a_key_that_is_longer_than_matlab_can_take": "1"})
     with pytest.raises(LogError, match="too long for MAT"):
         write_log(tmp_path / "log.mat", log)
     with pytest.raises(LogError, match=r"cannot write '.xlsx'"):
@@ -98,11 +78,6 @@ def test_nothing_is_left_behind_when_writing_fails(tmp_path):
 
 
 # --- text files as people write them ----------------------------------------------------------------------
-
-
-def rows(n: int = 60):
-    k = np.arange(n)
-    return {"t": k * 0.01, "q1": np.round(0.1 * np.sin(k), 4), "q2": np.round(0.1 * np.cos(k), 4), "u": k % 3 - 1.0}
 
 
 @pytest.mark.parametrize(
@@ -255,7 +230,7 @@ def test_metadata_is_used_and_given_options_win_with_a_warning(tmp_path):
 
 def test_several_logs_with_different_sample_times(tmp_path):
     for k, T in enumerate((0.001, 0.002)):
-        write_log(tmp_path / f"{k}.csv", make_log(T=T))
+        write_log(tmp_path / f"{k}.csv", made_log(T=T))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)
         logs = read_logs([tmp_path / "0.csv", tmp_path / "1.csv"], encoder_counts=4096)
@@ -264,8 +239,8 @@ def test_several_logs_with_different_sample_times(tmp_path):
 
 
 def test_a_free_decay_is_read_beside_a_driven_log_only(tmp_path):
-    write_log(tmp_path / "free.csv", make_log(u=np.zeros(200)))
-    write_log(tmp_path / "driven.csv", make_log())
+    write_log(tmp_path / "free.csv", made_log(u=np.zeros(200)))
+    write_log(tmp_path / "driven.csv", made_log())
     with pytest.raises(LogError, match="command u is 0 in every sample"):
         read_logs([tmp_path / "free.csv"])
     with pytest.warns(LogWarning, match="command u is 0 in every sample"):
@@ -275,8 +250,8 @@ def test_a_free_decay_is_read_beside_a_driven_log_only(tmp_path):
 
 
 def test_logs_of_one_rig_share_a_unit(tmp_path):
-    write_log(tmp_path / "v.csv", make_log())
-    write_log(tmp_path / "n.csv", make_log(input_unit="N·m"))
+    write_log(tmp_path / "v.csv", made_log())
+    write_log(tmp_path / "n.csv", made_log(input_unit="N·m"))
     with pytest.raises(LogError, match="one unit"):
         read_logs([tmp_path / "v.csv", tmp_path / "n.csv"])
     with pytest.raises(LogError, match="no log was given"):

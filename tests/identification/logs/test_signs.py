@@ -10,7 +10,7 @@ from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import open_loop, simulate
 from identification.design.signals import excitation
 from identification.logs.signs import Signs, motion_signs
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
 
 
 def signs_of(run) -> Signs:

@@ -24,7 +24,7 @@ from identification.validation.free_run import Windows, free_run
 from identification.validation.gap import closed_fraction, validate
 from identification.validation.noise_floor import repeats
 from identification.validation.resimulation import resimulate
-from tests.identification.loops import TORQUE_NOISE, loop_log
+from tests.factories import TORQUE_NOISE, loop_log, open_loop_log
 
 
 @pytest.mark.parametrize(("T", "counts"), [(0.002, 4096), (0.001, 2048)])
@@ -67,8 +67,7 @@ def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():
     run = simulate(
         TABLE_3, open_loop(0.1), 3.0, 0.002, Sensors(None), x0=(0.2, 3.0, 0.0, 0.0), longest_step=1e-3, seed=0
     )
-    log = Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command)
-    record = Record.from_log(log)
+    record = Record.from_log(Log.from_run(run))
     path = follow(TABLE_3, record, RecordNoise((1e-8, 1e-10), (1e-12, 1e-12)))
     path.filtered[:] = run.state
     windows = Windows.over(record.t, (0.1, 0.3), settle=0.2)
@@ -138,18 +137,14 @@ def test_innovations_tell_a_late_command():
 def test_runs_of_one_input_give_a_floor_without_a_noise_model():
     t = np.arange(1500) * 0.004
     u = 0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t)
-    logs = []
-    for seed in range(3):
-        run = simulate(TABLE_3, open_loop(u), 6.0, 0.004, x0=(0, np.pi, 0, 0), torque_noise=(1e-5, 1e-7), seed=seed)
-        logs.append(Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096)))
+    logs = [open_loop_log(u, torque_noise=(1e-5, 1e-7), seed=seed) for seed in range(3)]
     gap = validate(TABLE_3, logs)
     assert gap.repeats
     assert gap.ratio_to_floor == pytest.approx(1.0, abs=0.15)
     wrong = validate(TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)]), logs)
     assert wrong.ratio_to_floor > 1.5 * gap.ratio_to_floor
-    wild = simulate(TABLE_3, open_loop(8.0 * u), 6.0, 0.004, x0=(0, np.pi, 0, 0), torque_noise=(1e-3, 1e-5), seed=9)
-    other = Log(wild.t, wild.measured[:, 0], wild.measured[:, 1], wild.command, encoder_counts=(4096, 4096))
-    mixed = validate(TABLE_3, [*logs, other])  # the spread is no floor for a log that was not repeated
+    wild = open_loop_log(8.0 * u, torque_noise=(1e-3, 1e-5), seed=9)
+    mixed = validate(TABLE_3, [*logs, wild])  # the spread is no floor for a log that was not repeated
     assert not mixed.repeats
     assert mixed.ratio_to_floor == pytest.approx(1.0, abs=0.3)
     assert np.all(mixed.floor > 2.0 * gap.floor)
@@ -157,10 +152,7 @@ def test_runs_of_one_input_give_a_floor_without_a_noise_model():
 
 def test_free_decays_from_different_places_are_no_repeats():
     """Nor may a wrong plant's own errors pass for their spread."""
-    logs = []
-    for seed, q2 in enumerate((np.pi + 1.0, np.pi - 0.7)):
-        run = simulate(TABLE_3, open_loop(np.zeros(1500)), 6.0, 0.004, x0=(0, q2, 0, 0), seed=seed)
-        logs.append(Log(run.t, run.measured[:, 0], run.measured[:, 1], run.command, encoder_counts=(4096, 4096)))
+    logs = [open_loop_log(np.zeros(1500), q2, seed=seed) for seed, q2 in enumerate((np.pi + 1.0, np.pi - 0.7))]
     wrong = TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)])
     gap = validate(wrong, logs)
     assert not gap.repeats

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.bench import Rig, record
+from experiments.bench import Rig
 from furuta_gym.plant import QUBE, TABLE_3
 from identification.diagnosis.locate.constancy import constancy, tail
 from identification.diagnosis.locate.locate import locate
@@ -18,7 +18,7 @@ from identification.discrepancy.basis import Knots, Signals, families
 from identification.discrepancy.correction import flexible
 from identification.kalman.record import Record
 from identification.logs.log import read_log
-from tests.identification.loops import loop_log
+from tests.factories import bench_log, loop_log
 
 
 @pytest.fixture(scope="module")
@@ -44,11 +44,10 @@ def test_nothing_is_left_of_a_right_model(seed):
 
 
 @pytest.mark.parametrize("seed", [11, 303])
-def test_nothing_is_left_on_logs_of_another_simulator(seed, tmp_path):
+def test_nothing_is_left_on_logs_of_another_simulator(seed):
     """Logs on which chance looked like a finding: 11, an error of the reading that was a function of its own noise;
     303, the best two of some hundred frequencies at the price of two."""
-    record(Rig("table3", torque_noise=(2e-6, 1e-8)), "paper", seed=seed).write(tmp_path / "log.csv")
-    found = locate(TABLE_3, read_log(tmp_path / "log.csv"))
+    found = locate(TABLE_3, bench_log(Rig("table3", torque_noise=(2e-6, 1e-8)), seed=seed))
     assert not found.found
     assert found.evidence < 4
 

@@ -12,7 +12,7 @@ from identification.diagnosis.naming.probes import cells
 from identification.diagnosis.naming.scores import fit, scores
 from identification.diagnosis.naming.search import Search
 from identification.kalman.record import Record
-from tests.identification.estimation.test_prediction_error import simulated
+from tests.factories import noisy_log
 from tests.oracles import reference
 
 SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_stribeck", "pendulum_quadratic_drag")
@@ -63,7 +63,7 @@ def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
 @pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
 def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
     hidden = TABLE_3.default_effect(name)
-    found = diagnose([simulated(4, TABLE_3.with_effects(hidden), duration=6.0)], "table3", most=1, only=SUSPECTS)
+    found = diagnose([noisy_log(4, TABLE_3.with_effects(hidden), duration=6.0)], "table3", most=1, only=SUSPECTS)
     assert found.verdict == "named", str(found)
     added = found.plant.effect(name) if found.plant else None
     assert added is not None
@@ -73,7 +73,7 @@ def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
-    found = diagnose([simulated(6)], "table3", most=1, only=SUSPECTS)
+    found = diagnose([noisy_log(6)], "table3", most=1, only=SUSPECTS)
     assert found.verdict == "none", str(found)
     assert found.to_dict()["effects"] == []
 
@@ -81,7 +81,7 @@ def test_nothing_is_named_where_nothing_is_missing() -> None:
 def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
     from dataclasses import replace
 
-    log = simulated(6)
+    log = noisy_log(6)
     found = diagnose([replace(log, q1=np.zeros(len(log)))], "table3")
     assert found.verdict == "insufficient_excitation"
     assert found.plant is None
@@ -89,21 +89,21 @@ def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
 
 def test_scores_rank_the_hidden_effect_first() -> None:
     hidden = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(simulated(7, hidden, duration=6.0))], anchor=TABLE_3)
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, hidden, duration=6.0))], anchor=TABLE_3)
     table = scores(nominal, SUSPECTS)
     assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
 
 
 def test_unknown_suspects_are_refused() -> None:
     with pytest.raises(ValueError, match="arm_sprung"):
-        diagnose([simulated(6)], only=["arm_sprung"])
+        diagnose([noisy_log(6)], only=["arm_sprung"])
 
 
 @pytest.mark.parametrize("missing", [True, False])
 def test_what_no_score_can_suspect_races_where_something_is_missing(missing: bool) -> None:
     """Presliding replaces the friction that is there: it has no small size, and its score is nothing."""
     plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")) if missing else TABLE_3
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(simulated(7, plant, duration=6.0))], anchor=TABLE_3)
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, plant, duration=6.0))], anchor=TABLE_3)
     names, table = Search(TABLE_3, ("arm_spring", "arm_presliding"), lambda text: None).suspects(nominal, 0)
     assert table["arm_presliding"].gain < 2.0
     assert ("arm_presliding" in names) == missing
