@@ -387,6 +387,6 @@ def test_several_logs_may_follow_held_out(words: str, fitted: list[str], held: l
 def test_the_thresholds_of_the_diagnosis_are_printed_without_a_log() -> None:
     from identification.diagnosis.policy import DecisionPolicy
 
-    result = invoke("diagnose", "--policy")
+    result = furuta("diagnose", "--policy")
     assert result.exit_code == 0, result.output
     assert result.stdout.strip() == DecisionPolicy().table()

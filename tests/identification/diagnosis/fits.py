@@ -217,10 +217,17 @@ def naming(
 def a_diagnosis(*names: str, verdict: str = "named", **more: Any) -> Diagnosis:
     """A diagnosis that found some effects of 200 nats each, not verified yet."""
     found = [suspect(name, 200.0) for name in names]
-    before: Any = SimpleNamespace(plant=TABLE_3)
-    after: Any = SimpleNamespace(plant=TABLE_3.with_effects(*(TABLE_3.default_effect(n) for n in names)))
-    given = {"naming": naming(*found), "rest": rest(), "left_over": 0.0, "command_rms": 1.0, "runtime_s": 1.0}
-    return Diagnosis(verdict, "the model misses something", before, after, **(given | more))
+    with_them = TABLE_3.with_effects(*(TABLE_3.default_effect(name) for name in names))
+    given: dict[str, Any] = {
+        "before": SimpleNamespace(plant=TABLE_3),
+        "after": SimpleNamespace(plant=with_them),
+        "naming": naming(*found),
+        "rest": rest(),
+        "left_over": 0.0,
+        "command_rms": 1.0,
+        "runtime_s": 1.0,
+    }
+    return Diagnosis(verdict, "the model misses something", **(given | more))
 
 
 def a_gap(times_floor: float = 1.0, cost: float = 0.0) -> Gap:
