@@ -66,7 +66,7 @@ def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
 @pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
 def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
     hidden = TABLE_3.default_effect(name)
-    found = diagnose([simulated(4, TABLE_3.with_effects(hidden), duration=6.0)], "table3", most=1, only=SUSPECTS)
+    found = diagnose([simulated(4, TABLE_3.with_effects(hidden), duration=6.0)], start="table3", most=1, only=SUSPECTS)
     assert found.verdict == "named", str(found)
     added = found.plant.effect(name) if found.plant else None
     assert added is not None
@@ -76,14 +76,14 @@ def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
-    found = diagnose([simulated(6)], "table3", most=1, only=SUSPECTS)
+    found = diagnose([simulated(6)], start="table3", most=1, only=SUSPECTS)
     assert found.verdict == "none", str(found)
     assert found.to_dict()["effects"] == []
 
 
 def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
     log = simulated(6)
-    found = diagnose([replace(log, q1=np.zeros(len(log)))], "table3")
+    found = diagnose([replace(log, q1=np.zeros(len(log)))], start="table3")
     assert found.verdict == "insufficient_excitation"
     assert found.plant is None
 
