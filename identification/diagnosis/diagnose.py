@@ -76,17 +76,9 @@ def searched(
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress)
-    naming, after, rest = _named(search, nominal, before, logs, most)
+    naming, after, rest = _settled(lambda thorough: _named(search, nominal, before, logs, most, thorough), search)
     verdict, summary = _verdict(naming, rest, policy)
-    if verdict == "unknown":
-        progress("searching again from more starts, before nothing is said to explain these logs")
-        again = _named(search, nominal, before, logs, most, thorough=True)
-        if again[0].final.value < naming.final.value - policy.believed:
-            naming, after, rest = again
-            verdict, summary = _verdict(naming, rest, policy)
-    if any(suspect.name == "friction_sharpness" for suspect in naming.accepted):
-        # before it was found, r was what model (5) has; the first estimate had it free already
-        before = identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
+    before = _without_sharpness(before, naming, logs, policy)
     left = math.sqrt(naming.final.noise.torque[0] / 0.1)
     return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, 0.0, policy)
 
@@ -102,8 +94,12 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
         raise ValueError(f"most must be at least 1, got {most}")
     if not logs:
         raise ValueError("diagnose needs at least one log, got none")
-    if both := {log.sha256 for log in logs} & {log.sha256 for log in held_out}:
-        names = ", ".join(log.source for log in held_out if log.sha256 in both)
+    # the same file, or the same value; a log that was never a file has no digest
+    searched_too = [
+        log for log in held_out if any(log is own or (log.sha256 and log.sha256 == own.sha256) for own in logs)
+    ]
+    if searched_too:
+        names = ", ".join(log.source for log in searched_too)
         raise ValueError(f"{names} is searched and held out at once; hold out a log that is not fitted")
     if units := {log.input_unit for log in held_out} - {logs[0].input_unit}:
         raise ValueError(
@@ -113,7 +109,7 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
 
 
 def _named(
-    search: Search, nominal: Fit, before: Estimate, logs: Sequence[Log], most: int, thorough: bool = False
+    search: Search, nominal: Fit, before: Estimate, logs: Sequence[Log], most: int, thorough: bool
 ) -> tuple[Naming, Estimate, Where]:
     """The search for names, the estimate with what was found, and what that leaves."""
     policy = search.policy
@@ -129,6 +125,27 @@ def _named(
     search.progress("looking at what is left")
     rest = locate(after.plant, logs, policy)
     return unsettled(naming, rest, policy), after, rest
+
+
+_Answer = tuple[Naming, Estimate, Where]
+
+
+def _settled(named: Callable[[bool], _Answer], search: Search) -> _Answer:
+    """named(thorough): the names. Before nothing is said to explain these logs, they are searched thoroughly."""
+    naming, after, rest = named(False)
+    if _verdict(naming, rest, search.policy)[0] == "unknown":
+        search.progress("searching again from more starts, before nothing is said to explain these logs")
+        again = named(True)
+        if again[0].final.value < naming.final.value - search.policy.believed:
+            return again
+    return naming, after, rest
+
+
+def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:
+    """The estimate without effects. Where a sharpness was found, r is what model (5) has; `before` has it free."""
+    if any(suspect.name == "friction_sharpness" for suspect in naming.accepted):
+        return identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
+    return before
 
 
 def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:

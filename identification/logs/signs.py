@@ -98,7 +98,9 @@ def _first_two(regressors: np.ndarray, output: np.ndarray) -> tuple[tuple[int, i
     residual = output - scaled @ coefficients
     r2 = 1.0 - float(np.var(residual) / np.var(output))
     variance = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)) * np.var(residual)
-    std = np.sqrt(np.where(variance >= 0, variance, np.inf))  # of columns that depend on each other, rounding may leave less
+    std = np.sqrt(
+        np.where(variance >= 0, variance, np.inf)
+    )  # of columns that depend on each other, rounding may leave less
     clear = np.abs(coefficients) > _TRUSTED_T * std
     signs = np.where(clear, np.sign(coefficients), 0).astype(int)
     return (int(signs[0]), int(signs[1])), r2

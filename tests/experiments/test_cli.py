@@ -346,3 +346,11 @@ def test_several_logs_may_follow_held_out(words: str, fitted: list[str], held: l
     given = command.make_context("diagnose", words.split()).params
     assert [str(path) for path in given["logs"]] == fitted
     assert [str(path) for path in given["held_out"]] == held
+
+
+def test_the_thresholds_of_the_diagnosis_are_printed_without_a_log() -> None:
+    from identification.diagnosis.policy import DecisionPolicy
+
+    result = furuta("diagnose", "--policy")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.strip() == DecisionPolicy().table()

@@ -15,7 +15,8 @@ from furuta_gym import Plant
 from identification import Estimate, Log, identify, read_log, write_log
 from identification.estimation.identifiability import Motion, judge
 from identification.estimation.methods import METHODS, Method
-from tests.identification.rigs import paper_log
+from identification.kalman.noise_model import Noise
+from tests.factories import paper_log
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def test_an_estimator_that_is_registered_is_known_in_python_and_on_the_command_l
         {"sharpness": 100.0},
         {"negative_friction": True},
         {"iterations": 3},
-        {"noise": np.ones(4)},
+        {"noise": Noise((1.0, 1.0))},
     ],
     ids=lambda option: next(iter(option)),
 )

@@ -15,7 +15,7 @@ from identification.estimation.prediction_error import PredictionError
 from identification.kalman.coordinates import noise_coordinates, plant_coordinates
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
-from tests.identification.loops import loop_log
+from tests.factories import loop_log
 
 
 class Counting(Executor):

@@ -10,7 +10,7 @@ from identification.kalman.bank import effective_sharpness, sharpness_rows
 from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import along, follow
 from identification.kalman.record import Record
-from tests.identification.loops import TORQUE_NOISE, loop_log
+from tests.factories import TORQUE_NOISE, loop_log
 
 SPEEDS = {"r1": 2, "r2": 3}  # the states q̇1 and q̇2
 

@@ -10,7 +10,7 @@ from identification.kalman.coordinates import filled_noise, noise_coordinates
 from identification.kalman.noise_model import NOISE_NAMES, Noise, RecordNoise
 from identification.kalman.path import follow, refilter
 from identification.kalman.record import Record
-from tests.identification.loops import TORQUE_NOISE, loop_log
+from tests.factories import TORQUE_NOISE, loop_log
 
 
 def test_the_packed_numbers_are_those_of_the_coordinates_names() -> None:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from experiments.cli.app import app
 from identification import LogError, read_log, read_logs, write_log
 from identification.logs import formats
-from tests.identification.rigs import paper_log
+from tests.factories import paper_log
 
 
 def read_rows(path: Path) -> formats.Table:

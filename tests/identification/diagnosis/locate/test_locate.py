@@ -169,6 +169,15 @@ def test_structure_of_a_series():
     assert f == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("size", "low", "high", "left"), [(0.012, 4.0, 8.0, False), (0.016, 8.0, 16.0, True)])
+def test_eight_nats_say_that_something_is_left(size, low, high, left):
+    """Two faint springs, one on either side of the threshold."""
+    found = locate(TABLE_3, loop_log("arm_spring", size, duration=6.0)[0])
+    assert low < found.evidence < high
+    assert found.found is left
+    assert (found.channel == "arm") is left
+
+
 def test_bad_input_is_refused():
     log, plant = loop_log()
     with pytest.raises(ValueError, match="no stretch of 1 s without a gap"):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from furuta_gym.plant import EFFECTS, TABLE_3
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.probes import cells
-from identification.diagnosis.naming.scores import fit, scores
+from identification.diagnosis.naming.scores import scores
 from identification.diagnosis.naming.search import Search
 from identification.kalman.record import Record
 from tests.factories import noisy_log
@@ -63,7 +66,7 @@ def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
 @pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
 def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
     hidden = TABLE_3.default_effect(name)
-    found = diagnose([noisy_log(4, TABLE_3.with_effects(hidden), duration=6.0)], "table3", most=1, only=SUSPECTS)
+    found = diagnose([noisy_log(4, TABLE_3.with_effects(hidden), duration=6.0)], start="table3", most=1, only=SUSPECTS)
     assert found.verdict == "named", str(found)
     added = found.plant.effect(name) if found.plant else None
     assert added is not None
@@ -73,16 +76,14 @@ def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
-    found = diagnose([noisy_log(6)], "table3", most=1, only=SUSPECTS)
+    found = diagnose([noisy_log(6)], start="table3", most=1, only=SUSPECTS)
     assert found.verdict == "none", str(found)
     assert found.to_dict()["effects"] == []
 
 
 def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
-    from dataclasses import replace
-
     log = noisy_log(6)
-    found = diagnose([replace(log, q1=np.zeros(len(log)))], "table3")
+    found = diagnose([replace(log, q1=np.zeros(len(log)))], start="table3")
     assert found.verdict == "insufficient_excitation"
     assert found.plant is None
 
@@ -100,11 +101,11 @@ def test_unknown_suspects_are_refused() -> None:
 
 
 @pytest.mark.parametrize("missing", [True, False])
-def test_what_no_score_can_suspect_races_where_something_is_missing(missing: bool) -> None:
+def test_what_no_score_can_suspect_is_fitted_where_something_is_missing(missing: bool) -> None:
     """Presliding replaces the friction that is there: it has no small size, and its score is nothing."""
     plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")) if missing else TABLE_3
     nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, plant, duration=6.0))], anchor=TABLE_3)
-    names, table = Search(TABLE_3, ("arm_spring", "arm_presliding"), lambda text: None).suspects(nominal, 0)
+    names, table = Search(TABLE_3, ("arm_spring", "arm_presliding")).suspects(nominal, 0)
     assert table["arm_presliding"].gain < 2.0
     assert ("arm_presliding" in names) == missing
     assert names == [] or table["arm_presliding"].start is not None

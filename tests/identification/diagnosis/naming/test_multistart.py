@@ -1,74 +1,125 @@
-"""The race of suspects by itself: who runs again, from where, and whose name stands in the end."""
+"""The multi-start on a landscape whose minima are known: where it starts, what goes on, and what is found."""
 
 from __future__ import annotations
 
-import math
-from types import SimpleNamespace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
-import identification.diagnosis.naming.discrete as stepping_module
-import identification.diagnosis.naming.forward as naming_module
-import identification.diagnosis.naming.multistart as race_module
-import identification.diagnosis.naming.search as search_module
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect
-from identification.diagnosis.naming.multistart import added, chase, resized, retry
-from identification.diagnosis.naming.scores import Score
-from identification.kalman.noise_model import Noise
-from tests.identification.diagnosis.fits import a_fit, ranked
-from tests.identification.loops import loop_log
+from identification.diagnosis.naming.fits import added
+from identification.diagnosis.naming.multistart import (
+    Start,
+    best_of,
+    from_best,
+    from_other_sizes,
+    multi_start,
+    resized,
+    with_effect,
+)
+from identification.diagnosis.policy import DecisionPolicy
+from tests.identification.diagnosis.fits import NOISE, Bowl, a_fit, search
+
+CURRENT = a_fit(value=1000.0)
 
 
-def test_a_leader_that_is_overtaken_follows_from_the_new_leaders_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stuck first leader must not lose its name to a look-alike that found the right θ from it."""
-    plant = TABLE_3
+def start(*names: str, x: float = 0.0) -> Start:
+    return Start(names, a_fit(*names, x=x).plant, NOISE)
 
-    def fitted(name: str, value: float) -> Any:
-        own = plant.with_effects(plant.default_effect(name))
-        return SimpleNamespace(plant=own, noise=Noise((1.0, 1.0)), value=value, samples=1000, records=())
 
-    values = {"arm_spring": 50.0, "arm_ripple": 60.0}
-    reached = {"arm_spring": 5.0, "arm_ripple": 20.0}  # from another's θ
-    asked: list[list[str]] = []
+def raced(bowls: dict[str, Bowl], policy: DecisionPolicy | None = None, ahead: float | None = None) -> dict[str, float]:
+    """The value at which the start of each name is left; all start 1 beside ln θ9 of their minimum."""
+    setting = search({"": 1000.0, **bowls}, policy=policy)
+    starts = [start(name, x=1.0) for name in bowls]
+    fits = multi_start(starts, CURRENT, setting) if ahead is None else multi_start(starts, CURRENT, setting, ahead)
+    return {at.effect: fitted.value for at, fitted in fits.items()}
 
-    def race(entries: Any, current: Any, anchor: Any, ahead: float = math.inf, **k: Any) -> dict[str, Any]:
-        if any(" " in entry for entry in entries):  # other sizes: bring nothing here
-            return {}
-        asked.append(list(entries))
-        told = values if math.isinf(ahead) else reached
-        return {name: fitted(name if name in told else "arm_ripple", told.get(name, math.inf)) for name in entries}
 
-    for module in (search_module, race_module, stepping_module):
-        monkeypatch.setattr(module, "race", race)
-    monkeypatch.setattr(search_module, "fit", lambda p, *a, **k: fitted(p.effects[-1].name, 5.0) if p.effects else left)
-    left: Any = SimpleNamespace(plant=plant, noise=Noise((1.0, 1.0)), value=100.0, samples=1000, records=())
-    table = {name: Score(name, 40.0, plant.default_effect(name), 0.0) for name in values}
-    search = search_module.Search(plant, None, lambda text: None)
-    _, ranking = search.refits(left, list(values), table)
-    assert asked == [["arm_spring", "arm_ripple"], ["arm_ripple"], ["arm_spring"], ["-1", "+1"]]
-    assert ranking[0].name == "arm_spring"
-    assert ranking[0].gain == pytest.approx(95.0)
+def after(rounds: int, bowl: Bowl) -> float:
+    """V after so many rounds of four iterations from 1 beside the minimum."""
+    return bowl.value + 100.0 * bowl.rate ** (8 * rounds)
+
+
+QUICK = Bowl(0.0, rate=0.01)
+
+
+@pytest.mark.parametrize(("behind", "goes_on"), [(18.0, True), (35.0, False)])
+def test_a_fit_goes_on_that_is_near_the_best(behind: float, goes_on: bool) -> None:
+    """One that hardly moves is judged by where it is: 25 nats decide."""
+    slow = Bowl(behind - 100.0, rate=0.9995)
+    found = raced({"input_delay": QUICK, "arm_spring": slow})
+    assert found["input_delay"] == pytest.approx(0.0, abs=0.05)
+    assert found["arm_spring"] == pytest.approx(after(8 if goes_on else 2, slow))
+
+
+def test_one_that_is_far_but_fast_goes_on_and_wins() -> None:
+    late = Bowl(-20.0, rate=0.93)
+    found = raced({"input_delay": QUICK, "arm_spring": late})
+    assert after(2, late) > 2.0, "behind by then"
+    assert min(found, key=lambda name: found[name]) == "arm_spring"
+    assert found["arm_spring"] == pytest.approx(after(8, late))
+
+
+def test_one_that_would_take_too_long_is_left() -> None:
+    slow = Bowl(80.0, rate=0.97)
+    assert raced({"input_delay": QUICK, "arm_spring": slow})["arm_spring"] == pytest.approx(after(2, slow))
+    patient = replace(DecisionPolicy(), catches_up=100.0)
+    assert raced({"input_delay": QUICK, "arm_spring": slow}, patient)["arm_spring"] < after(4, slow)
+
+
+def test_half_goes_on_after_each_round_unless_there_is_a_fit_to_beat() -> None:
+    names = ["input_delay", "arm_spring", "arm_stribeck", "base_tilt", "input_offset", "input_dead_zone"]
+    bowls = {name: Bowl(float(i), rate=0.95) for i, name in enumerate(names)}
+    on = [name for name, value in raced(bowls).items() if value < after(1, bowls[name]) - 1.0]
+    assert on == names[:3]
+    everyone = raced(bowls, ahead=50.0)
+    assert all(value < after(4, bowls[name]) for name, value in everyone.items())
+
+
+def test_the_rounds_are_counted() -> None:
+    slow = Bowl(0.0, rate=0.99)
+    assert raced({"input_delay": slow})["input_delay"] == pytest.approx(after(8, slow))
+    assert raced({"input_delay": slow}, replace(DecisionPolicy(), rounds=3))["input_delay"] == pytest.approx(
+        after(3, slow)
+    )
+
+
+def test_nothing_to_start_is_nothing_found() -> None:
+    assert multi_start([], CURRENT, search({"": 0.0})) == {}
+
+
+def test_of_the_starts_of_an_effect_the_best_counts() -> None:
+    found = {
+        start("arm_backlash"): a_fit("arm_backlash", value=3.0),
+        start("arm_backlash"): a_fit("arm_backlash", value=-9.0),
+        start("input_delay"): a_fit("input_delay", value=1.0),
+    }
+    assert {name: fitted.value for name, fitted in best_of(found).items()} == {"arm_backlash": -9.0, "input_delay": 1.0}
+    known = {"arm_backlash": a_fit("arm_backlash", value=-10.0), "input_delay": a_fit("input_delay", value=2.0)}
+    assert {n: f.value for n, f in best_of(found, known).items()} == {"arm_backlash": -10.0, "input_delay": 1.0}
 
 
 @pytest.mark.parametrize("name", list(EFFECTS))
 def test_another_size_is_within_bounds_or_none(name: str) -> None:
-    start = TABLE_3.default_effect(name)
+    usual = TABLE_3.default_effect(name)
     for factor in (3.0, 0.6, -1.0):
-        other = resized(start, factor)
-        for p in start.type.parameters if other else ():
+        other = resized(usual, factor)
+        for p in usual.type.parameters if other else ():
+            assert other is not None
             assert p.lower <= other.parameters[p.name] <= p.upper
             if p.role == "shape" or p.integer:
-                assert other.parameters[p.name] == start.parameters[p.name]
+                assert other.parameters[p.name] == usual.parameters[p.name]
 
 
 def test_more_of_a_limit_is_a_lower_limit() -> None:
     for name, size in (("input_saturation", "m"), ("arm_presliding", "σ0")):
-        start = TABLE_3.default_effect(name)
-        more = resized(start, 2.0)
+        usual = TABLE_3.default_effect(name)
+        more = resized(usual, 2.0)
         assert more is not None
-        assert more.parameters[size] == pytest.approx(0.5 * start.parameters[size])
-        assert resized(start, -1.0) is None
+        assert more.parameters[size] == pytest.approx(0.5 * usual.parameters[size])
+        assert resized(usual, -1.0) is None
     assert resized(Effect("payload_step", {"m": 0.1, "t0": 7.0}), -1.0) == Effect(
         "payload_step", {"m": -0.1, "t0": 7.0}
     )
@@ -81,226 +132,68 @@ def test_the_added_effect_is_found_wherever_the_library_keeps_it() -> None:
     assert added(both, a_fit("input_delay")).name == "arm_backlash"
 
 
-def test_a_rival_chases_with_its_own_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    started: dict[str, Any] = {}
-    monkeypatch.setattr(race_module, "race", lambda entries, *a, **k: started.update(entries) or {})
+def test_rivals_find_from_the_bests_parameters_what_they_missed_from_their_own() -> None:
+    """… each with its own effect, beside what was found before."""
+    hidden = [Bowl(9.0, x=1.0), Bowl(-30.0, x=-1.5)]
+    setting = search({"arm_backlash": 100.0, "arm_backlash actuator_lag": hidden, "arm_backlash input_delay": 0.0})
     fits = {
-        "input_delay": a_fit("arm_backlash", "input_delay"),
-        "actuator_lag": a_fit("arm_backlash", "actuator_lag", value=9),
+        "input_delay": a_fit("arm_backlash", "input_delay", value=0.0, x=-1.5),
+        "actuator_lag": a_fit("arm_backlash", "actuator_lag", value=9.0, x=1.0),
     }
-    chase("input_delay", fits, a_fit("arm_backlash"), TABLE_3, lambda text: None)
-    plant, _ = started["actuator_lag"]
-    assert {e.name for e in plant.effects} == {"arm_backlash", "actuator_lag"}
+    found = from_best("input_delay", list(fits), fits, a_fit("arm_backlash", value=100.0), setting)
+    assert {e.name for e in found["actuator_lag"].plant.effects} == {"arm_backlash", "actuator_lag"}
+    assert found["actuator_lag"].value == pytest.approx(-30.0, abs=0.05)
+    assert found["input_delay"] is fits["input_delay"]
+    worse = search({"arm_backlash": 100.0, "arm_backlash actuator_lag": Bowl(12.0, x=-1.5)})
+    assert from_best("input_delay", list(fits), fits, a_fit("arm_backlash"), worse)["actuator_lag"].value == 9.0
 
 
-def test_other_sizes_of_a_later_effect_also_start_with_less_of_the_earlier(monkeypatch: pytest.MonkeyPatch) -> None:
-    started: dict[str, Any] = {}
+def resizing(bowls: Sequence[Bowl], name: str, *before: str) -> float:
+    """V of an effect that is stuck at 50 at its suggested size, after the starts from other sizes. ln θ9 is 1 away."""
+    keys = " ".join((*before, name))
+    setting = search({"": 1000.0, " ".join(before): 500.0, keys: [Bowl(50.0, x=1.0), *bowls]})
+    current = a_fit(*before, value=500.0, x=1.0)
+    suggested = {name: TABLE_3.default_effect(name)}
+    fits = {name: a_fit(*before, name, value=50.0, x=1.0)}
+    return from_other_sizes([name], suggested, fits, current, setting)[name].value
 
-    def race(entries: Any, *a: Any, **k: Any) -> dict[str, Any]:
-        started.update(entries)
-        return {"payload_step mirrored": a_fit("arm_spring", "payload_step", value=-50.0)}
 
-    monkeypatch.setattr(race_module, "race", race)
-    fits = {"payload_step": a_fit("arm_spring", "payload_step")}
-    retry(
-        ["payload_step"],
+def test_other_sizes_are_three_times_as_large_or_mirrored_or_at_the_anchor() -> None:
+    assert resizing([], "payload_step") == pytest.approx(50.0)
+    assert resizing([Bowl(-50.0, x=1.0, sizes={"payload_step": 3.0})], "payload_step") == pytest.approx(-50.0, abs=0.05)
+    assert resizing([Bowl(-50.0, x=1.0, sizes={"payload_step": -1.0})], "payload_step") == pytest.approx(-50.0, abs=0.1)
+    afresh = Bowl(-50.0, x=0.0, sizes={"payload_step": 3.5})
+    assert resizing([afresh], "payload_step") == pytest.approx(-50.0, abs=0.05)
+
+
+def test_other_sizes_of_a_later_effect_also_start_with_less_of_the_earlier() -> None:
+    """What was found before has taken the later one's part as well."""
+    shared = [
+        Bowl(300.0, x=0.0, sizes={"payload_step": 3.0}),
+        Bowl(-50.0, sizes={"input_offset": -0.5, "payload_step": 3.0}),
+    ]
+    narrow = search({"input_offset": 500.0, "input_offset payload_step": [Bowl(50.0, x=1.0), *shared]})
+    current, suggested = (
+        a_fit("input_offset", value=500.0, x=1.0),
         {"payload_step": TABLE_3.default_effect("payload_step")},
-        fits,
-        a_fit("arm_spring"),
-        TABLE_3,
-        print,
     )
-    kinds = {entry.split()[1]: {e.name: e for e in plant.effects} for entry, (plant, _) in started.items()}
-    assert set(kinds) == {"larger", "afresh", "mirrored", "shared"}
-    k, m = TABLE_3.default_effect("arm_spring").parameters["k"], TABLE_3.default_effect("payload_step").parameters["m"]
-    assert kinds["shared"]["arm_spring"].parameters["k"] == pytest.approx(0.6 * k)
-    assert kinds["larger"]["arm_spring"].parameters["k"] == k
-    assert kinds["mirrored"]["payload_step"].parameters["m"] == -m
-    assert fits["payload_step"].value == -50.0  # what is better is kept
+    fits = {"payload_step": a_fit("input_offset", "payload_step", value=50.0, x=1.0)}
+    steep = replace(narrow, fitter=replace(narrow.fitter, steepness=250.0))  # type: ignore[type-var]
+    # at the earlier effect's whole size the bowl of 300 is lower (the other: 250 · 1.5² − 50), at 0.6 of it the other
+    found = from_other_sizes(["payload_step"], suggested, fits, current, steep)
+    assert found["payload_step"].value == pytest.approx(-50.0, abs=0.1)
+    whole = replace(steep, policy=replace(steep.policy, smaller=1.0))
+    assert from_other_sizes(["payload_step"], suggested, fits, current, whole)["payload_step"].value == 50.0
 
 
-@pytest.fixture
-def search(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """No whole numbers are stepped, unless a test says how."""
-    monkeypatch.setattr(search_module, "stepped", lambda found, *a: found)
-    return search_module.Search(TABLE_3, None, lambda text: None)
-
-
-def refitted(value: float) -> Any:
-    """In place of `fit`: the plant as it is, at a value."""
-    return lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=value)
-
-
-def test_a_name_that_stood_in_for_two_is_exchanged(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """base_tilt explains an offset and an asymmetry alone, somewhat; beside the asymmetry the offset does better."""
-    tilt, both = a_fit("base_tilt", value=100.0), a_fit("base_tilt", "pendulum_coulomb_asymmetry", value=60.0)
-    found = [
-        ranked(("base_tilt", 1600.0), ("pendulum_coulomb_asymmetry", 1100.0), fit=tilt),
-        ranked(("pendulum_coulomb_asymmetry", 250.0), fit=both),
-    ]
-    better = a_fit("input_offset", "pendulum_coulomb_asymmetry", value=-300.0)
-    offset = ranked(("input_offset", 760.0), ("base_tilt", 400.0), fit=better)
-    monkeypatch.setattr(search_module.Search, "suspects", lambda *a: ([], {}))
-    monkeypatch.setattr(search_module.Search, "refits", lambda self, reduced, *a, held: (reduced, offset))
-    monkeypatch.setattr(
-        search_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=900.0)
-    )
-    again = search.reconsidered(found)
-    assert [ranking[0].name for ranking in again] == ["input_offset", "pendulum_coulomb_asymmetry"]
-    assert again[1][0].gain == 1200.0  # beside the new name, not the old
-    assert again[1][0].fit is better
-
-
-@pytest.mark.parametrize(("runner_up", "asked"), [(100.0, False), (900.0, True)])
-def test_only_a_contested_name_is_reconsidered(
-    search: Any, monkeypatch: pytest.MonkeyPatch, runner_up: float, asked: bool
-) -> None:
-    both = a_fit("arm_spring", "arm_stribeck", value=60.0)
-    found = [
-        ranked(("arm_spring", 1600.0), ("arm_ripple", runner_up), fit=a_fit("arm_spring", value=100.0)),
-        ranked(("arm_stribeck", 250.0), fit=both),
-    ]
-    same = ranked(("arm_spring", 1500.0), ("arm_ripple", 50.0), fit=both)
-    calls: list[Any] = []
-    monkeypatch.setattr(search_module.Search, "suspects", lambda *a: ([], {}))
-    monkeypatch.setattr(search_module.Search, "refits", lambda self, r, *a, held: calls.append(held) or (r, same))
-    monkeypatch.setattr(
-        search_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=1600.0)
-    )
-    again = search.reconsidered(found)
-    assert [ranking[0].name for ranking in again] == ["arm_spring", "arm_stribeck"]
-    assert calls == ([both] if asked else [])
-    assert again[1][0].gain == 255.0
-
-
-def test_what_the_last_effect_makes_superfluous_goes(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = [
-        ranked(("arm_ripple", 60.0), fit=a_fit("arm_ripple", value=100.0)),
-        ranked(("arm_spring", 250.0), fit=a_fit("arm_ripple", "arm_spring", value=-150.0)),
-    ]
-    monkeypatch.setattr(
-        search_module, "fit", lambda plant, *a, **k: a_fit(*(e.name for e in plant.effects), value=-149.0)
-    )
-    again = search.reconsidered(found)
-    assert [ranking[0].name for ranking in again] == ["arm_spring"]
-
-
-def test_what_the_last_effect_leaves_little_for_goes(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A delay beside a ripple stood in for the saturation that was found next: 38 nats remain to it."""
-    found = [
-        ranked(("arm_ripple", 1180.0), fit=a_fit("arm_ripple", value=100.0)),
-        ranked(("input_delay", 400.0), fit=a_fit("arm_ripple", "input_delay", value=-300.0)),
-        ranked(("input_saturation", 880.0), fit=a_fit("arm_ripple", "input_delay", "input_saturation", value=-1200.0)),
-    ]
-
-    def fitted(plant: Any, *a: Any, **k: Any) -> Any:
-        names = [e.name for e in plant.effects]
-        return a_fit(*names, value={"arm_ripple": -100.0, "input_delay": -1162.0}.get(missing(names), -300.0))
-
-    def missing(names: list[str]) -> str:
-        return next(n for n in ("input_delay", "arm_ripple", "input_saturation") if n not in names)
-
-    monkeypatch.setattr(search_module, "fit", fitted)
-    again = search.reconsidered(found)
-    assert [ranking[0].name for ranking in again] == ["arm_ripple", "input_saturation"]
-
-
-def test_whole_numbers_of_an_earlier_effect_are_stepped_again(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Thirteen periods a turn were the best while the drag was missing; with it, twelve are."""
-    found = [
-        ranked(("arm_ripple", 900.0), fit=a_fit("arm_ripple", value=100.0)),
-        ranked(("arm_quadratic_drag", 700.0), fit=a_fit("arm_ripple", "arm_quadratic_drag", value=-600.0)),
-    ]
-    twelve = a_fit("arm_ripple", "arm_quadratic_drag", value=-1200.0)
-    monkeypatch.setattr(search_module, "stepped", lambda *a: twelve)
-
-    def fitted(plant: Any, *a: Any, **k: Any) -> Any:
-        return a_fit(*(e.name for e in plant.effects), value=-1250.0 if len(plant.effects) == 2 else 100.0)
-
-    monkeypatch.setattr(search_module, "fit", fitted)
-    again = search.reconsidered(found)
-    assert [ranking[0].name for ranking in again] == ["arm_ripple", "arm_quadratic_drag"]
-    assert again[-1][0].fit.value == -1250.0
-    assert again[-1][0].gain == 1350.0
-
-
-def test_suspects_that_all_went_astray_run_again(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[list[str]] = []
-    table = {name: Score(name, 40.0, TABLE_3.default_effect(name), 0.0) for name in ("arm_spring", "arm_stribeck")}
-    current = a_fit(value=0.0)
-    for value, all_of_them in ((400.0, True), (-40.0, False)):
-        tried.clear()
-        monkeypatch.setattr(
-            search_module, "race", lambda e, *a, v=value, **k: {n: a_fit(n, value=v + len(n)) for n in e}
-        )
-        monkeypatch.setattr(search_module, "retry", lambda names, *a: tried.append(list(names)))
-        monkeypatch.setattr(search_module, "chase", lambda *a: None)
-        monkeypatch.setattr(search_module, "stepped", lambda found, *a: found)
-        monkeypatch.setattr(search_module, "fit", refitted(0.0))
-        search.refits(current, list(table), table)
-        assert (["arm_spring", "arm_stribeck"] in tried) == all_of_them
-
-
-def test_the_search_keeps_what_was_exchanged_and_tells_what_was_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = [ranked(("base_tilt", 900.0), fit=a_fit("base_tilt")), ranked(("arm_stribeck", 800.0), fit=a_fit())]
-    steps.append(ranked(("friction_sharpness", 40.0), fit=a_fit()))
-    offset = ranked(("input_offset", 700.0), fit=a_fit("input_offset"))
-
-    def reconsidered(self: Any, found: Any) -> Any:
-        assert found[-1][0].name != "friction_sharpness", "too slight to look at anything again for"
-        return [offset, *found[1:]]
-
-    told: list[bool] = []
-    asked: list[float] = []
-
-    def refits(self: Any, current: Any, names: Any, table: Any, thorough: bool = False, least: float = 0.0) -> Any:
-        told.append(thorough)
-        asked.append(least)
-        return current, steps[len(told) - 1]
-
-    monkeypatch.setattr(search_module.Search, "suspects", lambda *a: ([], {}))
-    monkeypatch.setattr(search_module.Search, "refits", refits)
-    monkeypatch.setattr(search_module.Search, "reconsidered", reconsidered)
-    found = naming_module.name_effects(a_fit(), TABLE_3, thorough=True)
-    assert [s.name for s in found.accepted] == ["input_offset", "arm_stribeck"]
-    assert found.refused is not None
-    assert found.refused.name == "friction_sharpness"
-    assert told == [True, True, True]
-    assert asked == pytest.approx([0.0, 70.5, 80.5])  # a tenth of the largest found
-
-
-@pytest.mark.parametrize(("value", "verdict"), [(-50.0, "named"), (-5.0, "unknown")])
-def test_unknown_is_said_after_a_thorough_search_only(
-    monkeypatch: pytest.MonkeyPatch, value: float, verdict: str
-) -> None:
-    import identification.diagnosis.diagnose as module
-
-    def searched(*a: Any, thorough: bool = False) -> Any:
-        final = SimpleNamespace(value=value if thorough else 0.0, noise=Noise((1.0, 1.0)))
-        return SimpleNamespace(final=final, thorough=thorough, accepted=()), None, None
-
-    monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3))
-    monkeypatch.setattr(module, "fit", lambda *a, **k: None)
-    monkeypatch.setattr(module, "_searched", searched)
-    monkeypatch.setattr(module, "_verdict", lambda naming, rest: ("named" if naming.thorough else "unknown", ""))
-    log = loop_log(duration=2.0)[0]
-    assert module.diagnose([log]).verdict == verdict
-
-
-@pytest.mark.parametrize(("name", "fixed"), [("friction_sharpness", 100.0), ("arm_spring", None)])
-def test_the_model_before_a_sharpness_was_found_does_not_have_it(
-    monkeypatch: pytest.MonkeyPatch, name: str, fixed: float | None
-) -> None:
-    """An estimate has r free; a gap from it to the same r would be none."""
-    import identification.diagnosis.diagnose as module
-
-    found = SimpleNamespace(name=name, net=50.0)
-    fitted = SimpleNamespace(value=0.0, noise=Noise((1.0, 1.0)), plant=TABLE_3)
-    naming = SimpleNamespace(final=fitted, nominal=fitted, accepted=(found,), rankings=())
-    monkeypatch.setattr(module, "identify", lambda *a, **k: SimpleNamespace(plant=TABLE_3, given=k))
-    monkeypatch.setattr(module, "fit", lambda *a, **k: None)
-    monkeypatch.setattr(module, "_searched", lambda *a, **k: (naming, None, None))
-    monkeypatch.setattr(module, "_verdict", lambda *a: ("named", ""))
-    log = loop_log(duration=2.0)[0]
-    before: Any = module.diagnose([log]).before
-    assert before.given.get("sharpness") == fixed
+def test_a_dragged_scale_of_the_pendulum_is_left_for_the_anchors() -> None:
+    drift = TABLE_3.replace(theta=TABLE_3.theta * np.array([1, 1, *3 * [1.5], 1, 1, 1, 1]))
+    effect = TABLE_3.default_effect("arm_spring")
+    plant, noise = with_effect(replace(a_fit(), plant=drift), effect, search({}))
+    np.testing.assert_array_equal(plant.theta, TABLE_3.theta)
+    np.testing.assert_allclose(noise, [10.0, 10.0, 1.0, 1.0])
+    little = TABLE_3.replace(theta=TABLE_3.theta * np.array([1, 1, *3 * [1.2], 1, 1, 1, 1]))
+    plant, noise = with_effect(replace(a_fit(), plant=little), effect, search({}))
+    np.testing.assert_array_equal(plant.theta, little.theta)
+    later = replace(a_fit(), plant=drift.with_effects(TABLE_3.default_effect("input_delay")))
+    np.testing.assert_array_equal(with_effect(later, effect, search({}))[0].theta, drift.theta)
