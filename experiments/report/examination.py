@@ -13,6 +13,7 @@ from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import Diagnosis
+from identification.estimation.zeros import moved
 from identification.logs.log import Log
 from identification.validation.resimulation import Resimulation, resimulate
 
@@ -101,9 +102,14 @@ def examine(
     if before is not None and after is not None:
         plants = [before.plant, after.plant] if diagnosis.added else [before.plant]
         tell("locating the gap")
-        where = rest = diagnosis.rest or tried("where", lambda: locate(plants[-1], logs, diagnosis.policy))
+        where = rest = diagnosis.rest or tried(
+            "where", lambda: locate(plants[-1], moved(logs, after.zeros), diagnosis.policy)
+        )
         if len(plants) > 1:
-            where, where_after = tried("where", lambda: locate(plants[0], logs, diagnosis.policy)), rest
+            where, where_after = (
+                tried("where", lambda: locate(plants[0], moved(logs, before.zeros), diagnosis.policy)),
+                rest,
+            )
         if diagnosis.gap is None:
             remarks["gap"] = diagnosis.gap_remark
         shown = (tuple(held_out) or tuple(logs))[0]

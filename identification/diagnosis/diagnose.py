@@ -14,6 +14,7 @@ from furuta_gym.plant import EFFECTS, Plant
 from ..estimation.estimate import Estimate
 from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
+from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
 from .locate.locate import locate, long_enough
@@ -114,16 +115,16 @@ def _named(
     """The search for names, the estimate with what was found, and what that leaves."""
     policy = search.policy
 
-    def left(plant: Plant) -> float:
-        return locate(plant, logs, policy).evidence
+    def left(fitted: Fit) -> float:
+        return locate(fitted.plant, moved(logs, fitted.zeros), policy).evidence
 
     naming = name_effects(nominal, search, most, left, thorough)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
-        after = identify(logs, naming.final.plant, noise=naming.final.noise)
+        after = identify(logs, naming.final.plant, noise=naming.final.noise, zeros=naming.final.zeros)
     search.progress("looking at what is left")
-    rest = locate(after.plant, logs, policy)
+    rest = locate(after.plant, moved(logs, after.zeros), policy)
     return unsettled(naming, rest, policy), after, rest
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from ..estimation.identify import identify
+from ..estimation.zeros import moved
 from ..logs.log import Log
 from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
 from .gap_change import GapChange
@@ -50,8 +51,12 @@ def measure_gap(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Lo
         heads = [log.split(1.0 - tail)[0] for log in logs]
         # from the noise that the search ended with: from more of it, a fit loses what is small against it again
         noises = [None, diagnosis.naming.final.noise if diagnosis.naming else None]
-        refitted = [identify(heads, _as_start(p), noise=noise).plant for p, noise in zip(plants, noises, strict=False)]
-        gaps = [_of_tails(plant, logs, tail) for plant in refitted]
+        starts = [None, diagnosis.naming.final.zeros if diagnosis.naming else None]
+        refitted = [
+            identify(heads, _as_start(p), noise=noise, zeros=zeros if noise else None)
+            for p, noise, zeros in zip(plants, noises, starts, strict=False)
+        ]
+        gaps = [_of_tails(e.plant, moved(logs, e.zeros), tail) for e in refitted]
     before, after = gaps[0], gaps[-1]
     closed = closed_fraction(before, after) if len(gaps) > 1 else ClosedFraction(0.0, (0.0, 0.0))
     own_tail = _own_tail(diagnosis, logs) if held_out and diagnosis.repeating else None
@@ -93,7 +98,7 @@ def _as_start(plant: Plant) -> Plant:
 def _of_tails(plant: Plant, logs: Sequence[Log], tail: float) -> Gap:
     """The gap in the windows that lie in the last part of each log. The filter runs from the start, so that what
     changes with time is predicted at its time."""
-    gap = validate(plant, logs)
+    gap = validate(plant, logs, own_zeros=False)
     cut = np.array([log.t[0] + (1.0 - tail) * log.duration for log in logs])
     late = gap.times - gap.horizon >= cut[gap.log]
     if late.sum() < 10:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
+from ..kalman.coordinates import Zeros
 from .identifiability import Identifiability, spoken
 from .optimise import Optimum
 from .prediction_error import PredictionError
@@ -37,6 +38,7 @@ class Estimate:
     in the units of `unit_of`.
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
+    zeros: of the encoders in each log after the first, whose zeros are the plant's.
     u_max_guessed: whether the plant's u_max was guessed from the largest command.
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
     """
@@ -59,6 +61,7 @@ class Estimate:
     fixed: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     u_max_guessed: bool = False
+    zeros: Zeros = field(default_factory=dict)
     problem: PredictionError | None = field(default=None, repr=False)
     optimum: Optimum | None = field(default=None, repr=False)
 
@@ -121,6 +124,7 @@ class Estimate:
             "valid": self.valid,
             "identifiability": self.identifiability.to_dict(),
             "physical_consistency": physical_consistency(self.plant.theta).to_dict(),
+            "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
             "warnings": list(self.warnings),
         }
 
@@ -140,6 +144,8 @@ class Estimate:
         if self.noise is not None:
             q, unit = self.noise.torque, self.plant.unit
             lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
+        for i, (arm, pendulum) in self.zeros.items():
+            lines.append(f"  log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)")
         if self.u_max_guessed:
             limit = f"{self.plant.u_max:g} {self.plant.unit}"
             lines.append(

@@ -21,10 +21,12 @@ from furuta_gym.sensors import Sensors
 from ..kalman.coordinates import (
     SHARPNESS_NAMES,
     Coordinate,
+    Zeros,
     filled_noise,
     filled_plant,
     noise_coordinates,
     plant_coordinates,
+    zero_coordinates,
 )
 from ..kalman.noise_model import Noise
 from ..kalman.record import Record, stretches
@@ -38,6 +40,7 @@ from .pool import shared_pool
 from .prediction_error import PredictionError, quietest
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
+from .zeros import warn_about_zeros
 
 _ITERATIONS = 60
 _ABSENT: dict[str, Any] = {
@@ -49,6 +52,7 @@ _ABSENT: dict[str, Any] = {
     "negative_friction": False,
     "iterations": _ITERATIONS,
     "noise": None,
+    "zeros": None,
     "pool": None,
 }
 """The options that belong to a method, as they are where the user gives none."""
@@ -69,6 +73,7 @@ def identify(
     negative_friction: bool = False,
     iterations: int = _ITERATIONS,
     noise: Noise | None = None,
+    zeros: Zeros | None = None,
     u_max: float | None = None,
     pool: Executor | None = None,
 ) -> Estimate:
@@ -79,7 +84,8 @@ def identify(
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
     below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the fit goes on
-    from there and no other start is tried. u_max [{u}]: largest command that the rig can give; by default the start
+    from there and no other start is tried. zeros: of the logs' encoders, to start from (see `estimation.zeros`).
+    u_max [{u}]: largest command that the rig can give; by default the start
     plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`;
     inside a task of that one, bring another). method: one of `methods.METHODS`. All options above but u_max belong to
     "prediction-error".
@@ -100,6 +106,7 @@ def identify(
         "negative_friction": negative_friction,
         "iterations": iterations,
         "noise": noise,
+        "zeros": zeros,
         "pool": pool,
     }
     used = [name for name in chosen.options() if name in options]
@@ -111,6 +118,7 @@ def identify(
     estimator = chosen.load()
     given = {name: options[name] for name in used}
     estimate = estimator.estimate(logs, template, None if start is None else template, **given)
+    warn_about_zeros(estimate.plant, logs, estimate.zeros)
     return with_plant(estimate, logs, start, u_max)
 
 
@@ -128,6 +136,7 @@ def _most_likely(
     negative_friction: bool,
     iterations: int,
     noise: Noise | None,
+    zeros: Zeros | None,
     pool: Executor | None,
 ) -> Estimate:
     fixed, priors = dict(fixed), dict(priors)
@@ -168,7 +177,7 @@ def _most_likely(
         starts = [Start(_with_known(s.plant, known), s.noise) for s in starts]
         winner, _ = race(records, starts, freely(starts[0].plant), physical=physical, pool=pool)
     plant = _with_known(winner.plant, known, effects)
-    problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool)
+    problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
     optimum = minimise(problem, problem.start(), iterations)
     return _estimate(logs, problem, optimum, plant, fixed)
 
@@ -294,7 +303,7 @@ def _coordinates(
         replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c
         for c in found
     ]
-    return limited + noise_coordinates(quietest(plant, records))
+    return limited + zero_coordinates(plant, records) + noise_coordinates(quietest(plant, records))
 
 
 def _estimate(
@@ -314,7 +323,7 @@ def _estimate(
     if expansion.scores is None:
         expansion = problem.expand(optimum.z, exact=True, scores=True)
     spread = fit_covariance(problem, expansion)
-    own = [i for i, c in enumerate(coordinates) if not c.noise]
+    own = [i for i, c in enumerate(coordinates) if c.of_plant]
     slopes = np.array([coordinates[i].slope(optimum.z[i]) for i in own])
     names = tuple(coordinates[i].name for i in own)
     values = np.array([coordinates[i].to_value(optimum.z[i]) for i in own])
@@ -324,7 +333,7 @@ def _estimate(
     at_bound = tuple(
         c.name
         for c, z, low, high in zip(coordinates, optimum.z, problem.low, problem.high, strict=True)
-        if not c.noise and (z <= low + 1e-9 or z >= high - 1e-9)
+        if c.of_plant and (z <= low + 1e-9 or z >= high - 1e-9)
     )
     motion = Motion.of(logs)
     std = np.sqrt(np.diag(covariance))
@@ -352,6 +361,7 @@ def _estimate(
         at_bound=at_bound,
         fixed={n: _value_of(plant, n) for n in fixed},
         warnings=tuple(_warnings(logs, plant, at_bound, noise)),
+        zeros=problem.zeros_at(optimum.z),
         problem=problem,
         optimum=optimum,
     )

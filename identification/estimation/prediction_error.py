@@ -21,7 +21,7 @@ from furuta_gym.plant.layout import N_BASE
 
 from ..kalman.arguments import BankResult, Gaussian, Model
 from ..kalman.bank import innovations, sharpness_rows
-from ..kalman.coordinates import Coordinate, filled_noise, filled_parameters
+from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_parameters, filled_zeros
 from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
@@ -42,7 +42,7 @@ class PredictionError:
     noise: where it is not free.
     coarser: factor on the integration step that the friction's sharpness allows, for a first look. pool: where filters
     run side by side (None: in the caller's own thread, as inside a task of a pool they must). physical: penalise what
-    no rigid body has.
+    no rigid body has. zeros: of the logs' encoders, where they are not free.
     """
 
     def __init__(
@@ -54,11 +54,12 @@ class PredictionError:
         coarser: float = 1.0,
         pool: Executor | None = None,
         physical: bool = False,
+        zeros: Zeros | None = None,
     ) -> None:
         packed = plant.packed()
         self.p, self.codes, self.rows = packed.p, packed.codes, packed.rows
         self.records, self.coordinates, self.noise = list(records), list(coordinates), noise
-        self.coarser = coarser
+        self.coarser, self.zeros = coarser, dict(zeros or {})
         self.sharp = sharpness_rows(plant.layout)
         self.physical, self.pool = physical, pool
         bounds = np.array([c.z_bounds for c in self.coordinates])
@@ -71,9 +72,13 @@ class PredictionError:
 
     def start(self) -> NDArray[np.float64]:
         """The coordinates of the plant and noise given."""
-        noise = self.noise.packed()
-        z = [c.to_z((noise if c.noise else self.p)[c.row]) for c in self.coordinates]
+        z = [c.to_z(self._given(c)) for c in self.coordinates]
         return np.clip(np.array(z), self.low, self.high)
+
+    def _given(self, c: Coordinate) -> float:
+        if c.zero_of is not None:
+            return self.zeros.get(c.zero_of, (0.0, 0.0))[c.row]
+        return float((self.noise.packed() if c.noise else self.p)[c.row])
 
     def run(
         self, record: Record, bank: NDArray[np.float64], leaders: int, states: bool = False, exact: int | None = None
@@ -106,7 +111,10 @@ class PredictionError:
         if not np.isfinite(P[:N_BASE]).all() or np.any(P[0] * P[3] <= P[2] ** 2):
             return None
         x0 = np.zeros((self.rows, B))
-        x0[:2] = record.y[0][:, None]
+        zeros = np.ascontiguousarray(
+            np.array([filled_zeros(self.coordinates, z, record.log, self.zeros) for z in bank]).T
+        )
+        x0[:2] = record.y[0][:, None] - zeros
         reading = x0[:2].copy()
         read_sensors(x0, P, self.codes, reading)
         x0[:2] -= reading - x0[:2]
@@ -122,8 +130,14 @@ class PredictionError:
             states=np.empty((N if states else 0, self.rows)),
         )
         model, first = Model(P, self.codes, self.sharp), Gaussian(x0, C0)
-        ok = innovations(record.readings, model, first, noise, exact, leaders, self.coarser, result)
+        ok = innovations(record.readings, model, first, noise, zeros, exact, leaders, self.coarser, result)
         return result if ok and np.isfinite(result.cost).all() and np.isfinite(result.e).all() else None
+
+    def zeros_at(self, z: NDArray[np.float64]) -> dict[int, tuple[float, float]]:
+        """Zeros of the encoders in every log, at z."""
+        logs = sorted({r.log for r in self.records})
+        found = {i: filled_zeros(self.coordinates, z, i, self.zeros) for i in logs}
+        return {i: (float(x[0]), float(x[1])) for i, x in found.items() if x.any()}
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""
@@ -209,7 +223,7 @@ class PredictionError:
             return []
         slopes = np.zeros((2, len(z)))
         for i, c in enumerate(self.coordinates):
-            if not c.noise and c.row < 4:
+            if c.of_plant and c.row < 4:
                 step = np.zeros(len(z))
                 step[i] = 1e-7
                 slopes[:, i] = (lacks(z + step) - lacks(z - step)) / 2e-7

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +141,8 @@ def reduced(
     held = np.diff(charge[np.append(index, min(index[-1] + m, n))])
     spans = np.diff(record.t[index], append=record.t[index[-1]] + float(np.sum(width[index[-1] : index[-1] + m])))
     start = float(record.t[first]) if clock else 0.0
-    return Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance, record.quantum, start)
+    short = Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance, record.quantum, start)
+    return replace(short, log=record.log)
 
 
 def race(
@@ -158,6 +159,7 @@ def race(
     winner (None if every fit diverged: then the first start is returned).
     """
     clock = any("t" in names for e in starts[0].plant.effects for names in e.type.arguments.values())
+    coordinates = [c for c in coordinates if c.zero_of is None]  # too few seconds to tell them
     short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2), clock=clock) for r in records]
 
     def run(start: Start, iterations: int, z: NDArray[np.float64] | None = None) -> tuple[PredictionError, Optimum]:

@@ -166,11 +166,12 @@ def read_pair(C, H, noise, d, quantum, K, e, S, prior, CH):
 
 
 @compiled(nogil=True)
-def innovations(readings, model, first, noise, exact, leaders, coarser, result):
+def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, result):
     """Run B filters over a log of N samples; fills `result`.
 
     readings: Readings. model: Model of B plants. first: Gaussian, means (n, B). noise (4, B): torque intensities on
-    the rows [{u}² s] and variances of the readings before rounding [rad²]. Of the filters, the first `exact` ≥ 1
+    the rows [{u}² s] and variances of the readings before rounding [rad²]. zeros (2, B) [rad]: what the encoders read
+    where the angles are zero. Of the filters, the first `exact` ≥ 1
     carry Jacobians, the first `leaders` covariances, the others follow filter 0. coarser: factor on the integration
     step. result: BankResult. Returns False if a filter diverged (the results are then meaningless).
     """
@@ -237,8 +238,8 @@ def innovations(readings, model, first, noise, exact, leaders, coarser, result):
                         H[g, 0, m] = (Y[0, lane] - Y[0, g]) / STATE_STEP
                         H[g, 1, m] = (Y[1, lane] - Y[1, g]) / STATE_STEP
         for g in range(G):
-            d[0] = y[k, 0] - (x[0, g] if plain else Y[0, g])
-            d[1] = y[k, 1] - (x[1, g] if plain else Y[1, g])
+            d[0] = y[k, 0] - (x[0, g] if plain else Y[0, g]) - zeros[0, g]
+            d[1] = y[k, 1] - (x[1, g] if plain else Y[1, g]) - zeros[1, g]
             h = H[g if g < exact else 0]
             cost[k, g] = read_pair(C[g], h, noise[:, g], d, quantum, K[g], own_e[g], own_S[g], prior[g], CH)
             if not (own_S[g, 0] > 0.0 and own_S[g, 2] > 0.0 and abs(x[1, g]) < 1e6):
@@ -250,11 +251,11 @@ def innovations(readings, model, first, noise, exact, leaders, coarser, result):
             if g == 0:
                 direct[k, 0], direct[k, 1] = d[0], d[1]
                 direct[k, 2], direct[k, 3] = own_S[0, 0] - prior[0, 0], own_S[0, 2] - prior[0, 1]
-        z1 = (x[0, 0] if plain else Y[0, 0]) + own_e[0, 0]
-        z2 = (x[1, 0] if plain else Y[1, 0]) + own_e[0, 1]
+        z1 = (x[0, 0] if plain else Y[0, 0]) + zeros[0, 0] + own_e[0, 0]
+        z2 = (x[1, 0] if plain else Y[1, 0]) + zeros[1, 0] + own_e[0, 1]
         for b in range(B):
-            e1 = z1 - (x[0, b] if plain else Y[0, b])
-            e2 = z2 - (x[1, b] if plain else Y[1, b])
+            e1 = z1 - (x[0, b] if plain else Y[0, b]) - zeros[0, b]
+            e2 = z2 - (x[1, b] if plain else Y[1, b]) - zeros[1, b]
             e[k, 0, b], e[k, 1, b] = e1, e2
             g = 0
             if b < G:

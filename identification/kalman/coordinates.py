@@ -15,6 +15,12 @@ from furuta_gym.plant.layout import SHARPNESS_NAMES as _SHARPNESS
 from furuta_gym.plant.layout import SHARPNESS_ROWS, THETA_ROWS
 
 from .noise_model import NOISE_NAMES, Noise
+from .record import Record
+
+ARM_ZERO_STD = 1.0
+"""Prior standard deviation [rad] of the arm's zero in a log, relative to the first log's."""
+PENDULUM_ZERO_STD = 1.5
+"""The same of the pendulum's zero, in counts."""
 
 SHARPNESS_NAMES = ("r", *_SHARPNESS)
 """Of coordinates that are a sharpness of friction; "r" is that of both axes."""
@@ -24,7 +30,8 @@ SHARPNESS_NAMES = ("r", *_SHARPNESS)
 class Coordinate:
     """One free number. `log` works on its logarithm (it stays positive), else on value / scale.
 
-    row: its row in P (of "r" the first), or in the packed noise; low, high: bounds of the value; step: difference used
+    row: its row in P (of "r" the first), in the packed noise, or the axis of an encoder's zero; zero_of: the log whose
+    zero it is, None for anything else. low, high: bounds of the value; step: difference used
     for derivatives, in the coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
     coordinate itself, for a log coordinate a log-normal prior.
     """
@@ -39,6 +46,12 @@ class Coordinate:
     noise: bool = False
     prior: tuple[float, float] | None = None
     weak_prior: tuple[float, float] | None = None
+    zero_of: int | None = None
+
+    @property
+    def of_plant(self) -> bool:
+        """Whether it is a number of the plant: neither noise nor the zero of a log's encoder."""
+        return not self.noise and self.zero_of is None
 
     def to_value(self, z: float) -> float:
         return math.exp(min(z, 700.0)) if self.log else z * self.scale
@@ -156,9 +169,24 @@ def filled_parameters(
     """Packed parameters p (copied) with the coordinates' values in place; a single r sets both axes."""
     p = p.copy()
     for c, zi in zip(coordinates, z, strict=True):
-        if not c.noise:
+        if c.of_plant:
             p[SHARPNESS_ROWS if c.name == "r" else c.row] = c.to_value(zi)
     return p
+
+
+Zeros = Mapping[int, tuple[float, float]]
+"""Zeros [rad] of the two encoders by number of the log: what they read where the angles are zero. Zero where absent."""
+
+
+def filled_zeros(
+    coordinates: Sequence[Coordinate], z: NDArray[np.float64], log: int, zeros: Zeros
+) -> NDArray[np.float64]:
+    """Zeros (2,) [rad] of the encoders in one log, those that are coordinates with their values."""
+    zeros = np.array(zeros.get(log, (0.0, 0.0)))
+    for c, zi in zip(coordinates, z, strict=True):
+        if c.zero_of == log:
+            zeros[c.row] = c.to_value(zi)
+    return zeros
 
 
 def filled_noise(coordinates: Sequence[Coordinate], z: NDArray[np.float64], noise: Noise) -> Noise:
@@ -184,3 +212,32 @@ def filled_plant(plant: Plant, coordinates: Sequence[Coordinate], z: NDArray[np.
     r1, r2 = p[SHARPNESS_ROWS].tolist()
     r = (r1, r2) if isinstance(plant.friction_sharpness, tuple) else r1
     return plant.replace(theta=p[THETA_ROWS], friction_sharpness=r, effects=tuple(effects))
+
+
+def zero_coordinates(plant: Plant, records: Sequence[Record], free: Iterable[int] | None = None) -> list[Coordinate]:
+    """Zeros of the encoders in each log, relative to the first one's, with priors.
+
+    An incremental encoder counts from where it was switched on, so logs of one rig may count from different zeros. The
+    arm's zero is free within about a radian, where an effect depends on the arm's angle (nothing else shows it); the
+    pendulum's within a count or two: it is set at rest. free: logs whose zeros are free; default all but the first,
+    whose zeros are the plant's.
+    """
+    logs = sorted({r.log for r in records})
+    found = []
+    for log in logs[1:] if free is None else free:
+        record = next(r for r in records if r.log == log)
+        count = np.maximum(record.quantum, np.sqrt(12.0 * record.variance))
+        if placed(plant):
+            found.append(_zero(log, 0, ARM_ZERO_STD, float(count[0])))
+        found.append(_zero(log, 1, PENDULUM_ZERO_STD * float(count[1]), float(count[1])))
+    return found
+
+
+def placed(plant: Plant) -> bool:
+    """Whether something on the plant depends on where the arm stands."""
+    return any("q1" in names for effect in plant.effects for names in effect.type.arguments.values())
+
+
+def _zero(log: int, axis: int, std: float, scale: float) -> Coordinate:
+    name = f"log{log + 1}.zero{axis + 1}"
+    return Coordinate(name, axis, log=False, scale=scale, step=0.05, prior=(0.0, std), zero_of=log)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ class Record:
 
     quantum (2,): one count of each encoder [rad], 0 where the reading is not rounded. variance (2,): of a reading
     taken as noise, rounding included [rad²]. velocity (2,) and velocity_std: of the first state [rad/s].
+    log: number of the log among those of its rig.
     """
 
     t: NDArray[np.float64]
@@ -37,11 +38,16 @@ class Record:
     variance: NDArray[np.float64]
     velocity: NDArray[np.float64]
     velocity_std: float
+    log: int = 0
 
     @property
     def readings(self) -> Readings:
         """As the compiled filters take them."""
         return Readings(self.t, self.y, self.u, self.quantum)
+
+    def moved(self, zeros: ArrayLike) -> Record:
+        """The readings less zeros (2,) [rad]."""
+        return replace(self, y=self.y - np.asarray(zeros, dtype=float))
 
     @property
     def duration(self) -> float:
@@ -100,7 +106,7 @@ def stretches(logs: Sequence[Log]) -> list[Stretch]:
                 f"{log.source}: {len(log) - kept} of {len(log)} samples stand in stretches of fewer than {SHORTEST} "
                 "between gaps of the clock, and are not used. Record without dropping samples where that can be done."
             )
-        found += [Stretch(i, piece, _record(piece, log, *known)) for piece in pieces]
+        found += [Stretch(i, piece, replace(_record(piece, log, *known), log=i)) for piece in pieces]
     if not found:
         raise LogError(
             f"{', '.join(log.source for log in logs)}: no stretch of {SHORTEST} samples without a gap of the clock. "

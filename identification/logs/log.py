@@ -169,6 +169,10 @@ class Log:
             )
         return self._where(inside)
 
+    def moved(self, zero1: float, zero2: float) -> Log:
+        """The same with zeros [rad] of the arm's and the pendulum's encoder taken off."""
+        return replace(self, q1=self.q1 - zero1, q2=self.q2 - zero2)
+
     def split(self, fraction: float) -> tuple[Log, Log]:
         """The first part (that fraction of the time) and the rest, for example to hold out the tail."""
         if not 0 < fraction < 1:

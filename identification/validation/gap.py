@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
+from ..estimation.zeros import aligned
+from ..kalman.coordinates import Zeros
 from ..kalman.likelihood import sample_costs
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
@@ -46,6 +48,7 @@ class Gap:
     were repeated, and the floor is their spread. whiteness: largest correlation of an innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
     surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
+    zeros: of the encoders [rad] in each log, estimated before it was predicted.
     """
 
     horizon: float
@@ -62,6 +65,7 @@ class Gap:
     times: Array = field(repr=False)
     log: NDArray[np.int64] = field(repr=False)
     surprise: Array = field(repr=False)
+    zeros: Zeros = field(default_factory=dict, repr=False)
 
     @property
     def ratio_to_floor(self) -> float:
@@ -95,6 +99,7 @@ class Gap:
             "rms_counts_q2": float(counts[1]) if self.counts[1] > 0 else None,
             "windows": len(self.errors),
             "floor": "spread of repeated runs" if self.repeats else "reading and torque noise",
+            "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
             "innovations": [test.to_dict() for test in self.tests],
         }
         return {"gap": {k: float(v) for k, v in numbers.items()} | more}
@@ -139,17 +144,22 @@ class Gap:
         return "the plant misses something; `furuta diagnose` looks for it"
 
 
-def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) -> Gap:
+def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, own_zeros: bool = True) -> Gap:
     """The gap of a plant on logs that it was not fitted to, at a horizon [s].
 
-    Of logs that repeat one command the floor is their spread. Raises ValueError for logs that are too short or that
-    the filter cannot follow with this plant.
+    own_zeros: estimate the zeros of the encoders in each log first, as logs of one rig need not count from the same
+    place; off for logs that the plant was fitted to. Of logs that repeat one command the floor is their spread.
+    Raises ValueError for logs that are too short or that the filter cannot follow with this plant.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     if not logs:
         raise ValueError("validate needs at least one log, got none")
     if not (math.isfinite(horizon) and 0 < horizon <= 5):
         raise ValueError(f"the horizon must lie in (0, 5] s, got {horizon!r}")
+    zeros: Zeros = {}
+    if own_zeros:
+        found = aligned(plant, logs)
+        logs, zeros = list(found.logs), found.zeros
     long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon and len(s.piece) >= FEWEST]
     kept = [_Piece.of(plant, stretch, horizon) for stretch in long]
     if not kept:
@@ -183,6 +193,7 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON) 
         times=np.concatenate([p.times for p in kept]),
         log=np.concatenate([np.full(len(p.errors), p.log) for p in kept]),
         surprise=np.concatenate([p.surprise for p in kept]),
+        zeros=dict(zeros),
     )
 
 

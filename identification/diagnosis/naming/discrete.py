@@ -14,14 +14,14 @@ _FACTORS = (1.25, 1.08)  # on a rough size: wide steps first, then narrow ones
 def starts_of(start: Effect, current: Fit, setting: Setting) -> list[Start]:
     """Where the fits of an effect start: at what its score suggests and, for a rough size, at every value of its
     grid."""
-    starts = [Start((start.name,), *with_effect(current, start, setting))]
+    starts = [with_effect(current, start, setting)]
     usual = current.plant.default_effect(start.name).parameters
     for p in start.type.parameters:
         for value in p.grid if p.rough and not isinstance(p.grid, str) else ():
             size = value * usual[p.name] / p.default
             if size != start.parameters[p.name]:
                 other = Effect(start.name, {**start.parameters, p.name: size})
-                starts.append(Start((start.name,), *with_effect(current, other, setting)))
+                starts.append(with_effect(current, other, setting))
     return starts
 
 
@@ -48,7 +48,7 @@ def _walked(found: Fit, current: Fit, setting: Setting, p: Parameter, moves: tup
             x = value + move if p.integer else value * move
             if p.lower <= x <= p.upper:
                 moved = plant.with_effects(Effect(effect.name, {**effect.parameters, p.name: x}))
-                starts[Start((effect.name,), moved, found.noise)] = move
+                starts[Start((effect.name,), moved, found.noise, found.zeros)] = move
         fits = multi_start(list(starts), current, setting, ahead=found.value)
         best = min(fits, key=lambda start: fits[start].value, default=None)
         if best is None or fits[best].value >= found.value:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
@@ -12,7 +12,15 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...estimation.optimise import Optimum, minimise
 from ...estimation.pool import shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
-from ...kalman.coordinates import Coordinate, filled_noise, filled_plant, noise_coordinates, plant_coordinates
+from ...kalman.coordinates import (
+    Coordinate,
+    Zeros,
+    filled_noise,
+    filled_plant,
+    noise_coordinates,
+    plant_coordinates,
+    zero_coordinates,
+)
 from ...kalman.noise_model import Noise
 from ...kalman.record import Record
 from ..policy import DecisionPolicy
@@ -30,6 +38,7 @@ class Fit:
     coordinates: tuple[Coordinate, ...]
     optimum: Optimum
     records: tuple[Record, ...]
+    zeros: Zeros = field(default_factory=dict)
 
     @property
     def value(self) -> float:
@@ -48,7 +57,12 @@ class Fit:
 
     def problem(self) -> PredictionError:
         """The objective whose optimum this is."""
-        return PredictionError(self.plant, self.records, self.coordinates, self.noise)
+        return PredictionError(self.plant, self.records, self.coordinates, self.noise, zeros=self.zeros)
+
+    @property
+    def moved(self) -> tuple[Record, ...]:
+        """The records with the zeros of their encoders taken off."""
+        return tuple(r.moved(self.zeros[r.log]) if r.log in self.zeros else r for r in self.records)
 
 
 class Fitter(Protocol):
@@ -64,6 +78,7 @@ class Fitter(Protocol):
         policy: DecisionPolicy = ...,
         iterations: int = ...,
         coarse: bool = ...,
+        zeros: Zeros | None = ...,
     ) -> Fit: ...
 
 
@@ -76,22 +91,31 @@ def fit(
     policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
     iterations: int = 40,
     coarse: bool = False,
+    zeros: Zeros | None = None,
 ) -> Fit:
     """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
 
     anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). coarse: with longer integration steps and frozen gains,
-    on one thread: within a nat or so, for a multi-start.
+    on one thread: within a nat or so, for a multi-start. zeros: of the encoders, to start from.
     """
     coordinates = plant_coordinates(plant, free_sharpness=False)
     coordinates += noise_coordinates(quietest(anchor or plant, records))
+    coordinates += zero_coordinates(plant, records)
     if anchor is not None:
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
     step = COARSER if coarse else 1.0
-    problem = PredictionError(plant, records, coordinates, noise, step, None if coarse else shared_pool())
+    problem = PredictionError(plant, records, coordinates, noise, step, None if coarse else shared_pool(), zeros=zeros)
     optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
     noise = filled_noise(coordinates, optimum.z, problem.noise)
-    return Fit(filled_plant(plant, coordinates, optimum.z), noise, tuple(coordinates), optimum, tuple(records))
+    return Fit(
+        filled_plant(plant, coordinates, optimum.z),
+        noise,
+        tuple(coordinates),
+        optimum,
+        tuple(records),
+        problem.zeros_at(optimum.z),
+    )
 
 
 def anchored(c: Coordinate, anchor: Plant, std: float) -> Coordinate:
@@ -100,7 +124,7 @@ def anchored(c: Coordinate, anchor: Plant, std: float) -> Coordinate:
     The pendulum's row has no input: θ3, θ4, θ5, θ7, θ9 share a scale that only the reaction on the arm fixes, and a
     missing effect leaks into that direction until nothing can be named any more.
     """
-    if c.noise or c.row > 4 or not c.log:
+    if not c.of_plant or c.row > 4 or not c.log:
         return c
     return replace(c, weak_prior=(math.log(anchor.theta[c.row]), std))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.plant import EFFECTS
 
 from ...kalman.noise_model import Noise
 from ..locate.location import Where
@@ -53,11 +53,11 @@ class _Grown:
     refused: Suspect | None = None
 
 
-Left = Callable[[Plant], float]
-"""Evidence [nats] of torques that a plant does not explain."""
+Left = Callable[[Fit], float]
+"""Evidence [nats] of torques that a fit does not explain."""
 
 
-def nothing_left(plant: Plant) -> float:
+def nothing_left(fitted: Fit) -> float:
     """A `Left` that never sees anything."""
     return 0.0
 
@@ -68,7 +68,7 @@ def name_effects(
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.
 
-    nominal: the model without effects. most: effects at most. left(plant): evidence [nats] of torques that a plant
+    nominal: the model without effects. most: effects at most. left(fit): evidence [nats] of torques that a fit
     does not explain; a further effect that leaves more than it explains is not what is missing, only something that
     takes its shape. thorough: try every suspect from several sizes, not the best ones only.
     """
@@ -104,10 +104,10 @@ def _grow(search: Search, so_far: _Grown, most: int, left: Left, thorough: bool)
             break
         remains = 0.0
         if found:
-            remains = left(last[0].fit.plant)
+            remains = left(last[0].fit)
             if not thorough and remains > max(last[0].net, policy.own_share * largest):
                 current, last = search.refits(current, names, table, thorough=True, least=least)
-                remains = left(last[0].fit.plant)
+                remains = left(last[0].fit)
             if remains > last[0].net:
                 refused = last[0]
                 break
@@ -117,7 +117,7 @@ def _grow(search: Search, so_far: _Grown, most: int, left: Left, thorough: bool)
             # small, but just what was missing
             not slight(newest.name, newest.gain, others, policy, policy.least_share)
             and remains <= 0.0
-            and left(current.plant) > policy.believed
+            and left(current) > policy.believed
         ):
             refused = last[0]
             break

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from furuta_gym.plant import Effect, Plant
 
 from ...estimation.pool import shared_pool
+from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
 from .fits import Fit, Fitter, added, without
@@ -38,11 +39,13 @@ class Setting(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where one fit starts: the effects it stands for, a plant with them, and its noise."""
+    """Where one fit starts: the effects it stands for, a plant with them, its noise, and the zeros of the
+    encoders in each log."""
 
     effects: tuple[str, ...]
     plant: Plant
     noise: Noise
+    zeros: Zeros = field(default_factory=dict)
 
     @property
     def effect(self) -> str:
@@ -62,37 +65,38 @@ def multi_start(
     policy = setting.policy
     halve = math.isinf(ahead) if halve is None else halve
     fits: dict[Start, Fit] = {}
-    running = [(start, start.plant, start.noise) for start in starts]
+    running = [(start, start) for start in starts]
     for turn in range(policy.rounds):
         if not running:
             break
-        results = shared_pool().map(lambda entry: _round(current, entry[1], entry[2], setting), running)
+        results = shared_pool().map(lambda entry: _round(current, entry[1], setting), running)
         pace = {}
-        for (start, _, _), result in zip(running, results, strict=True):
+        for (start, _), result in zip(running, results, strict=True):
             pace[start] = fits[start].value - result.value if start in fits else math.inf
             fits[start] = result
         best = min(ahead, *(f.value for f in fits.values()))
-        order = sorted((start for start, _, _ in running), key=lambda start: fits[start].value)
+        order = sorted((start for start, _ in running), key=lambda start: fits[start].value)
         on = [start for start in order if not fits[start].optimum.converged]
         if halve:
             on = on[: max(2, len(fits) >> (turn + 1))]
         running = [
-            (start, fits[start].plant, fits[start].noise)
+            (start, fits[start])
             for start in on
             if fits[start].value - policy.catches_up * pace[start] < best + policy.reach
         ]
     return fits
 
 
-def _round(current: Fit, plant: Plant, noise: Noise, setting: Setting) -> Fit:
+def _round(current: Fit, at: Start | Fit, setting: Setting) -> Fit:
     return setting.fitter(
-        plant,
-        noise,
+        at.plant,
+        at.noise,
         current.records,
         anchor=setting.anchor,
         policy=setting.policy,
         iterations=setting.policy.round_iterations,
         coarse=True,
+        zeros=at.zeros,
     )
 
 
@@ -115,14 +119,13 @@ def from_other_sizes(
     for name in names:
         larger, mirrored = resized(suggested[name], policy.larger), resized(suggested[name], -1.0)
         if larger is not None:
-            starts.append(Start((name,), *with_effect(current, larger, setting)))
-            plant, noise = _afresh(current, larger, setting)
-            starts.append(Start((name,), plant, noise))
+            fresh = _afresh(current, larger, setting)
+            starts += [with_effect(current, larger, setting), fresh]
             if current.plant.effects:  # what was found before has taken this one's part as well
                 smaller = [resized(e, policy.smaller) or e for e in current.plant.effects]
-                starts.append(Start((name,), plant.with_effects(*smaller), noise))
+                starts.append(replace(fresh, plant=fresh.plant.with_effects(*smaller)))
         if mirrored is not None:
-            starts.append(Start((name,), *with_effect(current, mirrored, setting)))
+            starts.append(with_effect(current, mirrored, setting))
     ahead = min(f.value for f in fits.values())
     return best_of(multi_start(starts, current, setting, ahead, halve=True), fits)
 
@@ -146,7 +149,8 @@ def from_best(
     there the others soon find their own optimum. One of them may be the best then."""
     noise = between(fits[best], current)
     plant = without(fits[best], current)
-    starts = [Start((n,), plant.with_effects(added(fits[n], current)), noise) for n in rivals if n != best]
+    zeros = fits[best].zeros
+    starts = [Start((n,), plant.with_effects(added(fits[n], current)), noise, zeros) for n in rivals if n != best]
     return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
 
 
@@ -174,8 +178,8 @@ def between(best: Fit, current: Fit) -> Noise:
     return Noise.unpacked(np.sqrt(own * np.maximum(other, own)))
 
 
-def with_effect(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Noise]:
-    """Plant and noise to start from, with an effect added.
+def with_effect(current: Fit, start: Effect, setting: Setting) -> Start:
+    """Where to start with an effect added.
 
     Where the first missing effect has dragged the scale of the pendulum's row away, the way back leads along a narrow
     valley: starting at the anchor's θ is shorter. Once an effect has been found, the anchor, which has none, is the
@@ -183,10 +187,10 @@ def with_effect(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, N
     scale = np.maximum(current.plant.theta[2:5], 1e-12) / setting.anchor.theta[2:5]
     if np.abs(np.log(scale)).max() > setting.policy.dragged and not current.plant.effects:
         return _afresh(current, start, setting)
-    return current.plant.with_effects(start), current.noise
+    return Start((start.name,), current.plant.with_effects(start), current.noise, current.zeros)
 
 
-def _afresh(current: Fit, start: Effect, setting: Setting) -> tuple[Plant, Noise]:
+def _afresh(current: Fit, start: Effect, setting: Setting) -> Start:
     """From the anchor's θ, with noise enough to find the way."""
     plant = current.plant.replace(theta=setting.anchor.theta).with_effects(start)
-    return plant, current.noise.louder(setting.policy.restart_noise)
+    return Start((start.name,), plant, current.noise.louder(setting.policy.restart_noise), current.zeros)

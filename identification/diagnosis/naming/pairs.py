@@ -29,7 +29,7 @@ def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking
     search.progress(f"trying two effects in place of {one.name}")
     plant, noise = without(one.fit, nominal), between(one.fit, nominal)
     starts = [
-        Start((a.name, b.name), plant.with_effects(added(a.fit, nominal), added(b.fit, nominal)), noise)
+        Start((a.name, b.name), plant.with_effects(added(a.fit, nominal), added(b.fit, nominal)), noise, one.fit.zeros)
         for a, b in pairs
     ]
     fits = multi_start(starts, nominal, search, ahead=one.fit.value)

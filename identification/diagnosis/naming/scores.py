@@ -57,7 +57,7 @@ def scores(
     frequencies = _peaks(nominal, noise, policy.periods)
     chosen = [n for n in (names or EFFECTS) if n not in taken]
     trial = {name: cells(EFFECTS[name], scale, duration, frequencies) for name in chosen}
-    tables = [_answers(nominal, noise, record, [c for n in chosen for c in trial[n]]) for record in nominal.records]
+    tables = [_answers(nominal, noise, record, [c for n in chosen for c in trial[n]]) for record in nominal.moved]
     found: dict[str, Score] = {}
     position = 0
     for name in chosen:
@@ -80,7 +80,7 @@ def scores(
 
 def _peaks(nominal: Fit, noise: Noise, periods: float, most: int = 5) -> NDArray[np.float64]:
     """Frequencies [Hz] of the largest peaks in the whitened innovations of the longest record, each bracketed."""
-    record = max(nominal.records, key=lambda r: r.duration)
+    record = max(nominal.moved, key=lambda r: r.duration)
     problem = PredictionError(nominal.plant, [record], nominal.coordinates[:1], noise)
     result = problem.run(record, nominal.optimum.z[None, :1], 1)
     if result is None:
@@ -115,8 +115,8 @@ class _Answers:
 
 def _answers(nominal: Fit, noise: Noise, record: Record, trial: Sequence[Cell]) -> _Answers:
     """For each cell: projected Gram matrix, unprojected square, and inner product with the innovations."""
-    coordinates = [c for c in nominal.coordinates if not c.noise]
-    z = np.array([zi for c, zi in zip(nominal.coordinates, nominal.optimum.z, strict=True) if not c.noise])
+    coordinates = [c for c in nominal.coordinates if c.of_plant]
+    z = np.array([zi for c, zi in zip(nominal.coordinates, nominal.optimum.z, strict=True) if c.of_plant])
     base = PredictionError(nominal.plant, [record], coordinates, noise)
     steps = np.array([c.step for c in coordinates])
     bank = np.repeat(z[None], len(z) + 1, axis=0)

@@ -142,7 +142,7 @@ class Search:
 
     def fitted(self, plant: Plant, start: Fit) -> Fit:
         """A plant fitted to the end, from the noise of another fit."""
-        return self.fitter(plant, start.noise, start.records, anchor=self.anchor, policy=self.policy)
+        return self.fitter(plant, start.noise, start.records, anchor=self.anchor, policy=self.policy, zeros=start.zeros)
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Fitted without one of its effects."""

@@ -19,6 +19,7 @@ from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
+from identification.kalman.coordinates import Zeros
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
 from identification.logs.log import Log
@@ -48,6 +49,7 @@ class ToyFit:
     converged: bool = True
     samples: int = SAMPLES
     records: tuple[Record, ...] = (RECORD,)
+    zeros: Zeros = field(default_factory=dict)
 
     @property
     def optimum(self) -> Any:
@@ -116,6 +118,7 @@ class Bowls:
         policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
         iterations: int = 40,
         coarse: bool = False,
+        zeros: Zeros | None = None,
     ) -> Any:
         names = [e.name for e in plant.effects]
         place = np.array([math.log(plant.theta[8] / TABLE_3.theta[8]), *(_size(plant, name) for name in names)])
