@@ -9,8 +9,9 @@ import numpy as np
 
 from furuta_gym.plant import Plant
 
-from .layers import Network, network_of
-from .learned import SPEED_LIMIT, LearnedController, load_policy, read_record
+from .layers import Network, network_in
+from .learned import SPEED_LIMIT, LearnedController, load_policy
+from .policy_file import read_record
 
 OPSET = 17
 
@@ -63,19 +64,24 @@ def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, An
 
 
 def export_onnx(
-    policy: str | os.PathLike[str], plant: Plant, path: str | os.PathLike[str], sample_time: float | None = None
+    policy: str | os.PathLike[str],
+    plant: Plant,
+    path: str | os.PathLike[str],
+    sample_time: float | None = None,
+    *,
+    trust: bool = False,
 ) -> Path:
     """Write the policy file for `plant` as ONNX; its metadata say how an observation is made.
 
-    Raises ValueError for a policy that `load_policy` or `network_of` refuse, or without the package onnx.
+    Raises ValueError for a policy that `load_policy` refuses (trust: see there), or without the package onnx.
     """
-    controller = load_policy(policy, plant, sample_time)
+    controller = load_policy(policy, plant, sample_time, trust=trust)
     try:
         import onnx
     except ImportError as error:
         raise ValueError("ONNX needs the package onnx: `pip install onnx`") from error
     about = _about(controller, plant, Path(policy))
-    model = onnx_model(network_of(controller.predict.model()), controller.scale, plant.u_max, about)
+    model = onnx_model(network_in(controller), controller.scale, plant.u_max, about)
     onnx.checker.check_model(model)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

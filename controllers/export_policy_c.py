@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .export_c import columns_note
-from .layers import Layer, network_of
+from .layers import Layer, network_in
 from .learned import SPEED_LIMIT, LearnedController
 
 _HEADER = """\
@@ -90,12 +90,12 @@ static inline double {prefix}_step({prefix}_state *s, double q1, double q2, doub
 def policy_c_header(controller: LearnedController, prefix: str | None = None) -> str:
     """The header's text; `prefix` begins its names, by default `furuta_` and the policy's name.
 
-    Raises ValueError for a prefix that is no C name, and for a network that `layers.network_of` does not know.
+    Raises ValueError for a prefix that is no C name, and for a controller whose `predict` is no `Network`.
     """
     prefix = prefix or "furuta_" + re.sub(r"\W", "_", Path(controller.name).stem, flags=re.ASCII)
     if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
         raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
-    network = network_of(controller.predict.model())
+    network = network_in(controller)
     period = controller.every * controller.sample_time
     names = {"prefix": prefix, "T": period, "u_max": float(controller.u_max)}
     text = _HEADER.format(

@@ -37,6 +37,7 @@ def compare_command(
     ] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Film every controller at work: CONTROLLER.gif.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
+    trust: opt.Trust = False,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -67,6 +68,7 @@ def compare_command(
                 groups=chosen,
                 seed=seed,
                 jobs=jobs,
+                trust=trust,
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )
         written = [path.name for path in result.save(folder)]

@@ -36,6 +36,7 @@ def train_command(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on after an interruption, or from a finished policy to more steps.")
     ] = False,
+    trust: opt.Trust = False,
     tensorboard: Annotated[Path | None, typer.Option(help="Folder for TensorBoard logs.")] = None,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
@@ -63,6 +64,7 @@ def train_command(
                 training,
                 output,
                 resume=resume,
+                trust=trust,
                 tensorboard=tensorboard,
                 command="furuta " + shlex.join(sys.argv[1:]),
                 progress=lambda done, of: bar.update(row, completed=done, total=of),
