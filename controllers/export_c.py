@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
 from .base import Controller
@@ -158,11 +159,7 @@ def columns_note(plant: Plant) -> str:
 
 def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
     """Write `c_header` to `path`; see there for what is refused."""
-    text = c_header(controller, prefix)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, c_header(controller, prefix))
 
 
 def _encoder_offset(controller: LinearController) -> float:

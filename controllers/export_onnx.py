@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
 from .layers import Network, network_in
@@ -83,10 +84,7 @@ def export_onnx(
     about = _about(controller, plant, Path(policy))
     model = onnx_model(network_in(controller), controller.scale, plant.u_max, about)
     onnx.checker.check_model(model)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    onnx.save(model, path)
-    return path
+    return write_whole(path, model.SerializeToString())
 
 
 def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:

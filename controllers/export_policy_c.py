@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.files import write_whole
+
 from .export_c import columns_note
 from .layers import Layer, network_in
 from .learned import SPEED_LIMIT, LearnedController
@@ -130,11 +132,7 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
 
 def export_policy_c(controller: LearnedController, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
     """Write `policy_c_header` to `path`; see there for what is refused."""
-    text = policy_c_header(controller, prefix)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, policy_c_header(controller, prefix))
 
 
 def _layer(prefix: str, i: int, layer: Layer) -> str:

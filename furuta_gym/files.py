@@ -129,7 +129,8 @@ def locked(path: str | os.PathLike[str]) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     path = Path(path).absolute()
-    file = path.with_name(f".{path.name}.lock")
+    room = path if path.is_dir() and not os.access(path.parent, os.W_OK) else path.parent
+    file = room / f".{path.name}.lock"
     file.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(file, timeout=0)
     try:

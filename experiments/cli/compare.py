@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 
 from . import options as opt
-from .output import busy, check_folder, print_json, progress_bar, whole_folder
+from .output import busy, check_folder, print_json, progress_bar
+from .whole import whole_folder
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from furuta_gym.files import write_whole
 
 from .covariance import Covariance
 from .effects.effect import Effect
@@ -203,14 +204,7 @@ class Plant:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plant file; whole or not at all."""
-        path = Path(path)
-        text = self.to_json() + "\n"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-        return path
+        return write_whole(path, self.to_json() + "\n")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Plant":
