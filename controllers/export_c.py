@@ -153,7 +153,7 @@ def columns_note(plant: Plant) -> str:
     """A line for the header's comment that says what q1, q2 and u are in the columns of the logs that the plant was
     fitted to; "" if they had the model's own."""
     logs = plant.provenance.get("logs") or [{}]
-    said = str(logs[0].get("read_as", "")).replace("*/", "* /")
+    said = " ".join(str(logs[0].get("read_as", "")).split()).replace("*/", "* /")  # text of a stranger in a comment
     return f" * In the columns of the logs that the plant was fitted to: {said}\n" if said else ""
 
 
