@@ -200,7 +200,7 @@ def _sampled_noise(A: NDArray[np.float64], Q: NDArray[np.float64], time: float) 
     return 0.5 * (N + N.T)
 
 
-def riccati(solve: Callable[..., Any], *matrices: NDArray[np.float64]) -> Any:
+def riccati(solve: Callable[..., Any], *matrices: Any) -> Any:
     """What `solve` of python-control gives for these matrices. Raises DesignError where the equation has no solution.
 
     With parameters beyond any rig the matrices overflow or are singular, and python-control has several exceptions

@@ -6,6 +6,7 @@ from math import ceil
 from typing import Any
 
 from furuta_gym.plant import Plant
+from furuta_gym.processes import worker_options
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
@@ -140,4 +141,4 @@ def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[dict[str, Interval]]:
         return (task.run() for task in tasks)
     from joblib import Parallel, delayed
 
-    return Parallel(n_jobs=jobs, return_as="generator")(delayed(_Task.run)(task) for task in tasks)  # type: ignore
+    return Parallel(n_jobs=jobs, return_as="generator", **worker_options())(delayed(_Task.run)(task) for task in tasks)  # type: ignore

@@ -71,8 +71,10 @@ def train_command(
             )
     except KeyboardInterrupt:
         if output.with_suffix(".checkpoint").exists():
-            typer.echo("Interrupted; the same command with --resume goes on from the last checkpoint.", err=True)
-        raise
+            typer.echo("Interrupted. The same command with --resume goes on from the last checkpoint.", err=True)
+        else:
+            typer.echo("Interrupted before there was a checkpoint; nothing was kept.", err=True)
+        raise typer.Exit(130) from None
     if as_json:
         print_json(record)
         return

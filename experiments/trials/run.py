@@ -18,6 +18,7 @@ from joblib import Parallel, delayed
 
 from experiments.workers import workers
 from furuta_gym.files import locked
+from furuta_gym.processes import temporary_folder
 
 from . import seal as laboratory
 from .decide import decide
@@ -53,8 +54,8 @@ def run_trials(
         sealed = _lines(folder / SEALED)
         answered = _lines(folder / ANSWERS)
         open_ = [sealed[t.id] for t in plan if t.id not in answered and "problem" not in sealed[t.id]]
-        with tempfile.TemporaryDirectory(prefix="trials-") as room:
-            tasks = _posted(open_, Path(room), decide)
+        with temporary_folder("trials") as room:
+            tasks = _posted(open_, room, decide)
             _collect(tasks, folder / ANSWERS, lambda done: progress("deciding", done, len(open_)))
 
 
