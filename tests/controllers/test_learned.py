@@ -1,5 +1,6 @@
 """Learned policies: they see what the env showed them, and bad files are refused with advice."""
 
+import json
 import zipfile
 
 import gymnasium as gym
@@ -10,7 +11,7 @@ from controllers import make_controller
 from controllers.evaluation import compare
 from controllers.layers import network_of
 from controllers.learned import LearnedController
-from controllers.policy_file import read_policy, write_policy
+from controllers.policy_file import read_policy, read_record, write_policy
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
 from experiments.bench_trials import run_on_bench
@@ -108,6 +109,18 @@ def test_policy_file_plays_what_the_model_says(policy_file):
     frame = [0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0]
     expected = QUBE.u_max * np.clip(model.predict(np.float32(frame * 2), deterministic=True)[0][0], -1, 1)
     assert controller([0.2, 0.1]) == pytest.approx(expected, rel=1e-4, abs=1e-6)
+
+
+def test_a_trusted_file_of_stable_baselines3_plays_the_same(policy_file):
+    """With the record beside it; without trust it is refused."""
+    path = policy_file.with_name("sb3.zip")
+    path.with_suffix(".json").write_text(json.dumps(read_record(policy_file)))
+    own = make_controller(policy_file, QUBE, 0.01)
+    trusted = make_controller(path, QUBE, 0.01, trust=True)
+    y = np.random.default_rng(1).normal(0, 0.1, (10, 2))
+    assert [trusted(reading) for reading in y] == [own(reading) for reading in y]
+    with pytest.raises(ValueError, match="--trust"):
+        make_controller(path, QUBE, 0.01)
 
 
 def test_the_gain_of_a_policy_is_that_of_its_training(policy_file, tmp_path):

@@ -14,7 +14,7 @@ from .library import EFFECTS
 _PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "alphax": "αx", "alphay": "αy"}
 
 
-_LARGEST = 1e12  # of any value; beyond it the motion is no number
+_LARGEST = 1e100  # of any value; an estimate that runs off ends below it
 
 
 def _number(what: str, raw: Any) -> float:
