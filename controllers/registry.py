@@ -43,12 +43,15 @@ def make_controller(
     plant: Plant | str | os.PathLike[str],
     sample_time: float | None = None,
     sensors: Sensors | None = None,
+    *,
+    trust: bool = False,
     **options: Any,
 ) -> Controller:
     """The controller called `name`, designed for `plant`; or a learned policy, when `name` is a file `*.zip`.
 
     sample_time [s]: default is the plant's, else 2 ms. sensors: default is what the plant file says, else 4096-count
-    encoders. options go to the design function (`weights`, `reference`, …). Raises ValueError for an unknown name
+    encoders. trust: also read a policy of stable-baselines3, which runs the code in it. options go to the design
+    function (`weights`, `reference`, …). Raises ValueError for an unknown name
     (the message lists the names), DesignError if the plant cannot be controlled so, FileNotFoundError for a missing
     policy.
     """
@@ -57,7 +60,7 @@ def make_controller(
     if text.endswith(".zip"):
         from .learned import load_policy
 
-        return load_policy(text, plant, sample_time, sensors, **options)
+        return load_policy(text, plant, sample_time, sensors, trust=trust, **options)
     if text not in CONTROLLERS:
         near = difflib.get_close_matches(text.lower().replace("_", "-"), CONTROLLERS, n=1)
         hint = f"did you mean {near[0]}? " if near else ""

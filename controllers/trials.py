@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.dynamics import advance, substep
+from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulation import LONGEST_STEP, check_clock
+from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step
 
 from .base import Controller
 
@@ -138,7 +138,7 @@ def run_trials(
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
     P, codes, rows = pack(plants)
-    h_max = substep(max(p.sharpest for p in plants), LONGEST_STEP)
+    h_max = integration_step(max(p.sharpest for p in plants), LONGEST_STEP, T)
     u_max = np.array([p.u_max for p in plants])
     impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright
     first_push, push_samples = np.round(starts.push_time / T), max(1, round(PUSH_LENGTH / T))

@@ -14,6 +14,21 @@ from .sensors import Sensors
 LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where the friction's sharpness allows it
 FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
+MOST_STEPS = 10_000  # of integration in one sample; no rig needs a hundred
+
+
+def integration_step(sharpest: float, longest_step: float, sample_time: float) -> float:
+    """Longest Runge–Kutta step [s] for friction of this sharpness [s/rad], see `substep`.
+
+    Raises ValueError where a sample would take more than `MOST_STEPS` of them."""
+    h_max = substep(sharpest, longest_step)
+    if not sample_time <= MOST_STEPS * h_max:
+        raise ValueError(
+            f"a sample of {sample_time:g} s would take {sample_time / h_max:.3g} steps of integration, at most "
+            f"{MOST_STEPS} are allowed: friction_sharpness {sharpest:g} s/rad is too sharp for it; lower one of them"
+        )
+    return h_max
+
 
 @runtime_checkable
 class Policy(Protocol):
@@ -90,8 +105,8 @@ def simulate(
     sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.
     excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2, q̇1, q̇2. torque_noise:
     intensities [{u}² s] of white torque on the two rows, held over each sample. Stops early when |q2| passes q2_limit
-    [rad]. Raises ValueError on impossible durations or excitations or a controller made for another sample time, and
-    FloatingPointError if the motion leaves all bounds.
+    [rad]. Raises ValueError on impossible durations or excitations, a controller made for another sample time, or a
+    sample of more than `MOST_STEPS` steps, and FloatingPointError if the motion leaves all bounds.
     """
     T = float(sample_time or getattr(policy, "sample_time", None) or plant.sample_time or 0.002)
     check_clock(policy, T)
@@ -110,7 +125,7 @@ def simulate(
     W = np.zeros((2, 1))
     noise_std = np.sqrt(np.asarray(torque_noise, dtype=float) / T)
     state, measured = np.empty((n, 4)), np.empty((n, 2))
-    h_max = substep(plant.sharpest, longest_step)
+    h_max = integration_step(plant.sharpest, longest_step, T)
     reset = getattr(policy, "reset", None)
     if reset is not None:
         reset()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
 from ..base import Controller
@@ -152,7 +153,7 @@ def columns_note(plant: Plant) -> str:
     """A line for the header's comment that says what q1, q2 and u are in the columns of the logs that the plant was
     fitted to; "" if they had the model's own."""
     logs = plant.provenance.get("logs") or [{}]
-    said = str(logs[0].get("read_as", "")).replace("*/", "* /")
+    said = " ".join(str(logs[0].get("read_as", "")).split()).replace("*/", "* /")  # text of a stranger in a comment
     return f" * In the columns of the logs that the plant was fitted to: {said}\n" if said else ""
 
 
@@ -162,11 +163,7 @@ def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str |
     prefix begins its names, by default `furuta_` and the controller's name. Raises ValueError for what `c_header`
     refuses; learned policies go through `export_policy_c`.
     """
-    text = c_header(controller, prefix)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, c_header(controller, prefix))
 
 
 def _encoder_offset(controller: LinearController) -> float:

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import physical_consistency
 
@@ -118,8 +119,4 @@ def export_mjcf(plant: Plant, path: str | os.PathLike[str]) -> Path:
 
     Raises ValueError for what `mjcf` refuses.
     """
-    text = mjcf(plant)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, mjcf(plant))

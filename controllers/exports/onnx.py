@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from furuta_gym.envs.options import SPEED_LIMIT
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
-from ..layers import Network, network_of
-from ..learned import LearnedController, load_policy, read_record
+from ..layers import Network, network_in
+from ..learned import LearnedController, load_policy
+from ..policy_file import read_record
 
 OPSET = 17
 
@@ -64,26 +66,28 @@ def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, An
 
 
 def export_onnx(
-    policy: str | os.PathLike[str], plant: Plant, path: str | os.PathLike[str], sample_time: float | None = None
+    policy: str | os.PathLike[str],
+    plant: Plant,
+    path: str | os.PathLike[str],
+    sample_time: float | None = None,
+    *,
+    trust: bool = False,
 ) -> Path:
     """Write the policy file for `plant` as ONNX; its metadata say how an observation is made.
 
     sample_time [s]: of the controller; default: the plant's or the policy's own. Returns the path.
 
-    Raises ValueError for a policy that `load_policy` or `network_of` refuse, or without the package onnx.
+    Raises ValueError for a policy that `load_policy` refuses (trust: see there), or without the package onnx.
     """
-    controller = load_policy(policy, plant, sample_time)
+    controller = load_policy(policy, plant, sample_time, trust=trust)
     try:
         import onnx
     except ImportError as error:
         raise ValueError("ONNX needs the package onnx: `pip install onnx`") from error
     about = _about(controller, plant, Path(policy))
-    model = onnx_model(network_of(controller.predict.model()), controller.scale, plant.u_max, about)
+    model = onnx_model(network_in(controller), controller.scale, plant.u_max, about)
     onnx.checker.check_model(model)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    onnx.save(model, path)
-    return path
+    return write_whole(path, model.SerializeToString())
 
 
 def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.envs.options import SPEED_LIMIT
+from furuta_gym.files import write_whole
 
-from ..layers import Layer, network_of
+from ..layers import Layer, network_in
 from ..learned import LearnedController
 from .c import columns_note
 
@@ -92,12 +93,12 @@ static inline double {prefix}_step({prefix}_state *s, double q1, double q2, doub
 def policy_c_header(controller: LearnedController, prefix: str | None = None) -> str:
     """The header's text; `prefix` begins its names, by default `furuta_` and the policy's name.
 
-    Raises ValueError for a prefix that is no C name, and for a network that `layers.network_of` does not know.
+    Raises ValueError for a prefix that is no C name, and for a controller whose `predict` is no `Network`.
     """
     prefix = prefix or "furuta_" + re.sub(r"\W", "_", Path(controller.name).stem, flags=re.ASCII)
     if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
         raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
-    network = network_of(controller.predict.model())
+    network = network_in(controller)
     period = controller.every * controller.sample_time
     names = {"prefix": prefix, "T": period, "u_max": float(controller.u_max)}
     text = _HEADER.format(
@@ -136,11 +137,7 @@ def export_policy_c(controller: LearnedController, path: str | os.PathLike[str],
     prefix begins its names, by default `furuta_` and the policy's name. Raises ValueError for what `policy_c_header`
     refuses.
     """
-    text = policy_c_header(controller, prefix)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_whole(path, policy_c_header(controller, prefix))
 
 
 def _layer(prefix: str, i: int, layer: Layer) -> str:

@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 
 from . import options as opt
-from .output import busy, check_folder, print_json, progress_bar, whole_folder
+from .output import busy, check_folder, print_json, progress_bar
+from .whole import whole_folder
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison
@@ -37,6 +38,7 @@ def compare_command(
     ] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Film every controller at work: CONTROLLER.gif.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
+    trust: opt.Trust = False,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -68,6 +70,7 @@ def compare_command(
                 groups=chosen,
                 seed=seed,
                 jobs=jobs,
+                trust=trust,
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )
         written = [path.name for path in (result.save(folder), *draw_comparison(result, folder))]

@@ -10,7 +10,8 @@ import typer
 from typer.core import TyperCommand
 
 from . import options as opt
-from .output import errors, print_json, whole_folder, write_json
+from .output import check_folder, errors, print_json, write_json
+from .whole import whole_folder
 
 if TYPE_CHECKING:
     from experiments.report import Examination
@@ -83,6 +84,7 @@ def diagnose_command(
     from identification.logs.log import read_logs
 
     require_extra()
+    check_folder(output)
     if plant is not None:
         Plant.resolve(plant)
     mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)

@@ -34,6 +34,7 @@ def export_command(
     sample_time: Annotated[
         float | None, typer.Option(help="Of the controller, in seconds; default: the plant's, else 0.002.")
     ] = None,
+    trust: opt.Trust = False,
     as_json: opt.AsJson = False,
 ) -> None:
     """Take a result elsewhere: a C header for firmware, ONNX for a policy, MuJoCo XML for the plant."""
@@ -56,13 +57,13 @@ def export_command(
             raise ValueError(f"ONNX is for learned policies; expected a file *.zip, got {chosen or 'none'}")
         from controllers.exports.onnx import export_onnx
 
-        export_onnx(chosen, rig, output, sample_time)
+        export_onnx(chosen, rig, output, sample_time, trust=trust)
     else:
         if chosen is None:
             raise ValueError("C is for controllers; expected one such as --controller lqg")
         from controllers import make_controller
 
-        made = make_controller(chosen, rig, sample_time)
+        made = make_controller(chosen, rig, sample_time, trust=trust)
         if chosen.endswith(".zip"):
             from controllers.exports.policy_c import export_policy_c
 

@@ -40,6 +40,12 @@ Skip = Annotated[
     float,
     typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller."),
 ]
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust", help="Also read policies that stable-baselines3 saved. Such a file runs code when it is read."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
 Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
 

@@ -26,7 +26,10 @@ def simulate_command(
     plant: Annotated[str, typer.Option(help="table3, qube, large, or a plant file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Log to write: .csv, .parquet, .npz or .mat.")],
     controller: Annotated[
-        str, typer.Option(help="paper-lqr, lqr, dlqr, lqg, … or none (the excitation is the whole command).")
+        str,
+        typer.Option(
+            help="paper-lqr, lqr, dlqr, lqg, …, a policy *.zip, or none (the excitation is the whole command)."
+        ),
     ] = "none",
     printed_sign: Annotated[
         bool, typer.Option("--printed-sign", help="Play paper-lqr as printed, u = +K x; it falls.")
@@ -57,6 +60,7 @@ def simulate_command(
     start: Annotated[
         Start | None, typer.Option(help="Default: upright with a balancing controller, else hanging.")
     ] = None,
+    trust: opt.Trust = False,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -73,7 +77,7 @@ def simulate_command(
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
     sensors = _sensors(rig, encoder_counts, noise)
-    policy = _controller(controller, rig, sample_time, sensors, printed_sign)
+    policy = _controller(controller, rig, sample_time, sensors, printed_sign, trust)
     torques = opt.numbers("--torque-noise", torque_noise)
     if min(torques) < 0:
         raise ValueError(f"--torque-noise {torque_noise}: expected intensities that are not negative")
@@ -147,14 +151,17 @@ def _sensors(plant: Any, counts: str | None, noise: str | None) -> Any:
     return sensors
 
 
-def _controller(name: str, plant: Any, sample_time: float | None, sensors: Any, printed: bool) -> Controller | None:
+def _controller(
+    name: str, plant: Any, sample_time: float | None, sensors: Any, printed: bool, trust: bool
+) -> Controller | None:
     if printed and name != "paper-lqr":
         raise ValueError("--printed-sign is about the paper's controller: use it with --controller paper-lqr")
     if name == "none":
         return None
     from controllers import make_controller
 
-    return make_controller(name, plant, sample_time, sensors, **({"printed_sign": True} if printed else {}))
+    options = {"printed_sign": True} if printed else {}
+    return make_controller(name, plant, sample_time, sensors, trust=trust, **options)
 
 
 def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:

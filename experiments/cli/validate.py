@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .output import busy, check_folder, print_json, whole_folder, write_json
+from .output import busy, check_folder, print_json, write_json
+from .whole import whole_folder
 
 
 def validate_command(

@@ -15,6 +15,7 @@ from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
+from ..simulate import MOST_STEPS
 from . import kernels as k
 from .randomization import Randomization, randomization
 
@@ -96,6 +97,7 @@ class Setup:
         self.options = options
         plant = Plant.resolve(options.plant)
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
+        _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
         if options.randomize:
             plant = with_spread(plant)
         if options.delay is not None:
@@ -117,8 +119,14 @@ class Setup:
         )
         if self.random.plant.effect("arm_presliding") is not None:
             longest = min(longest, _BRISTLE_STEP)
-        n = math.ceil(self.sample_time * (1.0 + self.options.jitter) / longest - 1e-9)
-        return max(_FEWEST_SUBSTEPS, n)
+        n = self.sample_time * (1.0 + self.options.jitter) / longest - 1e-9
+        if not n <= MOST_STEPS:
+            raise ValueError(
+                f"a step of {self.sample_time:g} s would take {n:.3g} steps of integration, at most {MOST_STEPS} are "
+                "allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff for it; lower "
+                "friction_sharpness or sample_time"
+            )
+        return max(_FEWEST_SUBSTEPS, math.ceil(n))
 
     def _sizes(self) -> NDArray[np.int64]:
         o, packed = self.options, self.random.plant.packed()

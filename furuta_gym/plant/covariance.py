@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .parameters import THETA_NAMES
+from .parameters import THETA_NAMES, plain_numbers
+
+_LARGEST = 1e100  # of a variance; beyond it products of two overflow
 
 
 @dataclass(frozen=True)
@@ -22,14 +24,14 @@ class Covariance:
 
     def __post_init__(self) -> None:
         try:
-            matrix = np.array(self.matrix, dtype=float)
+            matrix = plain_numbers(self.matrix)
             names = tuple(str(name) for name in self.names)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(f"covariance needs names and a square matrix of numbers, got {self.names!r}") from None
         if any(not isinstance(name, str) for name in self.names) or len(set(names)) != len(names):
             raise ValueError(f"the names of a covariance must be different words, got {list(self.names)}")
         n = len(names)
-        if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+        if matrix.shape != (n, n) or not (np.abs(matrix) <= _LARGEST).all():
             raise ValueError(f"covariance of {n} parameters must be a finite {n}×{n} matrix, got {matrix.shape}")
         scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         if np.any(np.diag(matrix) < 0) or np.any(np.abs(matrix - matrix.T) > 1e-6 * np.outer(scale, scale)):

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,14 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.files import read_json, write_whole
+
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
-from .parameters import THETA_NAMES, physical_consistency, theta_vector
+from .parameters import THETA_NAMES, physical_consistency, plain_numbers, theta_vector
 
 SCHEMA = "furuta-plant/1"
 UNITS = ("V", "N·m")
+SHARPEST = 1e6  # s/rad; friction that turns within 1 µrad/s is a step to every measurement
 
 
 class Packed(NamedTuple):
@@ -34,11 +36,25 @@ class Packed(NamedTuple):
 
 def _numbers(name: str, value: Any) -> NDArray[np.float64]:
     try:
-        if isinstance(value, (str, bool)):
-            raise TypeError
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        return plain_numbers(value)
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
+
+
+def _check_logs(provenance: Mapping[str, Any]) -> None:
+    """The two entries of a provenance that are read again. Raises ValueError."""
+    logs = provenance.get("logs")
+    if logs is not None and not (
+        isinstance(logs, list | tuple)
+        and all(isinstance(log, Mapping) and isinstance(log.get("sha256"), str | None) for log in logs)
+    ):
+        raise ValueError('the provenance\'s "logs" must be a list of mappings with a text "sha256"')
+    noise = provenance.get("torque_noise")
+    if noise is None or np.size(noise) == 0:
+        return
+    numbers = _numbers("torque_noise", noise)
+    if numbers.shape != (2,) or not (np.isfinite(numbers) & (numbers >= 0)).all():
+        raise ValueError(f'the provenance\'s "torque_noise" must be two numbers that are not negative, got {noise!r}')
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +84,20 @@ class Plant:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("theta", theta_vector(self.theta))
         r = np.atleast_1d(_numbers("friction_sharpness", self.friction_sharpness))
-        if r.shape not in ((1,), (2,)) or not np.all((r > 0) & np.isfinite(r)):
-            raise ValueError(f"friction_sharpness must be one or two positive numbers, got {self.friction_sharpness}")
+        if r.shape not in ((1,), (2,)) or not np.all((r > 0) & (r <= SHARPEST)):
+            raise ValueError(
+                f"friction_sharpness must be one or two positive numbers up to {SHARPEST:g} s/rad, got "
+                f"{self.friction_sharpness}"
+            )
         put("friction_sharpness", float(r[0]) if r.size == 1 else (float(r[0]), float(r[1])))
         if self.unit not in UNITS:
             raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
         u_max = _numbers("u_max", self.u_max)
-        if u_max.shape != () or not (np.isfinite(u_max) and u_max > 0):
-            raise ValueError(f"u_max must be a positive number, got {self.u_max!r}")
+        if u_max.shape != () or not 1e-9 <= u_max <= 1e9:
+            raise ValueError(f"u_max must be a positive number in [1e-9, 1e9], got {self.u_max!r}")
         T = _numbers("sample_time", 1.0 if self.sample_time is None else self.sample_time)
-        if T.shape != () or not (np.isfinite(T) and 0 < T <= 1):
-            raise ValueError(f"sample_time must lie in (0, 1] s, got {self.sample_time!r}")
+        if T.shape != () or not 1e-6 <= T <= 1:
+            raise ValueError(f"sample_time must lie in [1e-6, 1] s, got {self.sample_time!r}")
         if not all(isinstance(effect, Effect) for effect in self.effects):
             raise ValueError(f"effects must be Effect values, got {self.effects!r}")
         names = [effect.name for effect in self.effects]
@@ -92,6 +111,7 @@ class Plant:
                 raise ValueError(f"{name} must be a mapping, got {value!r}")
             if value is not None:
                 put(name, MappingProxyType(dict(value)))
+        _check_logs(self.provenance)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
@@ -194,7 +214,7 @@ class Plant:
             raise ValueError('a plant file needs "theta": {"theta1": …, …, "theta9": …}')
         r = data.get("friction_sharpness", 100.0)
         covariance = data.get("covariance")
-        effects = data.get("effects") or []
+        effects = [] if data.get("effects") is None else data["effects"]
         if not isinstance(effects, list):
             raise ValueError(f'"effects" must be a list, got {effects!r}')
         return cls(
@@ -204,28 +224,21 @@ class Plant:
             u_max=data.get("u_max", 10.0),
             sample_time=data.get("sample_time"),
             effects=tuple(Effect.from_dict(e) for e in effects),
-            covariance=Covariance.from_dict(covariance) if covariance else None,
+            covariance=Covariance.from_dict(covariance) if covariance is not None else None,
             sensors=data.get("sensors"),
-            provenance=data.get("provenance") or {},
-            checks=data.get("checks") or {},
+            provenance={} if data.get("provenance") is None else data["provenance"],
+            checks={} if data.get("checks") is None else data["checks"],
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plant file; whole or not at all."""
-        path = Path(path)
-        text = self.to_json() + "\n"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-        return path
+        return write_whole(path, self.to_json() + "\n")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Plant":
         """Read a plant file. Raises FileNotFoundError or ValueError, each naming the file."""
         try:
-            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+            return cls.from_dict(read_json(Path(path).read_text(encoding="utf-8")))
         except (json.JSONDecodeError, UnicodeDecodeError):
             raise ValueError(
                 f"{path} is no plant file (JSON), as `furuta identify LOG -o rig.json` writes it"

@@ -85,12 +85,39 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         train(training, path, progress=stop)
     assert not path.exists()
-    assert (path.with_suffix(".checkpoint") / "replay_buffer.pkl").exists()
+    assert [len(list(kept.iterdir())) for kept in path.with_suffix(".checkpoint").iterdir()] == [4, 4]
     refused(furuta("train", "--plant", "qube", "--algo", "sac", "-o", path), "exists", "--resume")
     record = train(training, path, resume=True)
     assert 1000 < record["resumed_at"][0] <= 2000
     assert record["steps"] == 2400
     assert not path.with_suffix(".checkpoint").exists()
+
+
+def test_a_trusted_file_of_stable_baselines3_goes_on(trained: Path, tmp_path: Path) -> None:
+    """As `furuta train` wrote them once: a zip of stable-baselines3 and the record beside it."""
+    from controllers.learning_state import put_parameters
+    from controllers.policy_file import read_learning, read_policy
+    from controllers.training import Training, _model
+
+    model = _model(Training(QUBE))
+    put_parameters(model, read_learning(trained))
+    path = tmp_path / "policy.zip"
+    model.save(path)
+    path.with_suffix(".json").write_text(trained.with_suffix(".json").read_text())
+    again = ("train", "--plant", "qube", "--seed", 3, "--steps", 160_000, "-o", path, "--resume")
+    refused(furuta(*again), "runs any code", "--trust")
+    result = furuta(*again, "--trust", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["resumed_at"] == [147_456]
+    assert read_policy(path)[1]["steps"] >= 160_000
+
+
+def test_one_run_at_a_time(tmp_path: Path) -> None:
+    from furuta_gym.files import locked
+
+    with locked(tmp_path / "policy.zip"):
+        refused(furuta("train", "--plant", "qube", "-o", tmp_path / "policy.zip"), "being written by another furuta")
+    assert list(tmp_path.iterdir()) == []
 
 
 REFUSED = {

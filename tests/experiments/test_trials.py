@@ -25,6 +25,7 @@ from experiments.trials.plan import SPLITS, TWINS, Trial, make_plan
 from experiments.trials.report import FILES
 from experiments.trials.run import ANSWERS, SEALED, read_results, run_trials
 from experiments.trials.sizes import reach
+from furuta_gym.files import locked
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
 from identification.logs.log import write_log
@@ -230,7 +231,8 @@ def test_a_stopped_run_goes_on_and_loses_nothing(short, tmp_path):
     run_trials(plan, tmp_path, progress=lambda *told: seen.append(told), decide=without_logs)
     text = (tmp_path / ANSWERS).read_text()
     assert text.startswith(first)
-    assert sorted(json.loads(line)["id"] for line in text.splitlines()) == sorted(t.id for t in plan)
+    whole = [line for line in text.splitlines() if line != '{"id": "cut o']
+    assert sorted(json.loads(line)["id"] for line in whole) == sorted(t.id for t in plan)
     assert (tmp_path / SEALED).read_bytes() == sealed
     assert seen[-1] == ("deciding", 3 - kept, 3 - kept)
 
@@ -326,3 +328,22 @@ def test_the_command_refuses_what_it_does_not_know(tmp_path):
     assert result.exit_code == 2
     assert "arm_sprung" in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_answers_are_never_written_again(tmp_path: Path, short: None) -> None:
+    """A line that was cut off, or spoiled, is passed over and asked again; all other bytes stay."""
+    plan = few()
+    run_trials(plan, tmp_path, decide=what_is_there)
+    file = tmp_path / ANSWERS
+    first, second, third = file.read_bytes().splitlines(keepends=True)
+    spoiled = b"\xff" + first + second + third[: len(third) // 2]
+    file.write_bytes(spoiled)
+    run_trials(plan, tmp_path, decide=what_is_there)
+    assert file.read_bytes().startswith(spoiled + b"\n")
+    assert len(read_results(plan, tmp_path)) == 3
+    assert file.read_bytes().count(b"\n") == 5
+
+
+def test_one_folder_has_one_run(tmp_path: Path) -> None:
+    with locked(tmp_path), pytest.raises(ValueError, match="being written by another furuta"):
+        run_trials(few(), tmp_path, decide=what_is_there)
