@@ -45,10 +45,10 @@ def validate_command(
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
         )
-    from identification.validation.gap import validate
+    from identification.validation.gap import HORIZON, validate
 
     with busy("predicting …"):
-        result = validate(rig, read, **({} if horizon is None else {"horizon": horizon}))
+        result = validate(rig, read, HORIZON if horizon is None else horizon)
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)

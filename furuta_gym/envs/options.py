@@ -15,7 +15,7 @@ from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
-from ..simulate import MOST_STEPS
+from ..simulation import MOST_STEPS
 from . import kernels as k
 from .randomization import Randomization, randomization
 

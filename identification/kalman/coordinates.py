@@ -182,11 +182,11 @@ def filled_zeros(
     coordinates: Sequence[Coordinate], z: NDArray[np.float64], log: int, zeros: Zeros
 ) -> NDArray[np.float64]:
     """Zeros (2,) [rad] of the encoders in one log, those that are coordinates with their values."""
-    zeros = np.array(zeros.get(log, (0.0, 0.0)))
+    found = np.array(zeros.get(log, (0.0, 0.0)))
     for c, zi in zip(coordinates, z, strict=True):
         if c.zero_of == log:
-            zeros[c.row] = c.to_value(zi)
-    return zeros
+            found[c.row] = c.to_value(zi)
+    return found
 
 
 def filled_noise(coordinates: Sequence[Coordinate], z: NDArray[np.float64], noise: Noise) -> Noise:

@@ -144,7 +144,7 @@ class Gap:
         return "the plant misses something; `furuta diagnose` looks for it"
 
 
-def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, own_zeros: bool = True) -> Gap:
+def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, *, own_zeros: bool = True) -> Gap:
     """The gap of a plant on logs that it was not fitted to, at a horizon [s].
 
     own_zeros: estimate the zeros of the encoders in each log first, as logs of one rig need not count from the same

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controllers.exports.onnx import export_onnx
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
 from controllers import make_controller, tensors
 from controllers.evaluation import compare
+from controllers.exports.onnx import export_onnx
 from controllers.policies import FOLDER
 from controllers.policy_file import read_learning, read_policy, read_record, write_policy
 from furuta_gym.plant import QUBE

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from controllers.exports.c import c_header
-from furuta_gym.simulation import MOST_STEPS, open_loop, simulate
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
 from controllers import make_controller
+from controllers.exports.c import c_header
 from furuta_gym.envs.options import Options, Setup
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, Effect, Plant
 from furuta_gym.plant.sets import with_spread
 from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import MOST_STEPS, open_loop, simulate
 
 FULL = with_spread(LARGE_RIG).replace(
     friction_sharpness=(80.0, 120.0),
