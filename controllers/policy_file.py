@@ -68,7 +68,7 @@ def read_policy(path: str | os.PathLike[str], trust: bool = False) -> tuple[Netw
 
         if not trust:
             raise ValueError(refusal(path))
-        return read_sb3(path)
+        return read_sb3(path, read_record(path))
     members = _members(path, (RECORD, WEIGHTS))
     try:
         record = _record(members[RECORD])

@@ -28,11 +28,8 @@ def algorithm_class(name: str) -> Any:
         raise ValueError(f"no algorithm {name!r} in stable-baselines3 or sb3-contrib") from None
 
 
-def read_sb3(path: Path) -> tuple[Network, dict[str, Any]]:
-    """The network of a trusted zip and the record beside it. Raises ValueError for one that `network_of` refuses."""
-    from .policy_file import read_record
-
-    record = read_record(path)
+def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any]]:
+    """The network of a trusted zip and the record given. Raises ValueError for one that `network_of` refuses."""
     model = load_sb3(path, str(record.get("algorithm") or algorithm_of(path)))
     shape, actions = model.observation_space.shape, model.action_space.shape
     if len(shape or ()) != 1 or actions != (1,):

@@ -8,15 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .parameters import THETA_NAMES
-
-if TYPE_CHECKING:
-    from .effects.effect import Effect
 
 SHARPNESS_NAMES = ("r1", "r2")
 BASE_NAMES = (*THETA_NAMES, *SHARPNESS_NAMES)
@@ -30,6 +27,16 @@ SHARPNESS_ROWS = slice(BASE_NAMES.index("r1"), BASE_NAMES.index("r2") + 1)
 R1, R2 = BASE_NAMES.index("r1"), BASE_NAMES.index("r2")
 
 
+class NamedEffect(Protocol):
+    """What the layout asks of an effect: its name, and a type that knows the names of its parameters."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def type(self) -> Any: ...
+
+
 @dataclass(frozen=True)
 class ParameterLayout:
     """Name → row of P: theta1 … theta9, r1, r2, then each effect's parameters as "effect.parameter".
@@ -40,7 +47,7 @@ class ParameterLayout:
     effects: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     @classmethod
-    def of(cls, effects: Iterable[Effect]) -> ParameterLayout:
+    def of(cls, effects: Iterable[NamedEffect]) -> ParameterLayout:
         """Of a plant that carries these effects, in this order."""
         return cls(tuple((effect.name, effect.type.parameter_names) for effect in effects))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from identification.diagnosis.naming.forward import Naming, name_effects, nothing_left
@@ -83,7 +85,7 @@ def test_a_small_further_effect_must_be_just_what_was_missing(
 ) -> None:
     left = {1: before, 2: after}
     values = {"input_delay": -2000.0, "input_delay pendulum_stribeck": -2000.0 - gain}
-    found = named(values, "input_delay", "pendulum_stribeck", left=lambda plant: left[len(plant.effects)], most=2)
+    found = named(values, "input_delay", "pendulum_stribeck", left=lambda fit: left[len(fit.plant.effects)], most=2)
     assert accepted(found) == ["input_delay", *(["pendulum_stribeck"] if believed else [])]
     assert (found.refused is None) == believed
     assert found.final.value == pytest.approx(-2000.0 - believed * gain, abs=0.05)
@@ -97,8 +99,8 @@ def test_what_leaves_more_than_it_explains_is_looked_for_again_from_other_sizes(
         "input_delay arm_viscous_drift": [Bowl(-2300.0), Bowl(-2650.0, sizes={"arm_viscous_drift": 3.0})],
     }
 
-    def left(plant: object) -> float:
-        return 600.0 if plant.effect("pendulum_stribeck") else -4.0  # type: ignore[attr-defined]
+    def left(fit: Any) -> float:
+        return 600.0 if fit.plant.effect("pendulum_stribeck") else -4.0
 
     names = ("input_delay", "pendulum_stribeck", "arm_viscous_drift")
     assert accepted(named(values, *names, left=left, most=2)) == ["input_delay", "arm_viscous_drift"]
