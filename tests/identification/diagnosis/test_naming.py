@@ -50,7 +50,7 @@ def _linear(name: str) -> bool:
 @pytest.mark.parametrize("name", [name for name in EFFECTS if _linear(name)])
 def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
     """Also where a phase or a product of two parameters makes it so."""
-    weights = np.array([0.7, 0.4, 1.3])
+    weights = np.array([0.7, 0.4, 1.3, 0.5])
     for cell in cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))[:3]:
         start = cell.start(weights[: len(cell.probes)])
         assert start is not None
