@@ -35,6 +35,10 @@ TWINS = (
     {"base_tilt", "pendulum_encoder_offset"},
     {"arm_presliding", "arm_backlash"},
     {"arm_presliding", "friction_sharpness"},
+    {"arm_presliding", "arm_hysteresis"},
+    {"arm_spring", "arm_cable"},
+    {"arm_spring", "arm_taut_cable"},
+    {"arm_cable", "arm_taut_cable"},
 )
 """Pairs of effects that are equal to first order or exclude each other: not hidden together."""
 
