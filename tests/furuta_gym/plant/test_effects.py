@@ -1,6 +1,8 @@
 """One family of tests over the whole library: an effect that is declared enters every one of them by itself."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,6 +90,12 @@ def test_library_is_the_contract_and_every_effect_has_an_oracle():
     assert set(EFFECTS) <= reference.KNOWN
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/architecture.md", "docs/decisions/002-effects-as-declarations.md"])
+def test_pages_count_the_library(page):
+    counts = re.findall(r"(\d+) effects", (Path(__file__).parents[3] / page).read_text(encoding="utf-8"))
+    assert set(counts) == {str(len(EFFECTS))}
+
+
 @every_effect
 def test_declaration_is_complete(name):
     effect = EFFECTS[name]
@@ -97,6 +105,9 @@ def test_declaration_is_complete(name):
     for p in effect.parameters:
         assert p.meaning
         assert p.unit.format(u="V")
+        if p.optional:
+            assert EFFECTS[name].neutral()[p.optional] == 0.0
+            assert next(q for q in effect.parameters if q.name == p.optional).default == 0.0
         if p.role == "size":
             assert p.lower <= p.neutral <= p.upper
         assert p.lower <= p.default
