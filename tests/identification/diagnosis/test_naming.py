@@ -130,7 +130,7 @@ def test_weights_beyond_the_bounds_start_the_nearest_possible_cable() -> None:
     start = cell.start(weights)
     assert start is not None
     assert start.parameters["k3"] == pytest.approx(0.0, abs=1e-3)
-    assert start.parameters["k"] == pytest.approx(0.2, rel=0.1)
+    assert start.parameters["k"] == pytest.approx(0.2, rel=0.3)
     assert cell.start(-weights) is None  # a spring that pushes away
 
 
