@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .kernels.fields import LAG_A, LAG_B, N_STATES, Q1, Q2, QM
+from .kernels.fields import CABLE, LAG_A, LAG_B, N_STATES, Q1, Q2, QM
 from .kernels.stepper import N_WORK, advance
 from .rigs import Rig
 
@@ -45,6 +45,8 @@ class Laboratory:
         self._x = np.zeros(N_STATES)
         self._x[:4] = (*q, *v)
         self._x[QM : QM + 2] = q[0], v[0]
+        reach = float(self._draft.fields["cable_q"][0])
+        self._x[CABLE] = min(max(q[0], -reach), reach)  # a cable that yields is relaxed at q1 = 0
         self._modes = np.array([0 if w == 0.0 else int(math.copysign(1, w)) for w in v])
         self._h = 1e-4
         self._k, self.t = 0, 0.0

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from .declaration import BenchEffect
 from .kernels import fields as at
 
@@ -160,6 +162,50 @@ def _spring(d, p, bench):
     d.put(spring=p["k"], spring_q=p["q1n"], spring_cubic=0.15 if bench else 0.0)
 
 
+def _cable(d, p, bench):
+    if not bench:
+        d.put(spring=p["k"], spring_q=p["q1n"])
+        d.put(stiffer=p["k3"], stiffer_q=p["q1s"], stiffer_from=p["q1n"])
+        return
+    points = np.linspace(-3.0, 3.0, at.TABLE)
+    _measured(d, points, p["k"] * points + p["k3"] * (points - p["q1s"]) ** 3, p["q1n"])
+
+
+def _taut(d, p, bench):
+    def pull(q):
+        return p["k1"] * np.minimum(q - p["qt"], 0.0) + p["k2"] * np.maximum(q - p["qt"], 0.0)
+
+    if not bench:
+        d.put(below=p["k1"], above=p["k2"], taut_q=p["qt"], taut_rest=float(pull(p["q1n"])))
+        return
+    points = p["qt"] + np.linspace(-2.75, 3.25, at.TABLE)  # qt lies between two of them
+    _measured(d, points, pull(points), p["q1n"])
+
+
+def _measured(d, points, torques, rest):
+    d.put(table=torques - np.interp(rest, points, torques), table_from=points[0], table_step=points[1] - points[0])
+
+
+def _hysteresis(d, p, bench):
+    d.put(cable=p["κ"], cable_q=p["d"], cable_e=2.0 if bench else math.inf)
+
+
+def _cable_sizes(s, k, v):
+    side, size = v.sign(), k * s.coulomb[0]
+    return {
+        "k": size,
+        "q1n": v.near(0.3, -0.5, 0.5),
+        "k3": size,
+        "q1s": -side * v.near(0.4, 0.2, 0.7),
+    }
+
+
+def _taut_sizes(s, k, v):
+    soft, stiff = 0.3 * k * s.coulomb[0], 6.0 * k * s.coulomb[0]
+    below, above = (soft, stiff) if v.sign() > 0.0 else (stiff, soft)
+    return {"k1": below, "k2": above, "q1n": v.near(0.1, -0.3, 0.3), "qt": v.near(0.05, -0.15, 0.15)}
+
+
 def _ripple(d, p, bench):
     d.put(ripple=p["A"], ripple_n=p["n"], ripple_phase=p["φ"], ripple_2nd=0.15 if bench else 0.0)
 
@@ -179,6 +225,20 @@ _ARM_TORQUES = (
     _library(
         "arm_spring", "arm: −k (q1 − q1n)", "stiffens: k e (1 + 0.15 e²)", {"k": "{u}/rad", "q1n": "rad"},
         lambda s, k, v: {"k": 2.0 * k * s.coulomb[0], "q1n": v.near(0.3, -0.5, 0.5)}, _spring,
+    ),
+    _library(
+        "arm_cable", "arm: −k (q1 − q1n) − k3 ((q1 − q1s)³ − (q1n − q1s)³)", "from a table, a point every half radian",
+        {"k": "{u}/rad", "q1n": "rad", "k3": "{u}/rad³", "q1s": "rad"}, _cable_sizes, _cable,
+    ),
+    _library(
+        "arm_taut_cable", "arm: −(g(q1) − g(q1n)), g(q) = k1 (q − qt) for q < qt, k2 (q − qt) beyond",
+        "from a table, comes taut over half a radian",
+        {"k1": "{u}/rad", "k2": "{u}/rad", "q1n": "rad", "qt": "rad"}, _taut_sizes, _taut,
+    ),
+    _library(
+        "arm_hysteresis", "arm: −κ z, z ← clip(z + Δq1, ±d)", "yields gradually (Bouc–Wen, exponent 2)",
+        {"κ": "{u}/rad", "d": "rad"},
+        lambda s, k, v: {"κ": 8.0 * k * s.coulomb[0], "d": v.near(0.08, 0.06, 0.12)}, _hysteresis,
     ),
     _library(
         "arm_ripple", "arm: −A sin(n q1 + φ)", "with a second harmonic of 15 %",

@@ -58,10 +58,6 @@ def _slipping_coupling(d, p, bench):
     )
 
 
-def _cable(d, p, bench):
-    d.put(cable=p["k"], cable_q=p["width"])
-
-
 def _beat(d, p, shape):
     d.put(beat=p["A"], beat_f=p["f"], beat_phase=0.7, beat_shape=shape)
 
@@ -112,11 +108,6 @@ _OUTSIDE = (
         "the coupling between motor and arm slips, at `rate` for a torque of twice the excitation, as its third power; "
         "the encoder sits on the motor",
         {"rate": "rad/s"}, lambda s, k, v: {"rate": 0.12 * k}, _slipping_coupling,
-    ),
-    BenchEffect(
-        "cable_hysteresis", "outside", "a cable that yields: torque follows the arm's motion with memory",
-        {"k": "{u}/rad", "width": "rad"},
-        lambda s, k, v: {"k": 6.0 * k * s.coulomb[0], "width": v.near(0.08, 0.06, 0.12)}, _cable,
     ),
     BenchEffect(
         "sawtooth_torque", "outside", "a periodic torque on the arm with the shape of a saw",

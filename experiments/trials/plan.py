@@ -35,6 +35,10 @@ TWINS = (
     {"base_tilt", "pendulum_encoder_offset"},
     {"arm_presliding", "arm_backlash"},
     {"arm_presliding", "friction_sharpness"},
+    {"arm_presliding", "arm_hysteresis"},
+    {"arm_spring", "arm_cable"},
+    {"arm_spring", "arm_taut_cable"},
+    {"arm_cable", "arm_taut_cable"},
 )
 """Pairs of effects that are equal to first order or exclude each other: not hidden together."""
 
@@ -107,8 +111,8 @@ def make_plan(
 ) -> list[Trial]:
     """The trials, in an order that tells nothing.
 
-    seeds: trials for each effect and kind of rig; the other kinds of trial follow in proportion (5: 540 library trials,
-    120 without effect, 20 with hard friction alone, 64 from outside the library, 52 with two effects).
+    seeds: trials for each effect and kind of rig; the other kinds of trial follow in proportion (5: 600 library trials,
+    120 without effect, 20 with hard friction alone, 56 from outside the library, 52 with two effects).
     effects, rigs, kinds: only these (default all); `effects` restricts what library trials and pairs hide.
     share: a part of the plan, the same part of every effect and kind. power: library effects alone, down to gap
     ratios that nobody sees. seed: another one draws another world of the same split. Raises ValueError for names that

@@ -25,8 +25,8 @@ LARGEST = 4.0
 EXPERIMENTS = {
     **dict.fromkeys(
         (
-            "arm_spring", "arm_ripple", "arm_position_friction", "base_tilt", "arm_encoder_eccentricity",
-            "pendulum_encoder_offset", "input_offset", "arm_coulomb_asymmetry", "cable_hysteresis",
+            "arm_spring", "arm_cable", "arm_taut_cable", "arm_hysteresis", "arm_ripple", "arm_position_friction",
+            "base_tilt", "arm_encoder_eccentricity", "pendulum_encoder_offset", "input_offset", "arm_coulomb_asymmetry",
         ),
         ("paper", "wide"),
     ),

@@ -21,6 +21,7 @@ from .effects.dispatch import (
     memory_rates,
     modify_theta,
     store_filter,
+    update_memory,
 )
 from .elementary import sincos, tanh
 from .layout import N_BASE
@@ -124,7 +125,7 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
     XS, K, S = work[:rows], work[rows : 2 * rows], work[2 * rows : 3 * rows]
     TH, F = work[3 * rows : 3 * rows + N_BASE], work[3 * rows + N_BASE : 3 * rows + N_BASE + 2]
     tau, ts, since = work[-3], work[-2], work[-1]
-    filtered, changed, active = True, True, codes.shape[0] > 0
+    filtered, changed, active, remembered = True, True, codes.shape[0] > 0, rows > 4
     for row in range(N_BASE):
         for k in range(lanes):
             TH[row, k] = P[row, k]
@@ -173,6 +174,8 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
                     for k in range(lanes):
                         S[row, k] += w * K[row, k]
                         XS[row, k] = X[row, k] + ahead * h[k] * K[row, k]
+        if remembered:
+            remembered = update_memory(X, P, codes)
 
 
 @compiled(forceinline=True)

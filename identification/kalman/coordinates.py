@@ -84,10 +84,11 @@ def plant_coordinates(
     """Coordinates of θ, r and the parameters of the plant's effects, those of `fixed` left out.
 
     θ1 … θ5 and r are positive: their logarithms (one that starts negative or zero is linear and keeps no sign).
-    Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters and
-    infinite ones (an effect switched off) stay as they are. Names are theta1 … theta9, r (or r1, r2) and
-    effect.parameter. priors: name: (mean, std). weak_prior_std: a log-normal prior of this width around the plant's
-    values on every log coordinate. Raises ValueError for an unknown name or an impossible prior.
+    Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters, infinite
+    ones (an effect switched off) and an optional size that is neutral, with its shapes, stay as they are. Names are
+    theta1 … theta9, r (or r1, r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a log-normal prior
+    of this width around the plant's values on every log coordinate. Raises ValueError for an unknown name or an
+    impossible prior.
     """
     fixed, priors = set(fixed), dict(priors or {})
     coordinates = _theta_coordinates(plant, negative_friction)
@@ -101,7 +102,8 @@ def plant_coordinates(
         defaults = plant.default_effect(effect.name).parameters
         for p in effect.type.parameters:
             value = effect.parameters[p.name]
-            if not p.integer and math.isfinite(value):
+            absent = p.optional and effect.parameters[p.optional] == effect.type.neutral()[p.optional]
+            if not (p.integer or absent) and math.isfinite(value):
                 usual = max(abs(defaults[p.name]), abs(value)) if p.role == "size" else abs(defaults[p.name])
                 name = f"{effect.name}.{p.name}"
                 coordinates.append(_effect_coordinate(name, p, usual, plant.layout.row(name)))

@@ -6,6 +6,8 @@ effects. An effect is a name and a dict of parameters: `{"arm_spring": {"k": 0.3
 State of the motion: (q1, q2, v1, v2). Effects with memory add
 * `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 − σ0 |v1| z / θ8,
   relaxing at 1000 1/s at most (by definition of the model: faster cannot be told from settled);
+* `arm_hysteresis`: z and z2, the deflections of two stops in parallel; ż = v1, but 0 where |z| = d and v1 drives
+  outward; relaxed at q1 = 0, from where the arm has come to its first angle in one stroke;
 * `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia 0.1 θ1;
 * `actuator_lag`: τ, which is integrated in closed form over each held command;
 * `input_delay`: nothing, because the record of commands is the memory: τ(t) = u(t − d).
@@ -17,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import copysign, cos, exp, pi, sin, tanh
+from math import copysign, cos, exp, inf, pi, sin, sqrt, tanh
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -31,9 +33,11 @@ KNOWN = frozenset(
         *("arm_spring", "arm_ripple", "arm_position_friction", "arm_presliding", "arm_friction_drift"),
         *("arm_viscous_drift", "arm_backlash", "periodic_torque", "pendulum_quadratic_drag"),
         *("pendulum_stribeck", "pendulum_coulomb_asymmetry", "base_tilt", "friction_sharpness", "payload_step"),
-        *("pendulum_encoder_offset", "pendulum_encoder_eccentricity", "arm_encoder_eccentricity"),
+        *("arm_cable", "arm_taut_cable", "arm_hysteresis", "pendulum_encoder_offset"),
+        *("pendulum_encoder_eccentricity", "arm_encoder_eccentricity"),
     }
 )
+MEMORY = {"arm_presliding": 1, "arm_backlash": 2, "arm_hysteresis": 2}  # integrated states, in this order
 ROTOR_SHARE = 0.1
 FASTEST_BRISTLE = 1000.0  # 1/s
 CONTACT_FREQUENCY = 200.0
@@ -124,6 +128,24 @@ def contact_torque(s: float, w: float, theta1: float, b: float) -> float:
     return 0.0
 
 
+def integrate(f, a: float, b: float) -> float:
+    """∫ f from a to b by Gauss's rule of three points, exact for polynomials up to the fifth degree."""
+    middle, half = 0.5 * (a + b), 0.5 * (b - a)
+    reach = half * sqrt(0.6)
+    return half / 9.0 * (5.0 * f(middle - reach) + 8.0 * f(middle) + 5.0 * f(middle + reach))
+
+
+def stop_rate(z: float, v: float, d: float) -> float:
+    """ż of a stop: it follows the motion until |z| = d, slips there, and follows again as soon as v turns inward."""
+    return 0.0 if abs(z) >= d and z * v > 0.0 else v
+
+
+def stop_elements(effects: Effects) -> list[tuple[float, float]]:
+    """(κ, d) of the elements of `arm_hysteresis`."""
+    p = effects.get("arm_hysteresis")
+    return [(p["κ"], p["d"]), (p["κ2"], p["d2"])] if p else []
+
+
 def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta) -> tuple[float, float]:
     """Right-hand sides that the effects add to the arm's and to the pendulum's row."""
     r1, r2 = sharpness(r, effects)
@@ -137,6 +159,11 @@ def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta) 
             arm -= p["c"] * v1 * abs(v1)
         elif name == "arm_spring":
             arm -= p["k"] * (q1 - p["q1n"])
+        elif name == "arm_cable":
+            arm -= integrate(lambda q, p=p: p["k"] + 3.0 * p["k3"] * (q - p["q1s"]) ** 2, p["q1n"], q1)
+        elif name == "arm_taut_cable":
+            for low, high, stiffness in ((-inf, p["qt"], p["k1"]), (p["qt"], inf, p["k2"])):
+                arm -= stiffness * (min(max(q1, low), high) - min(max(p["q1n"], low), high))
         elif name == "arm_ripple":
             arm -= p["A"] * sin(p["n"] * q1 + p["φ"])
         elif name == "arm_position_friction":
@@ -170,6 +197,7 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
 
     z = memory.pop(0) if "arm_presliding" in effects else None
     s, s_rate = (memory.pop(0), memory.pop(0)) if "arm_backlash" in effects else (None, None)
+    stops = (memory.pop(0), memory.pop(0)) if "arm_hysteresis" in effects else ()
 
     coulomb1 = th8 * tanh(r1 * v1)
     memory_rates = []
@@ -194,10 +222,13 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
     g = np.array([0.0, -th5 * sin(q2)])
     friction = np.array([th6 * v1 + coulomb1, th7 * v2 + th9 * tanh(r2 * v2)])
     extra = np.array(extra_torques(t, q1, q2, v1, v2, th, r, effects, theta))
+    for (kappa, d), deflection in zip(stop_elements(effects), stops, strict=True):
+        extra[0] -= kappa * min(max(deflection, -d), d)
     right = np.array([into_arm + w[0], w[1]]) + extra - C @ np.array([v1, v2]) - friction - g
     a1, a2 = np.linalg.solve(M, right)
     if s is not None:
         memory_rates += [s_rate, (tau - into_arm) / rotor - a1]
+    memory_rates += [stop_rate(x, v1, d) for (_, d), x in zip(stop_elements(effects), stops, strict=True)]
     return [v1, v2, float(a1), float(a2), *memory_rates]
 
 
@@ -214,11 +245,21 @@ def energy(t, x, theta, effects: Effects) -> float:
     if "arm_presliding" in effects:
         total += 0.5 * effects["arm_presliding"]["σ0"] * memory.pop(0) ** 2
     if "arm_backlash" in effects:
-        s, s_rate = memory
+        s, s_rate = memory.pop(0), memory.pop(0)
         inertia = ROTOR_SHARE * float(theta[0])
         gap = max(abs(s) - effects["arm_backlash"]["b"], 0.0)
         total += 0.5 * inertia * ((v1 + s_rate) ** 2 - v1**2)
         total += 0.5 * inertia * CONTACT_FREQUENCY**2 * gap**2
+    for (kappa, _), z in zip(stop_elements(effects), memory, strict=True):
+        total += 0.5 * kappa * z**2
+    if "arm_cable" in effects:
+        p = effects["arm_cable"]
+        total += 0.5 * p["k"] * (q1 - p["q1n"]) ** 2 + 0.25 * p["k3"] * (q1 - p["q1s"]) ** 4
+        total -= p["k3"] * (p["q1n"] - p["q1s"]) ** 3 * q1
+    if "arm_taut_cable" in effects:
+        p = effects["arm_taut_cable"]
+        pull = [p["k1"] * min(q - p["qt"], 0.0) + p["k2"] * max(q - p["qt"], 0.0) for q in (q1, p["q1n"])]
+        total += 0.5 * pull[0] * (q1 - p["qt"]) - pull[1] * q1
     if "arm_spring" in effects:
         p = effects["arm_spring"]
         total += 0.5 * p["k"] * (q1 - p["q1n"]) ** 2
@@ -245,8 +286,8 @@ class Reference:
 
     @property
     def n_memory(self) -> int:
-        """Integrated memory: the bristle's z, the play's s and w (lag and delay need none)."""
-        return ("arm_presliding" in self.effects) + 2 * ("arm_backlash" in self.effects)
+        """Integrated memory: the bristle's z, the play's s and w, the stops' z (lag and delay need none)."""
+        return sum(n for name, n in MEMORY.items() if name in self.effects)
 
     def edges(self, t_u, start: float, stop: float) -> list[float]:
         """Instants at which the right-hand side jumps: delayed commands and the payload's arrival."""
@@ -270,6 +311,9 @@ class Reference:
         times = np.asarray(times, dtype=float)
         x = np.zeros(4 + self.n_memory)
         x[: len(x0)] = x0
+        if len(x0) == 4:
+            for i, (_, d) in enumerate(stop_elements(self.effects)):
+                x[x.size - 2 + i] = min(max(x0[0], -d), d)
         lag = self.effects.get("actuator_lag", {"T": 0.0})["T"]
         tau0 = self.torque_at(times[0], t_u, u) if lag0 is None else lag0
         states = np.full((times.size, x.size), np.nan)

@@ -105,6 +105,8 @@ def test_base_tilt_of_the_table_is_gravity_tilted_in_the_geometry():
 CONSERVATIVE = {
     "nothing": {},
     "arm_spring": {"arm_spring": {"k": 0.6, "q1n": -0.4}},
+    "arm_cable": {"arm_cable": {"k": 0.2, "q1n": -0.4, "k3": 0.1, "q1s": 0.5}},
+    "arm_taut_cable": {"arm_taut_cable": {"k1": 0.1, "k2": 0.7, "q1n": -0.4, "qt": 0.5}},
     "arm_ripple": {"arm_ripple": {"A": 0.1, "n": 6, "φ": 0.3}},
     "base_tilt": {"base_tilt": {"αx": 0.05, "αy": -0.03, "G1": 0.8}},
 }
@@ -122,11 +124,12 @@ def test_reference_keeps_the_energy_of_conservative_effects(effects):
 DISSIPATIVE = {
     "arm_presliding": {"arm_presliding": {"σ0": 30.0}},
     "arm_backlash": {"arm_backlash": {"b": 0.02}},
+    "arm_hysteresis": {"arm_hysteresis": {"κ": 1.0, "d": 0.05, "κ2": 0.3, "d2": 0.2}},
 }
 
 
 @pytest.mark.parametrize("effects", DISSIPATIVE.values(), ids=DISSIPATIVE)
-def test_bristle_and_play_only_lose_energy(effects):
+def test_bristle_play_and_stops_only_lose_energy(effects):
     states = Reference(TABLE_3, 100.0, effects).run([0.2, 0.5, 1.0, -2.0], np.linspace(0, 3, 301), [0.0], [0.0])
     levels = np.array([energy(0.0, x, TABLE_3, effects) for x in states])
     assert np.diff(levels).max() < 1e-9

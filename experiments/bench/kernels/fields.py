@@ -13,7 +13,7 @@ LAG_A, LAG_B = 4, 5  # actuator
 BRISTLE = 6  # deflection of the arm's friction contact [rad]
 QM, VM = 7, 8  # a second body on the arm's axis: the motor where it is not rigidly joined, or the arm's outer part
 TWIST = 9  # twist of a coupling that slips [rad]
-CABLE = 10  # memory of a cable with hysteresis [rad]
+CABLE = 10  # deflection of a cable that yields [rad]
 N_STATES = 11
 
 # what joins that body to the arm; the drive acts on the arm if FLEXIBLE, on the motor if PLAY or SLIPPING
@@ -37,9 +37,11 @@ _FLOATS: dict[str, float] = {
     "bristle": 0.0, "bristle_e": 1.0,
     # other torques on the arm
     "spring": 0.0, "spring_q": 0.0, "spring_cubic": 0.0,
+    "stiffer": 0.0, "stiffer_q": 0.0, "stiffer_from": 0.0, "below": 0.0, "above": 0.0, "taut_q": 0.0, "taut_rest": 0.0,
+    "table_from": 0.0, "table_step": 0.0,
     "ripple": 0.0, "ripple_n": 1.0, "ripple_phase": 0.0, "ripple_2nd": 0.0,
     "beat": 0.0, "beat_f": 1.0, "beat_phase": 0.0,
-    "cable": 0.0, "cable_q": 1.0,
+    "cable": 0.0, "cable_q": 1.0, "cable_e": math.inf,
     # actuator
     "lag_a": 0.0, "lag_b": 0.0,
     # the second body and its joint
@@ -55,7 +57,9 @@ _INTS: dict[str, int] = {
     "mujoco": 0, "mj_forward": 0, "mj_mulm": 0, "mj_model": 0, "mj_data": 0,
 }  # fmt: skip
 
-RECORD = np.dtype([(k, "f8") for k in _FLOATS] + [(k, "i8") for k in _INTS])
+TABLE = 13  # points of a measured cable's torque, at equal distances of the arm's angle
+
+RECORD = np.dtype([(k, "f8") for k in _FLOATS] + [(k, "i8") for k in _INTS] + [("table", "f8", (TABLE,))])
 
 
 def blank() -> np.ndarray:

@@ -23,6 +23,7 @@ from .fields import (
     SINE,
     SINE_WITH_OVERTONE,
     SMOOTH_TANH,
+    TABLE,
     TWIST,
     V1,
     V2,
@@ -117,6 +118,14 @@ def _join(x, p):
 
 
 @compiled
+def _looked_up(q, p):
+    """The table at q: straight lines between its points, and on beyond the first and the last."""
+    place = (q - p.table_from) / p.table_step
+    i = int(min(max(math.floor(place), 0.0), TABLE - 2.0))
+    return p.table[i] + (place - i) * (p.table[i + 1] - p.table[i])
+
+
+@compiled
 def _arm_torques(t, x, p):
     """What acts on the arm itself and is not friction."""
     q1 = x[Q1]
@@ -124,6 +133,12 @@ def _arm_torques(t, x, p):
     if p.spring != 0.0:
         e = q1 - p.spring_q
         total -= p.spring * e * (1.0 + p.spring_cubic * e * e)
+    if p.stiffer != 0.0:
+        total -= p.stiffer * ((q1 - p.stiffer_q) ** 3 - (p.stiffer_from - p.stiffer_q) ** 3)
+    if p.below != 0.0 or p.above != 0.0:
+        total += p.taut_rest - (p.above if q1 > p.taut_q else p.below) * (q1 - p.taut_q)
+    if p.table_step > 0.0:
+        total -= _looked_up(q1, p)
     if p.ripple != 0.0:
         angle = p.ripple_n * q1 + p.ripple_phase
         total -= p.ripple * (math.sin(angle) + p.ripple_2nd * math.sin(2.0 * angle))
@@ -209,5 +224,5 @@ def derivative(t, x, tau, n1, n2, s1, s2, params, link, dx):
         a1, a2 = (m22 * f1 - m12 * f2) / det, (m11 * f2 - m12 * f1) / det
     dx[Q1], dx[Q2], dx[V1], dx[V2] = v1, v2, a1, a2
     if p.cable != 0.0:
-        dx[CABLE] = _saturating_rate(v1, x[CABLE], p.cable_q, 1.0)
+        dx[CABLE] = _saturating_rate(v1, x[CABLE], p.cable_q, p.cable_e)
     return lam1, lam2

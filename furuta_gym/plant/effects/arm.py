@@ -1,5 +1,5 @@
-"""Torques on the arm's row of model (5) that the paper leaves out: friction beyond viscous + Coulomb, cable, cogging,
-play."""
+"""Torques on the arm's row of model (5) that the paper leaves out: friction beyond viscous + Coulomb, spring, cogging,
+play. Cables with other laws are in `cable`."""
 
 import math
 
@@ -110,7 +110,7 @@ ARM_EFFECTS = (
             ),
         ),
         kernels={"torque": _stribeck},
-        mistaken_for=("arm_quadratic_drag", "friction_sharpness", "arm_presliding"),
+        mistaken_for=("arm_quadratic_drag", "friction_sharpness", "arm_presliding", "arm_hysteresis"),
     ),
     EffectType(
         name="arm_coulomb_asymmetry",
@@ -141,7 +141,7 @@ ARM_EFFECTS = (
             Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="product"),
         ),
         kernels={"torque": _spring},
-        mistaken_for=("input_offset", "base_tilt", "arm_ripple"),
+        mistaken_for=("input_offset", "base_tilt", "arm_ripple", "arm_cable", "arm_taut_cable"),
     ),
     EffectType(
         name="arm_ripple",
@@ -164,7 +164,7 @@ ARM_EFFECTS = (
             Parameter("φ", "rad", "phase", 0.5, lower=-2 * math.pi, upper=2 * math.pi, role="shape", span="phase"),
         ),
         kernels={"torque": _ripple},
-        mistaken_for=("arm_spring", "arm_position_friction"),
+        mistaken_for=("arm_spring", "arm_position_friction", "arm_cable", "arm_taut_cable"),
     ),
     EffectType(
         name="arm_position_friction",
@@ -198,7 +198,7 @@ ARM_EFFECTS = (
         ),
         kernels={"torque": _presliding, "rate": _presliding_rate},
         memory=("z",),
-        mistaken_for=("arm_stribeck", "friction_sharpness", "actuator_lag"),
+        mistaken_for=("arm_stribeck", "friction_sharpness", "actuator_lag", "arm_hysteresis"),
     ),
     EffectType(
         name="arm_friction_drift",

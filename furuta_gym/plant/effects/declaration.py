@@ -1,7 +1,7 @@
 """What an effect is: one declaration, from which simulation, estimation, files, command line and docs follow."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,7 @@ HOOKS: dict[str, tuple[str, ...]] = {
     "theta": ("t", *THETA_NAMES, *_OWN),  # -> new values of `changes`
     "torque": _BODY,  # -> (arm, pendulum) torques added to the right-hand side
     "rate": (*_BODY, "a1"),  # -> d/dt of the memory, after the acceleration a1 = q̈1 is known
+    "update": ("q1", "q2", "v1", "v2"),  # -> the memory after a Runge–Kutta step, from the state at its end
     "sensor": ("q1", "q2"),  # -> what is added to the readings (y1, y2)
 }
 
@@ -33,11 +34,13 @@ class Parameter:
     (theta1 … theta9, u_max or 1/u_max²). A `size` parameter makes the effect vanish at `neutral`; a `shape` parameter
     (Stribeck speed, ripple order) then has no influence. In `unit`, {u} stands for the plant's command unit.
 
-    For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that
-    the log's length decides); `span` says that a shape enters linearly together with the size, either as a "phase"
-    (A sin(x + φ)) or as a "product" (k (x − s)), so that no grid is needed; `rough` says that small changes make what
-    follows different throughout (a stop is hit or just missed), so that only trying leads to the best value; `abrupt`
-    that there is no small size, so that what the data answer to one says nothing, and only a fit does.
+    For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that the
+    log's length decides); `span` says that a shape enters linearly together with the size, as a "phase" (A sin(x + φ)),
+    as a "product" (k (x − s)) or through the effect's `linear` ("linear"), so that no grid is needed; `optional`, on a
+    size that is zero unless asked for and on its shapes, is the name of that size: while that is neutral, an estimator
+    leaves them as they are and a search does not try them; `rough` says that small changes make what follows different
+    throughout (a stop is hit or just missed), so that only trying leads to the best value; `abrupt` that there is no
+    small size, so that what the data answer to one says nothing, and only a fit does.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Parameter:
     integer: bool = False
     grid: tuple[float, ...] | str = ()
     span: str = ""
+    optional: str = ""
     rough: bool = False
     abrupt: bool = False
 
@@ -66,7 +70,9 @@ class EffectType:
     """An entry of the library; `kernels` maps each hook (see `HOOKS`) to compiled scalar code.
 
     The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
-    entries of theta (or r1, r2) that its `theta` kernel returns.
+    entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
+    parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
+    shapes that have a grid stay as they are.
     """
 
     name: str
@@ -79,6 +85,7 @@ class EffectType:
     memory: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
     dissipative: bool = False
+    linear: Callable[..., tuple[float, ...]] | None = None
     arguments: dict[str, tuple[str, ...]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -90,6 +97,8 @@ class EffectType:
             arguments[hook] = tuple(inspect.signature(kernel).parameters)
             if strange := set(arguments[hook]) - own - set(HOOKS[hook]):
                 raise ValueError(f"effect {self.name}: its {hook} kernel asks for unknown {sorted(strange)}")
+        if self.linear and (strange := set(inspect.signature(self.linear).parameters) - set(self.parameter_names)):
+            raise ValueError(f"effect {self.name}: its linear coefficients ask for unknown {sorted(strange)}")
         object.__setattr__(self, "arguments", arguments)
         compiled_kernels = {hook: compiled(k, forceinline=True) for hook, k in self.kernels.items()}
         object.__setattr__(self, "kernels", compiled_kernels)
@@ -97,6 +106,11 @@ class EffectType:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         return tuple(p.name for p in self.parameters)
+
+    def coefficients(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """`linear` of an effect that has it, at the parameters `values`."""
+        assert self.linear is not None
+        return self.linear(**{name: values[name] for name in inspect.signature(self.linear).parameters})
 
     def neutral(self) -> dict[str, float]:
         """Parameter values at which the effect is absent (shape parameters at their defaults)."""

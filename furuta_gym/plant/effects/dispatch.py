@@ -37,6 +37,8 @@ def _targets(effect: EffectType, hook: str) -> str:
         return ", ".join(f"TH[{BASE_NAMES.index(name)}, k]" for name in effect.changes) + " ="
     if hook == "rate":
         return ", ".join(f"K[z + {i}, k]" for i in range(len(effect.memory))) + " ="
+    if hook == "update":
+        return ", ".join(f"X[z + {i}, k]" for i in range(len(effect.memory))) + " ="
     return {"delay": "out[k] =", "command": "u[k] =", "filter": "out[k] ="}[hook]
 
 
@@ -71,6 +73,7 @@ filter_command = _entry("filter_command", "filter", "u, since, X, P, codes, out"
 modify_theta = _entry("modify_theta", "theta", "t, P, codes, TH")
 add_torques = _entry("add_torques", "torque", "t, X, tau, P, codes, TH, F")
 memory_rates = _entry("memory_rates", "rate", "t, X, tau, P, codes, TH, K")
+update_memory = _entry("update_memory", "update", "X, P, codes")
 read_sensors = _entry("read_sensors", "sensor", "X, P, codes, Y")
 
 _FILTERS = frozenset(NUMBERS[e.name] for e in EFFECTS.values() if "filter" in e.kernels)

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-from furuta_gym.plant import Effect, EffectType, Parameter, Plant
+from furuta_gym.plant import EFFECTS, Effect, EffectType, Parameter, Plant
 
 _SMALL = 0.1  # of the default size, where an effect is linear in its size
+_KEPT = 0.5  # of what the best weights explain, at least, where bounds forbid them
 
 
 @dataclass(frozen=True)
@@ -28,8 +31,14 @@ class Cell:
     sizes: tuple[str, ...]
     span: tuple[str, str] | None = None  # (shape parameter, "phase" or "product")
 
-    def start(self, weights: NDArray[np.float64]) -> Effect | None:
-        """The effect that `weights` of the probes stand for, or None where a sign forbids it."""
+    def start(self, weights: NDArray[np.float64], gram: NDArray[np.float64] | None = None) -> Effect | None:
+        """The effect that `weights` of the probes stand for, or None where a sign forbids it.
+
+        gram: inner products of the probes' answers, by which an effect with bounds that is declared `linear` comes near
+        weights outside of its bounds (default: all alike).
+        """
+        if EFFECTS[self.effect].linear is not None:
+            return _nearest(self, weights, np.eye(len(weights)) if gram is None else gram)
         declared = {p.name: p for p in Effect(self.effect).type.parameters}
         values = dict(self.probes[0])
         if self.span is not None:
@@ -67,7 +76,7 @@ def cells(effect: EffectType, plant: Plant, duration: float, frequencies: NDArra
     duration [s] places the "times" of a grid; frequencies [Hz] are the ones worth trying.
     """
     default = plant.default_effect(effect.name).parameters
-    sizes = [p for p in effect.parameters if p.role == "size"]
+    sizes = [p for p in effect.parameters if p.role == "size" and not p.optional]
     shapes = [p for p in effect.parameters if p.role == "shape"]
     spanned = next((p for p in shapes if p.span), None)
     gridded = [p for p in shapes if not p.span]
@@ -85,6 +94,8 @@ def cells(effect: EffectType, plant: Plant, duration: float, frequencies: NDArra
 def _cell(effect, default, sizes, shape_values, spanned, i) -> Cell:
     probes, moved = [], []
     base = effect.neutral() | shape_values
+    if effect.linear is not None:
+        return _spanning(effect, default, sizes, base)
     for p in sizes:
         value = p.grid[i] * default[p.name] / p.default if p.grid else _SMALL * default[p.name]
         for shape in (0.0, math.pi / 2 if spanned.span == "phase" else 1.0) if spanned else (None,):
@@ -94,6 +105,54 @@ def _cell(effect, default, sizes, shape_values, spanned, i) -> Cell:
             probes.append(probe)
             moved.append(p.name)
     return Cell(effect.name, tuple(probes), tuple(moved), (spanned.name, spanned.span) if spanned else None)
+
+
+def _spanning(effect: EffectType, default: Mapping[str, float], sizes: list[Parameter], base: dict) -> Cell:
+    """Probes of an effect that is declared `linear`: as many as its coefficients have dimensions."""
+    free = [p.name for p in effect.parameters if p.span == "linear"]
+    base = base | dict.fromkeys(free, 0.0)
+    probes, moved, rows = [], [], []
+    for p in sizes:
+        for shape in ({}, *({name: 1.0} for name in free)):
+            probe = base | {p.name: _SMALL * default[p.name]} | shape
+            row = effect.coefficients(probe)
+            if np.linalg.matrix_rank([*rows, row]) > len(rows):
+                probes.append(probe)
+                moved.append(p.name)
+                rows.append(row)
+    return Cell(effect.name, tuple(probes), tuple(moved))
+
+
+def _nearest(cell: Cell, weights: NDArray[np.float64], gram: NDArray[np.float64]) -> Effect | None:
+    """The effect within its bounds whose answer is nearest to that of the weights: least squares over its free
+    parameters. None where it would explain less than half of what the weights do."""
+    effect, base = EFFECTS[cell.effect], cell.probes[0]
+    units = {size: probe[size] for size, probe in zip(cell.sizes, cell.probes, strict=True)}
+    free = [p for p in effect.parameters if p.name in units or p.span == "linear"]
+    scale = np.array([units.get(p.name, 1.0) for p in free])
+    low, high = np.array([p.lower for p in free]) / scale, np.array([p.upper for p in free]) / scale
+    solved = np.linalg.pinv(np.array([effect.coefficients(probe) for probe in cell.probes]).T)
+    values, vectors = np.linalg.eigh(gram / max(float(np.trace(gram)), 1e-300))
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    wanted = root @ weights
+
+    def misses(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        coefficients = effect.coefficients(base | dict(zip((p.name for p in free), x * scale, strict=True)))
+        return root @ (solved @ coefficients) - wanted
+
+    size = max(1.0, float(np.abs(weights).max()))
+    best, least = None, (1.0 - _KEPT) * float(wanted @ wanted)
+    for sides in itertools.product((-1.0, 1.0), repeat=sum(p.name not in units for p in free)):
+        side = iter(sides)
+        first = [size if p.name in units else next(side) for p in free]
+        found = least_squares(misses, first, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        if 2.0 * found.cost < least:
+            best, least = found.x, 2.0 * found.cost
+    return (
+        None
+        if best is None
+        else Effect(cell.effect, base | dict(zip((p.name for p in free), best * scale, strict=True)))
+    )
 
 
 def _grid(p: Parameter, default: float, choices: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -71,7 +71,7 @@ def scores(
             gain, weights = _best_weights(gram, right)
             absorbed = min(absorbed, 1.0 - float(np.trace(gram)) / max(raw, 1e-300))
             if weights is not None and gain > best.gain:
-                start = cell.start(weights)
+                start = cell.start(weights, np.asarray(gram))
                 if start is not None:
                     best = Score(name, gain, start, absorbed)
         found[name] = Score(name, best.gain, best.start, absorbed)

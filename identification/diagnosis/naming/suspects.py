@@ -34,7 +34,8 @@ def price(name: str, samples: int) -> float:
     """What an effect's parameters cost [nats]: half ln N each (the Bayesian information criterion), but 3/2 ln N for a
     frequency and ln N for an instant, which N samples determine so well that more of them can be told apart (Djurić
     1998, "Asymptotic MAP criteria for model selection")."""
-    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in EFFECTS[name].parameters]
+    priced = [p for p in EFFECTS[name].parameters if not p.optional]
+    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in priced]
     return sum(powers) * math.log(samples)
 
 

@@ -38,6 +38,7 @@ OPTION_SETS: dict[str, dict[str, Any]] = {
             Effect("arm_backlash", {"b": 0.01}),
         )
     },
+    "stops": {"plant": TABLE_3.with_effects(Effect("arm_hysteresis", {"κ": 2.0, "d": 0.03, "κ2": 0.4, "d2": 0.2}))},
     "randomized": {"plant": uncertain(), "task": "swing_up", "randomize": True},
     "randomized_effects": {
         "plant": uncertain(TABLE_3.with_effects(SPRING), 0.05, "arm_spring.k"),

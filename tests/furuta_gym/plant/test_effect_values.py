@@ -92,6 +92,7 @@ def test_plain_letters_stand_for_the_greek_ones():
     assert Effect.parse("arm_stribeck:dF=0.1,vs=0.2") == Effect("arm_stribeck", {"ΔF": 0.1, "vs": 0.2})
     assert Effect.parse("base_tilt:alphax=0.1,alphay=0.2") == Effect("base_tilt", {"αx": 0.1, "αy": 0.2})
     assert Effect.parse("arm_presliding:sigma0=9") == Effect("arm_presliding", {"σ0": 9.0})
+    assert Effect.parse("arm_hysteresis:kappa=2,kappa2=1") == Effect("arm_hysteresis", {"κ": 2.0, "κ2": 1.0})
     assert Effect.parse("arm_ripple:phi=0.1") == Effect("arm_ripple", {"φ": 0.1})
 
 

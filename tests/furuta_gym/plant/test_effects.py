@@ -1,6 +1,8 @@
 """One family of tests over the whole library: an effect that is declared enters every one of them by itself."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +28,7 @@ T_U = np.arange(75) * 0.008
 STOP = 0.6
 # A payload that arrives inside the tests' short motions; the other defaults are seen at once.
 SOON = {"payload_step": {"t0": 0.2011}}
-INSIDE = {"input_saturation": {"knee": 0.4}}  # of the bounds, where the default is at one
+INSIDE = {"input_saturation": {"knee": 0.4}, "arm_hysteresis": {"κ2": 0.5, "d2": 0.03}}  # where the default is at one
 
 # The contract's table: names and parameters that files, commands and acceptance checks rely on.
 CONTRACT = {
@@ -40,6 +42,9 @@ CONTRACT = {
     "arm_coulomb_asymmetry": ("a",),
     "arm_quadratic_drag": ("c",),
     "arm_spring": ("k", "q1n"),
+    "arm_cable": ("k", "q1n", "k3", "q1s"),
+    "arm_taut_cable": ("k1", "k2", "q1n", "qt"),
+    "arm_hysteresis": ("κ", "d", "κ2", "d2"),
     "arm_ripple": ("A", "n", "φ"),
     "arm_position_friction": ("a", "b"),
     "arm_presliding": ("σ0",),
@@ -85,6 +90,12 @@ def test_library_is_the_contract_and_every_effect_has_an_oracle():
     assert set(EFFECTS) <= reference.KNOWN
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/architecture.md", "docs/decisions/002-effects-as-declarations.md"])
+def test_pages_count_the_library(page):
+    counts = re.findall(r"(\d+) effects", (Path(__file__).parents[3] / page).read_text(encoding="utf-8"))
+    assert set(counts) == {str(len(EFFECTS))}
+
+
 @every_effect
 def test_declaration_is_complete(name):
     effect = EFFECTS[name]
@@ -94,6 +105,9 @@ def test_declaration_is_complete(name):
     for p in effect.parameters:
         assert p.meaning
         assert p.unit.format(u="V")
+        if p.optional:
+            assert EFFECTS[name].neutral()[p.optional] == 0.0
+            assert next(q for q in effect.parameters if q.name == p.optional).default == 0.0
         if p.role == "size":
             assert p.lower <= p.neutral <= p.upper
         assert p.lower <= p.default
@@ -182,9 +196,6 @@ def parameters_of(name: str) -> st.SearchStrategy:
     return st.fixed_dictionaries(fields)
 
 
-MEMORY = {"arm_presliding": ("z",), "arm_backlash": ("s", "w")}
-
-
 @every_effect
 @given(data=st.data())
 def test_rates_are_the_oracles_at_any_state(name, data):
@@ -194,12 +205,13 @@ def test_rates_are_the_oracles_at_any_state(name, data):
         assume(values["b"] > 1e-6)  # at b = 0 the play is switched off
     plant = LARGE_RIG.with_effects(Effect(name, values))
     x, tau, t = data.draw(states), data.draw(st.floats(-5, 5)), data.draw(st.floats(0, 20))
-    memory = [data.draw(st.floats(-0.05, 0.05)) for _ in MEMORY.get(name, ())]
-    ours = derivative(plant, [*x, *memory], tau, t)
-    if name == "actuator_lag":
-        ours = ours[:4]  # its filter is solved in closed form, not integrated
+    memory = [data.draw(st.floats(-0.05, 0.05)) for _ in EFFECTS[name].memory]
+    held = [x[0] - z for z in memory] if name == "arm_hysteresis" else memory  # where the stops hang, not how far
+    ours = derivative(plant, [*x, *held], tau, t)
     r = oracle(plant)
     theirs = np.array(reference.rates(t, [*x, *memory], tau, r.theta, r.r, r.effects))
+    if "rate" not in EFFECTS[name].kernels:  # memory that is not integrated: solved in closed form, or updated
+        ours, theirs = ours[:4], theirs[:4]
     np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * (1 + np.abs(theirs).max()))
 
 
@@ -268,6 +280,8 @@ def test_losses_with_memory_never_add_energy(name):
 
 KEEPERS = {
     "arm_spring": {"k": 0.6, "q1n": -0.4},
+    "arm_cable": {"k": 0.2, "q1n": -0.4, "k3": 0.1, "q1s": 0.5},
+    "arm_taut_cable": {"k1": 0.1, "k2": 0.7, "q1n": -0.4, "qt": 0.5},
     "arm_ripple": {"A": 0.1, "n": 6, "φ": 0.3},
     "base_tilt": {"αx": 0.05, "αy": -0.03, "G1": 0.8},
 }
@@ -278,7 +292,8 @@ def test_conservative_effects_keep_energy_with_their_potential(name):
     plant = LARGE_RIG.replace(theta=[*TH[:5], 0, 0, 0, 0]).with_effects(Effect(name, KEEPERS[name]))
     states_ = run(plant, [0.3, 2.0, 3.0, -1.0], np.arange(300) * 0.01, np.zeros(300), 3.0, 5e-4)
     levels = [reference.energy(0.0, x, plant.theta, {name: KEEPERS[name]}) for x in states_]
-    np.testing.assert_allclose(levels, levels[0], atol=1e-8)
+    # a torque with a kink, which fixed steps do not stop at, costs more
+    np.testing.assert_allclose(levels, levels[0], rtol=0.0, atol=1e-7 if name == "arm_taut_cable" else 1e-8)
 
 
 @pytest.mark.parametrize("speed", [3.0, 10.0, 25.0])

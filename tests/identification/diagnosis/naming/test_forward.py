@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furuta_gym.plant import EFFECTS, TABLE_3
+from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
@@ -53,7 +53,7 @@ def _linear(name: str) -> bool:
 @pytest.mark.parametrize("name", [name for name in EFFECTS if _linear(name)])
 def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
     """Also where a phase or a product of two parameters makes it so."""
-    weights = np.array([0.7, 0.4, 1.3])
+    weights = np.array([0.7, 0.4, 1.3, 0.5])
     for cell in cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))[:3]:
         start = cell.start(weights[: len(cell.probes)])
         assert start is not None
@@ -93,6 +93,64 @@ def test_scores_rank_the_hidden_effect_first() -> None:
     nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, hidden, duration=6.0))], anchor=TABLE_3)
     table = scores(nominal, SUSPECTS)
     assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
+
+
+def _pull(start: Effect, q1: np.ndarray) -> np.ndarray:
+    """The torque of a cable at the angles q1."""
+    none = 0.0, 0.0, 0.0, TABLE_3.theta, 100.0, {start.name: dict(start.parameters)}, TABLE_3.theta
+    return np.array([reference.extra_torques(0.0, q, *none)[0] for q in q1])
+
+
+CABLES = {
+    "arm_cable": {"k": 0.1, "q1n": 0.2, "k3": 0.2, "q1s": -0.6},
+    "arm_taut_cable": {"k1": 0.05, "k2": 0.9, "q1n": -0.1, "qt": 0.1},
+}
+
+
+@pytest.mark.parametrize("name", CABLES)
+def test_scores_start_a_cable_near_the_hidden_one(name: str) -> None:
+    """The start pulls as the hidden cable does over the angles of the log."""
+    hidden = Effect(name, CABLES[name])
+    log = noisy_log(8, TABLE_3.with_effects(hidden), duration=8.0)
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    found = scores(nominal, [*CABLES, "arm_hysteresis"])
+    start = found[name].start
+    assert start is not None
+    assert found[name].gain > 0.9 * max(s.gain for s in found.values())
+    angles = np.sort(log.q1)[:: len(log) // 50]
+    true, ours = _pull(hidden, angles), _pull(start, angles)
+    assert np.corrcoef(true, ours)[0, 1] > 0.9
+    assert 0.3 < np.ptp(ours) / np.ptp(true) < 3.0
+
+
+def test_weights_beyond_the_bounds_start_the_nearest_possible_cable() -> None:
+    (cell,) = cells(EFFECTS["arm_cable"], TABLE_3, 20.0, np.array([1.0]))
+    spring = {"k": 0.2, "q1n": 0.4, "k3": 0.0, "q1s": 0.0}
+    columns = np.array([EFFECTS["arm_cable"].coefficients(p) for p in cell.probes]).T
+    weights = np.linalg.solve(columns, EFFECTS["arm_cable"].coefficients(spring) + np.array([0, 0, 0, 1e-3]))  # k3 < 0
+    start = cell.start(weights)
+    assert start is not None
+    assert start.parameters["k3"] == pytest.approx(0.0, abs=1e-3)
+    assert start.parameters["k"] == pytest.approx(0.2, rel=0.3)
+    assert cell.start(-weights) is None  # a spring that pushes away
+
+
+def test_friction_that_remembers_is_suspected_at_its_width() -> None:
+    hidden = Effect("arm_hysteresis", {"κ": 1.5, "d": 0.05})
+    log = noisy_log(9, TABLE_3.with_effects(hidden), duration=6.0)
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    found = scores(nominal, ["arm_hysteresis", "arm_stribeck", "arm_spring"])
+    start = found["arm_hysteresis"].start
+    assert start is not None
+    assert max(found.values(), key=lambda s: s.gain).effect == "arm_hysteresis"
+    assert 0.02 <= start.parameters["d"] <= 0.1
+    assert start.parameters["κ2"] == 0.0
+    again = fit(nominal.plant.with_effects(start), nominal.noise, nominal.records, anchor=TABLE_3)
+    assert nominal.value - again.value > 20.0
+    refitted = again.plant.effect("arm_hysteresis").parameters
+    assert refitted["κ"] * refitted["d"] == pytest.approx(1.5 * 0.05, rel=0.2)
+    assert refitted["d"] == pytest.approx(0.05, rel=0.2)
+    assert refitted["κ2"] == 0.0  # optional: an estimator leaves it alone
 
 
 def test_unknown_suspects_are_refused() -> None:

@@ -1,0 +1,119 @@
+"""Torques of a cable on the arm's row: stiffer to one side, taut to one side, and friction that remembers."""
+
+from .declaration import EffectType, Parameter
+
+
+def _cable(q1, k, q1n, k3, q1s):
+    return -k * (q1 - q1n) - k3 * ((q1 - q1s) ** 3 - (q1n - q1s) ** 3), 0.0
+
+
+def _cable_coefficients(k, q1n, k3, q1s):
+    # of 1, q1, q1², q1³
+    rest = k * q1n + k3 * ((q1n - q1s) ** 3 + q1s**3)
+    return rest, -k - 3.0 * k3 * q1s * q1s, 3.0 * k3 * q1s, -k3
+
+
+def _taut(q1, k1, k2, q1n, qt):
+    pull = k1 * min(q1 - qt, 0.0) + k2 * max(q1 - qt, 0.0)
+    rest = k1 * min(q1n - qt, 0.0) + k2 * max(q1n - qt, 0.0)
+    return rest - pull, 0.0
+
+
+def _taut_coefficients(k1, k2, q1n, qt):
+    # of 1, min(q1 − qt, 0), max(q1 − qt, 0)
+    return k1 * min(q1n - qt, 0.0) + k2 * max(q1n - qt, 0.0), -k1, -k2
+
+
+def _hysteresis(q1, κ, d, κ2, d2, y, y2):
+    return -κ * min(max(q1 - y, -d), d) - κ2 * min(max(q1 - y2, -d2), d2), 0.0
+
+
+def _hysteresis_update(q1, d, d2, y, y2):
+    return min(max(y, q1 - d), q1 + d), min(max(y2, q1 - d2), q1 + d2)
+
+
+CABLE_EFFECTS = (
+    EffectType(
+        name="arm_cable",
+        place="arm",
+        equation="arm: −k (q1 − q1n) − k3 ((q1 − q1s)³ − (q1n − q1s)³)",
+        symptom="with no command the arm is drawn to one angle, and more strongly the further it turns to one side",
+        parameters=(
+            Parameter("k", "{u}/rad", "stiffness where the cable is softest, at q1s", 0.5, "theta5", lower=0.0),
+            Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="linear"),
+            Parameter("k3", "{u}/rad³", "stiffening: 3 k3 (q1 − q1s)² is added to k", 0.5, "theta5", lower=0.0),
+            Parameter(
+                "q1s",
+                "rad",
+                "angle at which it is softest",
+                -0.5,
+                lower=-20.0,
+                upper=20.0,
+                role="shape",
+                span="linear",
+            ),
+        ),
+        kernels={"torque": _cable},
+        linear=_cable_coefficients,
+        mistaken_for=("arm_spring", "arm_taut_cable", "arm_ripple", "base_tilt"),
+    ),
+    EffectType(
+        name="arm_taut_cable",
+        place="arm",
+        equation="arm: −(g(q1) − g(q1n)), g(q) = k1 (q − qt) for q < qt, k2 (q − qt) beyond",
+        symptom="the arm is drawn back on one side of some angle only, where the cable is taut",
+        parameters=(
+            Parameter("k1", "{u}/rad", "stiffness below qt (0: slack)", 0.3, "theta5", lower=0.0),
+            Parameter("k2", "{u}/rad", "stiffness above qt (0: slack)", 1.5, "theta5", lower=0.0),
+            Parameter("q1n", "rad", "angle without torque", 0.1, lower=-20.0, upper=20.0, role="shape", span="linear"),
+            Parameter(
+                "qt",
+                "rad",
+                "angle at which it comes taut",
+                0.3,
+                lower=-20.0,
+                upper=20.0,
+                role="shape",
+                grid=(-1.5, -0.8, -0.3, 0.0, 0.3, 0.8, 1.5),
+            ),
+        ),
+        kernels={"torque": _taut},
+        linear=_taut_coefficients,
+        mistaken_for=("arm_cable", "arm_spring", "arm_ripple", "base_tilt"),
+    ),
+    EffectType(
+        name="arm_hysteresis",
+        place="arm",
+        # Prandtl–Ishlinskii. The memory y is the angle at which the element hangs, z = clip(q1 − y, ±d): so the torque
+        # is a function of the state, and a step that does not reverse ends at the exact y whatever its length.
+        equation="arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) (stops; z = z2 = 0 at q1 = 0)",
+        symptom="after a reversal the arm's friction builds up over some hundredths of a radian, at any speed",
+        parameters=(
+            Parameter("κ", "{u}/rad", "stiffness before it slips", 4.0, "theta8", lower=0.0),
+            Parameter(
+                "d",
+                "rad",
+                "deflection at which it slips",
+                0.1,
+                lower=1e-4,
+                upper=10.0,
+                role="shape",
+                grid=(0.02, 0.05, 0.1, 0.3),
+            ),
+            Parameter("κ2", "{u}/rad", "stiffness of a second element", 0.0, "theta8", lower=0.0, optional="κ2"),
+            Parameter(
+                "d2",
+                "rad",
+                "deflection at which the second slips",
+                0.3,
+                lower=1e-4,
+                upper=10.0,
+                role="shape",
+                optional="κ2",
+            ),
+        ),
+        kernels={"torque": _hysteresis, "update": _hysteresis_update},
+        memory=("y", "y2"),
+        mistaken_for=("arm_presliding", "arm_stribeck"),
+    ),
+)
