@@ -35,9 +35,10 @@ from ..logs.signs import motion_signs
 from .estimate import Estimate, NoiseReport
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
 from .methods import DEFAULT, method_named
-from .optimise import Optimum, minimise
+from .optimise import TOLERANCE, Optimum, minimise
 from .pool import shared_pool
 from .prediction_error import PredictionError, quietest
+from .restarts import restarted
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
 from .zeros import warn_about_zeros
@@ -179,6 +180,8 @@ def _most_likely(
     plant = _with_known(winner.plant, known, effects)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
     optimum = minimise(problem, problem.start(), iterations)
+    if noise is None:  # an earlier fit that goes on has been restarted already
+        optimum = restarted(problem, optimum, iterations, TOLERANCE, exact=True)
     return _estimate(logs, problem, optimum, plant, fixed)
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ..normal_equations import ScaledGram
 
+TOLERANCE = 0.01
+"""Decrease [nats] that the quadratic model promises, below which a fit has converged."""
 _POLISH = 1.0  # nats: gain below which frozen gains give way to exact derivatives
 
 
@@ -52,7 +54,7 @@ def minimise(
     problem: Problem,
     z: NDArray[np.float64],
     iterations: int = 40,
-    tolerance: float = 0.01,
+    tolerance: float = TOLERANCE,
     free=None,
     exact: bool = True,
 ) -> Optimum:

@@ -21,7 +21,7 @@ from furuta_gym.plant.layout import N_BASE
 
 from ..kalman.arguments import BankResult, Gaussian, Model
 from ..kalman.bank import innovations, sharpness_rows
-from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_parameters, filled_zeros
+from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_parameters, filled_plant, filled_zeros
 from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
@@ -57,6 +57,7 @@ class PredictionError:
         zeros: Zeros | None = None,
     ) -> None:
         packed = plant.packed()
+        self._plant = plant
         self.p, self.codes, self.rows = packed.p, packed.codes, packed.rows
         self.records, self.coordinates, self.noise = list(records), list(coordinates), noise
         self.coarser, self.zeros = coarser, dict(zeros or {})
@@ -132,6 +133,14 @@ class PredictionError:
         model, first = Model(P, self.codes, self.sharp), Gaussian(x0, C0)
         ok = innovations(record.readings, model, first, noise, zeros, exact, leaders, self.coarser, result)
         return result if ok and np.isfinite(result.cost).all() and np.isfinite(result.e).all() else None
+
+    def plant_at(self, z: NDArray[np.float64]) -> Plant:
+        """The plant at z. Raises ValueError where the values make none."""
+        return filled_plant(self._plant, self.coordinates, z)
+
+    def noise_at(self, z: NDArray[np.float64]) -> Noise:
+        """The noise at z."""
+        return filled_noise(self.coordinates, z, self.noise)
 
     def zeros_at(self, z: NDArray[np.float64]) -> dict[int, tuple[float, float]]:
         """Zeros of the encoders in every log, at z."""

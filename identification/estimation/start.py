@@ -91,11 +91,15 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
     soft = [np.tanh(_SHARPNESS * v) for v in (v1, v2)]
     row2 = _nonnegative([-c * a1, s, v1 * v1 * s * c, -v2, -soft[1]], a2)
     regressed = (float(np.clip(row2[0], 0.1, 8.0)), float(np.clip(row2[1], 8.0, 500.0)))
+    command = m.u
+    if _nonnegative([a1, v1, soft[0]], command)[0] <= 0:  # a cable that is stronger than the inertia hides it
+        pull = np.column_stack([m.q[:, 0], np.ones_like(a1)])
+        command = command - pull @ np.linalg.lstsq(pull, command, rcond=None)[0]
     starts = []
     for ratio3, ratio5 in (regressed, *_RATIOS):
         reaction = ratio3 * (c * a2 - s * v2 * v2) + _ROD * (s * s * a1 + 2 * s * c * v1 * v2)
         arm = [a1, reaction, v1, soft[0]]
-        measured = _nonnegative(arm, m.u)
+        measured = _nonnegative(arm, command)
         guessed = [f * measured[0] / ratio3**2 for f in _SCALES]
         scales = guessed if ratio3 == regressed[0] else guessed[1:2]
         if ratio3 == regressed[0] and guessed[0] / 3 < measured[1] < 0.9 * measured[0] / ratio3**2:
@@ -104,7 +108,7 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
         if told := [known[n] / w for n, w in weights.items() if known.get(n, 0.0) > 0]:
             scales = told[:1]
         for scale in (s for s in scales if s > 0):
-            rest = _nonnegative([a1, v1, soft[0]], m.u - scale * reaction)
+            rest = _nonnegative([a1, v1, soft[0]], command - scale * reaction)
             th1 = max(rest[0], 1.3 * scale * ratio3**2, 1e-6)
             level = 0.02 * float(np.std(m.u)) + 1e-9
             th6, th8 = max(rest[1], level / (np.std(v1) + 0.1)), max(rest[2], level)

@@ -83,7 +83,8 @@ def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -
     (gravity, coupling), r2 = _first_two(pendulum[inner], a2[inner])
     if r2 < _TRUSTED_R2:
         gravity = coupling = 0
-    arm = np.column_stack([a1, a2 * cos, v2**2 * sin, v1, np.tanh(v1 / 0.01), np.ones_like(v1)])
+    # with a column for a cable: a strong one would else take the sign of the inertia
+    arm = np.column_stack([a1, a2 * cos, v2**2 * sin, v1, np.tanh(v1 / 0.01), np.ones_like(v1), q1])
     (command, _), r2 = _first_two(arm[inner], derivative(u, 0)[inner])  # u smoothed as the angles are
     return Signs(gravity, -coupling, command if r2 > _TRUSTED_R2_ARM else 0)
 

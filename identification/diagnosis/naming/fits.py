@@ -12,6 +12,7 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...estimation.optimise import Optimum, minimise
 from ...estimation.pool import shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
+from ...estimation.restarts import restarted
 from ...kalman.coordinates import (
     Coordinate,
     Zeros,
@@ -107,6 +108,8 @@ def fit(
     step = COARSER if coarse else 1.0
     problem = PredictionError(plant, records, coordinates, noise, step, None if coarse else shared_pool(), zeros=zeros)
     optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
+    if not coarse:
+        optimum = restarted(problem, optimum, iterations, _TOLERANCE, exact=True)
     noise = filled_noise(coordinates, optimum.z, problem.noise)
     return Fit(
         filled_plant(plant, coordinates, optimum.z),

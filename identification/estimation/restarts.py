@@ -1,0 +1,68 @@
+"""Restarts of a fit that may have stalled, until none of them improves it.
+
+The pendulum's row has no input, so θ2 … θ5, θ7 and θ9 share a scale that only the reaction on the arm fixes. Where
+something large is missing at the start, that scale is dragged away, torque noise grows to explain the rest, and the
+descent ends in a narrow curved valley far from the optimum. From there the way back is short for a fit that starts with
+more torque noise, or with another scale.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kalman.noise_model import TORQUE
+from .optimise import Optimum, minimise
+from .prediction_error import PredictionError, quietest
+
+_SCALED = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
+_SCALES = (1.0, 4.0, 0.25)  # times the pendulum's row
+_LOUDER = 100.0  # times the torque noise
+_HIDING = 10.0  # times the least torque noise, from which noise may hide that a fit has stalled
+_SHORT = 12  # iterations of a restart before it is compared
+_WORTH = 0.5  # nats, that a restart must come down by
+_ROUNDS = 3
+
+
+def restarted(problem: PredictionError, found: Optimum, iterations: int, tolerance: float, exact: bool) -> Optimum:
+    """The optimum, or a lower one that a restart reaches. Arguments as in `minimise`.
+
+    Nothing is tried where the fit converged with as little torque noise as can be told from none: then nothing is
+    left that a stalled fit could have hidden.
+    """
+    for _ in range(_ROUNDS):
+        if not _may_have_stalled(problem, found):
+            break
+        best = min((_short(problem, found.z, scale, tolerance) for scale in _SCALES), key=lambda o: o.value)
+        if not best.value < found.value - _WORTH:
+            break
+        again = minimise(problem, best.z, iterations, tolerance, exact=exact)
+        if not again.value < found.value:
+            break
+        found = again
+    return found
+
+
+def _may_have_stalled(problem: PredictionError, found: Optimum) -> bool:
+    if not math.isfinite(found.value):
+        return False
+    if not found.converged:
+        return True
+    least = quietest(problem.plant_at(found.z), problem.records)
+    return bool(np.any(problem.noise_at(found.z).torque > _HIDING * least))
+
+
+def _short(problem: PredictionError, z: NDArray[np.float64], scale: float, tolerance: float) -> Optimum:
+    """A short fit with frozen gains from more torque noise and another scale of the pendulum's row."""
+    z = z.copy()
+    p = {c.name: c.to_value(zi) for c, zi in zip(problem.coordinates, z, strict=True)}
+    if all(name in p for name in ("theta1", "theta3", "theta4")):  # M stays positive definite
+        scale = min(scale, 0.9 * p["theta1"] * p["theta4"] / p["theta3"] ** 2)
+    for i, c in enumerate(problem.coordinates):
+        if c.noise and c.row < TORQUE.stop:
+            z[i] += math.log(_LOUDER)
+        elif c.of_plant and c.name in _SCALED:
+            z[i] = z[i] + math.log(scale) if c.log else z[i] * scale
+    return minimise(problem, np.clip(z, problem.low, problem.high), _SHORT, tolerance, exact=False)
