@@ -1,0 +1,49 @@
+"""Fits that stalled in the valley of the pendulum's scale, and the restarts that bring them out."""
+
+from __future__ import annotations
+
+import pytest
+
+from experiments.bench import HiddenEffect, Rig
+from identification.estimation.identify import identify
+from identification.estimation.optimise import TOLERANCE, minimise
+from identification.estimation.restarts import restarted
+from tests.factories import bench_log
+
+STRONG = {
+    "servo": Rig("servo", [HiddenEffect("arm_spring", 2.0)], individual=3, scatter=0.08, sample_time=4e-3),
+    "table3": Rig("table3", [HiddenEffect("arm_spring", 3.0)], individual=3, scatter=0.08, sample_time=4e-3),
+}
+"""Rigs of the bench, which shares no code with the plant, with a cable that is stronger than anything else."""
+
+
+@pytest.mark.parametrize("name", STRONG)
+def test_a_strong_cable_is_sized_to_a_hundredth(name: str) -> None:
+    rig = STRONG[name]
+    log = bench_log(rig, "wide", seed=1, duration=12.0)
+    (hidden,) = rig.truth()["effects"]
+    k = hidden["parameters"]["k"]["value"]
+    estimate = identify(log, effects=["arm_spring"])
+    assert estimate.converged
+    assert estimate.value("arm_spring.k") == pytest.approx(k, rel=0.01)
+    for theta, true in list(rig.truth()["theta"].items())[2:5]:
+        assert estimate.value(theta) == pytest.approx(true, rel=0.05)
+
+
+def test_a_restart_leaves_a_good_fit_alone_and_mends_a_stalled_one() -> None:
+    """The stalled one: the scale of the pendulum's row at an eighth, and so much noise that nothing pulls it back."""
+    rig = STRONG["table3"]
+    estimate = identify(bench_log(rig, "wide", seed=1, duration=12.0), effects=["arm_spring"])
+    problem, optimum = estimate.problem, estimate.optimum
+    assert problem is not None
+    assert optimum is not None
+    assert restarted(problem, optimum, 20, TOLERANCE, exact=False) is optimum
+    z = optimum.z.copy()
+    for i, c in enumerate(problem.coordinates):
+        if c.name in ("theta2", "theta3", "theta4", "theta5"):
+            z[i] -= 2.0
+        if c.noise and c.row < 2:
+            z[i] += 12.0
+    stalled = minimise(problem, z, 4, TOLERANCE, exact=False)
+    assert stalled.value > optimum.value + 100.0
+    assert restarted(problem, stalled, 40, TOLERANCE, exact=False).value < optimum.value + 1.0
