@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
-from .options import Options, Setup
+from .options import Options, Setup, drawn_rig
 from .rendering import Scene, Viewer
 from .streams import start_stream
 
@@ -111,7 +111,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
         self.observation_space: spaces.Box = setup.observation_space  # pyright: ignore
         self.action_space: spaces.Box = setup.action_space  # pyright: ignore
-        self.metadata = type(self).metadata | {"render_fps": round(1.0 / setup.sample_time)}
+        self.metadata = type(self).metadata | {"render_fps": round(1.0 / setup.action_period)}
         self._lanes = np.zeros((k.block_rows(setup.sizes), 1))
         self._stream = np.zeros(1, dtype=np.uint64)
         self._seeded = False
@@ -120,7 +120,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         random = setup.random
         shared = (self._lanes, self._stream, setup.codes, setup.sizes, setup.numbers)
         self._step_arguments = (*shared, np.empty((k.work_rows(setup.sizes), 1)))
-        self._reset_arguments = (*shared, random.table, random.root, random.switches)
+        self._reset_arguments = (*shared, random.table, random.root, random.switches, random.ranges)
         self._viewer: Viewer | None = None
 
     @property
@@ -147,6 +147,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: dict[str, Any] = {"state": out[:4], "measured_state": out[4:], "command": 0.0}
         if self.setup.random.active:
             info["plant"] = self.setup.random.describe(self._parameters)
+            if rig := drawn_rig(self.setup, self._lanes[k.NOISE1 : k.N_FIXED, 0]):
+                info["rig"] = rig
         if self.render_mode == "human":
             self._show()
         return observation, info
@@ -162,14 +164,16 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if u != u:
             raise ValueError("action is NaN; check the policy that made it")
         observation, out = np.empty(self._size, dtype=np.float32), np.empty(8)
-        reward, terminated, command = _step_one(u, *self._step_arguments, observation, out)
+        reward, terminated, truncated, command = _step_one(
+            u, self.setup.longest, *self._step_arguments, observation, out
+        )
         if self.render_mode == "human":
             self._show()
         return (
             observation,
             reward,
             terminated,
-            False,
+            truncated,
             {"state": out[:4], "measured_state": out[4:], "command": command},
         )
 
@@ -231,14 +235,15 @@ def _publish(lanes, sizes, observation, out):
 
 
 @compiled
-def _reset_one(lanes, streams, codes, sizes, numbers, table, root, switches, state, observation, out):
-    k.reset_lane(lanes, 0, streams, codes, sizes, numbers, table, root, switches, state)
+def _reset_one(lanes, streams, codes, sizes, numbers, table, root, switches, ranges, state, observation, out):
+    k.reset_lane(lanes, 0, streams, codes, sizes, numbers, table, root, switches, ranges, state)
     _publish(lanes, sizes, observation, out)
 
 
 @compiled
-def _step_one(u, lanes, streams, codes, sizes, numbers, work, observation, out):
+def _step_one(u, longest, lanes, streams, codes, sizes, numbers, work, observation, out):
     lanes[k.COMMAND, 0] = u
     k.step_lanes(lanes, streams, codes, sizes, numbers, work)
     _publish(lanes, sizes, observation, out)
-    return lanes[k.REWARD, 0], lanes[k.TERMINATED, 0] > 0.0, lanes[k.COMMAND, 0]
+    late = lanes[k.STEPS, 0] >= longest
+    return lanes[k.REWARD, 0], lanes[k.TERMINATED, 0] > 0.0, late, lanes[k.COMMAND, 0]

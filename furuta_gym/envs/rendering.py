@@ -51,7 +51,7 @@ class Scene:
         command, time, reward = (float(column[row]) for row in (k.COMMAND, k.TIME, k.REWARD))
         return cls(
             q1, q2, command, time, reward, setup.options.task, setup.plant.unit, setup.plant.u_max,
-            setup.options.arm_limit, ratio,
+            setup.arm_limit, ratio,
         )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
+from .limits import checked_limits, checked_ranges
 from .parameters import THETA_NAMES, physical_consistency, theta_vector
 
 SCHEMA = "furuta-plant/1"
@@ -49,6 +50,7 @@ class Plant:
     unit: the command's unit, "V" or "N·m". u_max: largest command. sample_time: control period [s], if known.
     effects: what acts besides model (5). covariance: over θ and effect parameters, as estimated.
     sensors, provenance, checks: free mappings that go to the file with it.
+    limits: of the rig, see `limits.LIMITS`. randomize: ranges to train over, see `envs.ranges`; both optional.
     """
 
     theta: NDArray[np.float64]
@@ -61,6 +63,8 @@ class Plant:
     sensors: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     checks: Mapping[str, Any] = field(default_factory=dict)
+    limits: Mapping[str, float] | None = None
+    randomize: Mapping[str, str] | None = None
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
@@ -90,6 +94,8 @@ class Plant:
                 raise ValueError(f"{name} must be a mapping, got {value!r}")
             if value is not None:
                 put(name, MappingProxyType(dict(value)))
+        put("limits", checked_limits(self.limits))
+        put("randomize", checked_ranges(self.randomize))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
@@ -111,6 +117,10 @@ class Plant:
 
     def effect(self, name: str) -> Effect | None:
         return next((e for e in self.effects if e.name == name), None)
+
+    def limit(self, name: str, otherwise: float) -> float:
+        """The rig's limit `name` (see `limits.LIMITS`), or what to take where the file has none."""
+        return float((self.limits or {}).get(name, otherwise))
 
     @property
     def sharpness(self) -> tuple[float, float]:
@@ -167,7 +177,7 @@ class Plant:
             "u_max": self.u_max,
             "provenance": dict(self.provenance),
             "checks": dict(self.checks) | physical_consistency(self.theta).to_dict(),
-        }
+        } | {name: dict(value) for name in ("limits", "randomize") if (value := getattr(self, name)) is not None}
 
     def to_json(self) -> str:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
@@ -199,6 +209,8 @@ class Plant:
             sensors=data.get("sensors"),
             provenance=data.get("provenance") or {},
             checks=data.get("checks") or {},
+            limits=data.get("limits"),
+            randomize=data.get("randomize"),
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -152,7 +152,7 @@ def test_an_unknown_network_is_refused():
 
     from furuta_gym.envs.sb3 import FurutaVecEnv
 
-    env = FurutaVecEnv(1, plant=QUBE)
+    env = FurutaVecEnv(1, plant=QUBE, normalize_action=True)
     with pytest.raises(ValueError, match="ELU cannot be exported"):
         network_of(PPO("MlpPolicy", env, policy_kwargs={"activation_fn": nn.ELU}, device="cpu"))
 
