@@ -55,7 +55,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         plant: Plant | str | os.PathLike[str] = "table3",
         task: str = "balance",
         *,
-        max_episode_steps: int | None | Literal["default"] = "default",
+        max_episode_steps: int | Literal["default"] | None = "default",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int | None = None,
@@ -311,8 +311,8 @@ def _step_blocks(
     b = take(board, n, 0)
     while b < n:
         _step_block(
-            b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, ranges, max_steps, work, nothing,
-            observation, state, measured, command, rewards, terminated, truncated,
+            b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, ranges, max_steps, work,
+            nothing, observation, state, measured, command, rewards, terminated, truncated,
         )  # fmt: skip
         finish(board)
         b = take(board, n, patience)
