@@ -30,6 +30,7 @@ def record_of(
     return training.identity | {
         "command": command,
         "env": training.env | {"velocity_cutoff": setup.sensors.velocity_cutoff, "arm_limit": setup.arm_limit},
+        "not_trained_for": training.not_trained_for,
         "seed": training.seed,
         "steps": steps,
         "resumed_at": resumed_at,

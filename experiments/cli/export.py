@@ -34,6 +34,10 @@ def export_command(
     sample_time: Annotated[
         float | None, typer.Option(help="Of the controller, in seconds; default: the plant's, else 0.002.")
     ] = None,
+    single: Annotated[bool, typer.Option("--single", help="C in single precision (float) throughout.")] = False,
+    soft_start: Annotated[
+        float | None, typer.Option(help="C: seconds over which the command grows to its full size.", min=0.0)
+    ] = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Take a result elsewhere: a C header for firmware, ONNX for a policy, MuJoCo XML for the plant."""
@@ -62,15 +66,18 @@ def export_command(
             raise ValueError("C is for controllers; expected one such as --controller lqg")
         from controllers import make_controller
 
+        from controllers.envelope import Envelope
+
         made = make_controller(chosen, rig, sample_time)
+        options = {"single": single, "envelope": Envelope.of(made, soft_start=soft_start)}
         if chosen.endswith(".zip"):
             from controllers.export_policy_c import export_policy_c
 
-            export_policy_c(made, output)  # type: ignore[arg-type]
+            export_policy_c(made, output, **options)  # type: ignore[arg-type]
         else:
             from controllers.export_c import export_c
 
-            export_c(made, output)
+            export_c(made, output, **options)
     if as_json:
         print_json({"written": str(output), "format": kind.value, "plant": plant, "controller": chosen})
     else:

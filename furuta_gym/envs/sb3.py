@@ -16,9 +16,9 @@ class FurutaVecEnv(VecEnv):
     """`FurutaVectorEnv` for stable-baselines3: the registered `env_id`, with its options, and any others.
 
     The defaults are those of `gymnasium.make(env_id)`. Gaussian policies of stable-baselines3 start with a spread of
-    one, so for `FurutaID-v0` give `normalize_action=True`; the other ids have it. Where an episode
-    ends, info holds `terminal_observation` and `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor` for episode returns.
-    `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.
+    one, so for `FurutaID-v0` give `normalize_action=True`; the other ids have it. Where an episode ends, info holds
+    `terminal_observation` and `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor`
+    for episode returns. `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.
     """
 
     def __init__(self, num_envs: int = 16, env_id: str = ENV_ID, **options: Any) -> None:
