@@ -23,7 +23,8 @@ class Training:
 
     plant: rig. task: "balance" or "swing_up". algorithm: "ppo", "sac" or "tqc". steps: env steps in all.
     randomize: True for a plant from its covariance (or as its file says) for each episode, or ranges by name, see
-    `furuta_gym.envs.ranges`; effect_probabilities: effects that come and go, as in `FurutaEnv`. sample_time [s], history, observe_command: as in `FurutaEnv`; see `recipes.training_period`.
+    `furuta_gym.envs.ranges`; effect_probabilities: effects that come and go, as in `FurutaEnv`. sample_time [s],
+    history, observe_command: as in `FurutaEnv`; see `recipes.training_period`.
     Raises ValueError where the env would, or if the algorithm is unknown or steps < 1.
     """
 

@@ -65,7 +65,6 @@ def export_command(
         if chosen is None:
             raise ValueError("C is for controllers; expected one such as --controller lqg")
         from controllers import make_controller
-
         from controllers.envelope import Envelope
 
         made = make_controller(chosen, rig, sample_time)

@@ -10,8 +10,8 @@ from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Plant, physical_
 
 ALL = (
     "theta=physical:0.2 input_delay=uniform:0,0.03 arm_spring.k=chance:0.5:uniform:0.1,0.5 "
-    "actuator_lag=loguniform:1e-3,0.02 noise_std=uniform:0,0.002 encoder_offset=normal:0,0.01 u_max=uniform:6,10 jitter=uniform:0,0.2 "
-    "push=uniform:0,3 push_rate=2 arm_backlash=chance:0.3"
+    "actuator_lag=loguniform:1e-3,0.02 noise_std=uniform:0,0.002 encoder_offset=normal:0,0.01 u_max=uniform:6,10 "
+    "jitter=uniform:0,0.2 push=uniform:0,3 push_rate=2 arm_backlash=chance:0.3"
 )
 
 
