@@ -45,6 +45,8 @@ def export_command(
     opt.output_file(output, ENDINGS[kind], [Path(name) for name in (plant, policy, controller) if name])
     if policy is not None and controller is not None:
         raise ValueError(f"{policy} and --controller {controller}: give one of them")
+    if kind is not Format.c and (single or soft_start is not None):
+        raise ValueError(f"--single and --soft-start are for C; leave them out with {kind.value}")
     chosen = policy or controller
     from furuta_gym.plant import Plant
 

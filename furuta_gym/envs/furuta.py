@@ -50,11 +50,19 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         centred = ½ + ½/(1 + q1²)                                    q1 in rad
         calm    = ½ + ½/(1 + (q̇1² + q̇2²)/ω²)                         ω² = θ5/θ4, the pendulum's own, at least 1
 
+    With `reward="tolerant"` each factor is flat where the rig does well enough, so that a policy that explores is not
+    asked for ever less of it: with beyond(x, b, w) = (max(|x| − b, 0)/w)²
+
+        upright = ½ min((1 + cos q2)/(1 + cos 0.1), 1) + ½/(1 + beyond(√(2 − 2 cos q2), 0.1, 0.2))
+        centred = ½ + ½/(1 + beyond(q1, 0.3, 1)),   calm = ½ + ½/(1 + beyond(√(q̇1² + q̇2²)/ω, 0.15, 1))
+        and the last factor 1 − beyond(u/u_max, 0.3, 0.7)/4
+
     Ending an episode early only loses reward.
 
     ## Start
     Uniform and independent: `balance` |q1| ≤ 0.2, |q2| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.2 rad/s; `swing_up` |q1| ≤ 0.2,
-    |q2 − π| ≤ 0.05 rad, at rest. Effects with memory start at rest, and before the episode the command was zero.
+    |q2 − π| ≤ 0.05 rad, at rest; or within ± `start_spread` of upright or hanging. Effects with memory start at rest,
+    and before the episode the command was zero.
     `reset(options={"state": [q1, q2, v1, v2]})` starts from a given state (NaN: drawn).
 
     ## End of an episode
@@ -82,6 +90,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         the plant file says, else 4096 counts, no noise, no offset, 100 rad/s.
     history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
     normalize_action (False): see Action. scale_observation (False): see Observation.
+    reward ("smooth"), start_spread (see Start): half-widths of q1, q2 [rad], q̇1, q̇2 [rad/s].
     arm_limit (the plant file's `arm_travel`, else 2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
     longest_step (2.5 ms): bound on the Runge–Kutta step h. Friction bounds it too, h λ ≤ 0.4 with λ the rate at which
         it stops a slow motion (largest eigenvalue of M⁻¹ (F_v + F_c r) upright), and a sample has at least two steps.

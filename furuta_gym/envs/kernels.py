@@ -30,13 +30,19 @@ NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = ran
 # Entries of `numbers`; of a pair or four the first is named. Flags say whether any episode can have it.
 SAMPLE_TIME, U_MAX, ACTION_SCALE, VELOCITY_GAIN, NOISY, JITTERY, PUSHED = range(7)
 COUNT1, ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, SPEED_UNIT, ARM_SPEED, START_Q2 = 7, *range(9, 16)
-START_SPREAD, RIG = 16, 20  # RIG: the rows NOISE1 … of an episode in which nothing is drawn
+TOLERANT, START_SPREAD, RIG = 16, 17, 21  # RIG: the rows NOISE1 … of an episode in which nothing is drawn
 N_NUMBERS = RIG + N_FIXED - NOISE1
 
 BALANCE_LIMIT = 0.5  # rad; |q2| beyond it ends an episode of `balance`
 WINDING_LIMIT = 5e3  # rad; the compiled sine is exact up to 1e4
 START_BALANCE = (0.2, 0.1, 0.2, 0.2)  # half-widths of the uniform start: q1, q2 [rad], q̇1, q̇2 [rad/s]
 START_SWING_UP = (0.2, 0.05, 0.0, 0.0)
+
+# The tolerant reward: inside these nothing is lost (see `tolerant_reward_of`).
+CALM_ANGLE = 0.1  # rad, of the pendulum
+CALM_TRAVEL = 0.3  # rad, of the arm
+CALM_SPEED = 0.15  # of the pendulum's own, ω
+FREE_COMMAND = 0.3  # of u_max
 
 # Reward: half-value widths of its factors (see `reward_of`).
 UPRIGHT_WIDTH = 0.2  # rad
@@ -52,6 +58,25 @@ def reward_of(q1, q2, v1, v2, command_share, speed_scale):
     centred = 0.5 + 0.5 / (1.0 + (q1 / CENTRE_WIDTH) ** 2)
     calm = 0.5 + 0.5 / (1.0 + (v1 * v1 + v2 * v2) / (speed_scale * speed_scale))
     return upright * centred * calm * (1.0 - COMMAND_SHARE * command_share * command_share)
+
+
+@compiled(forceinline=True)
+def _beyond(x, limit, width):
+    """((|x| − limit)/width)² beyond the limit, 0 inside."""
+    far = max(abs(x) - limit, 0.0) / width
+    return far * far
+
+
+@compiled(forceinline=True)
+def tolerant_reward_of(q1, q2, v1, v2, command_share, speed_scale):
+    """`reward_of` with flat tops: 1 where the rig is upright, centred and calm enough; `FurutaEnv` has the formula."""
+    _, c = sincos(q2)
+    lean = math.sqrt(max(2.0 * (1.0 - c), 0.0))
+    upright = 0.5 * min((1.0 + c) / (1.0 + math.cos(CALM_ANGLE)), 1.0)
+    upright += 0.5 / (1.0 + _beyond(lean, CALM_ANGLE, UPRIGHT_WIDTH))
+    centred = 0.5 + 0.5 / (1.0 + _beyond(q1, CALM_TRAVEL, CENTRE_WIDTH))
+    calm = 0.5 + 0.5 / (1.0 + _beyond(math.sqrt(v1 * v1 + v2 * v2) / speed_scale, CALM_SPEED, 1.0))
+    return upright * centred * calm * (1.0 - COMMAND_SHARE * _beyond(command_share, FREE_COMMAND, 1.0 - FREE_COMMAND))
 
 
 @compiled
@@ -216,7 +241,10 @@ def _judge(lanes, sizes, numbers):
     for k in range(L):
         q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
         inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6 and abs(v1) <= fastest
-        reward = reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
+        if numbers[TOLERANT] > 0.0:
+            reward = tolerant_reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
+        else:
+            reward = reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
         lanes[TERMINATED, k] = 0.0 if inside else 1.0
         lanes[REWARD, k] = reward if reward >= 0.0 else 0.0  # not finite: no reward
         lanes[STEPS, k] += 1.0

@@ -19,6 +19,7 @@ from .randomization import Randomization, randomization
 from .ranges import RIG, draws, with_drawn_effects
 
 TASKS = ("balance", "swing_up")
+REWARDS = ("smooth", "tolerant")
 SAMPLE_TIME = 0.01  # s, where the plant has none of its own
 SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
 PUSH_RATE = 0.5  # 1/s, of pushes whose rate is not drawn
@@ -46,6 +47,8 @@ class Options:
     observe_command: bool = False
     normalize_action: bool = False
     scale_observation: bool = False
+    reward: str = "smooth"
+    start_spread: tuple[float, float, float, float] | None = None
     action_time: float | None = None
     time_limit: float | None = None
     arm_limit: float | None = None
@@ -66,6 +69,12 @@ class Options:
         for name in ("observe_command", "normalize_action", "scale_observation"):
             if not isinstance(getattr(self, name), bool | np.bool_):
                 raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
+        if self.reward not in REWARDS:
+            raise ValueError(f"reward must be one of {', '.join(REWARDS)}, got {self.reward!r}")
+        if self.start_spread is not None:
+            spread = np.asarray(self.start_spread, dtype=float)
+            if spread.shape != (4,) or not ((spread >= 0) & (spread <= 100)).all():
+                raise ValueError(f"start_spread must be four half-widths of q1, q2, q̇1, q̇2, got {self.start_spread!r}")
         if not (isinstance(self.history, int | np.integer) and 1 <= self.history <= 100):
             raise ValueError(f"history must be a whole number of samples in [1, 100], got {self.history!r}")
         _check("jitter", self.jitter, 0.0, 0.3, "share of the sample time")
@@ -190,7 +199,9 @@ class Setup:
         numbers[k.SPEED_LIMIT] = SPEED_LIMIT
         numbers[k.SPEED_SCALE] = math.sqrt(max(plant.theta[4] / plant.theta[3], 1.0))
         numbers[k.START_Q2] = 0.0 if balance else math.pi
-        numbers[k.START_SPREAD : k.START_SPREAD + 4] = k.START_BALANCE if balance else k.START_SWING_UP
+        spread = k.START_BALANCE if balance else k.START_SWING_UP
+        numbers[k.START_SPREAD : k.START_SPREAD + 4] = spread if o.start_spread is None else o.start_spread
+        numbers[k.TOLERANT] = o.reward == "tolerant"
         return numbers
 
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:

@@ -215,5 +215,5 @@ def with_drawn_effects(plant: Plant, wanted: Draws) -> Plant:
     for name in sorted(new):
         default = plant.default_effect(name).parameters
         sizes = {p.name: p.neutral for p in EFFECTS[name].parameters if p.role == "size"}
-        added.append(Effect(name, default | sizes))
+        added.append(Effect(name, {**default, **sizes}))
     return plant.with_effects(*added)

@@ -72,7 +72,7 @@ class Viewer:
         self._canvas = pygame.Surface((WIDTH * _FINE, HEIGHT * _FINE))
         self._trail: deque[tuple[float, float]] = deque(maxlen=60 if trail else 0)  # pixels
         self._words: dict[tuple[Any, ...], Any] = {}
-        self._ground: Any = None  # what no motion changes, painted once
+        self._ground: Any = pygame.Surface(self._canvas.get_size())  # what no motion changes, painted once
         self._pillar: Any = None
         self._window: Any = None
         self._shown = -math.inf
@@ -113,7 +113,7 @@ class Viewer:
             self._window = None
 
     def _paint(self, scene: Scene) -> Any:
-        if self._ground is None:
+        if self._pillar is None:
             self._paint_ground()
         self._canvas.blit(self._ground, (0, 0))
         self._view(scene)
@@ -123,7 +123,7 @@ class Viewer:
     def _paint_ground(self) -> None:
         """The floor, and the pillar on a layer of its own, as the arm may pass behind it."""
         moving = self._canvas
-        self._canvas = self._ground = self._pygame.Surface(moving.get_size())
+        self._canvas = self._ground
         self._canvas.fill(_PAPER)
         self._floor()
         self._canvas = self._pygame.Surface(moving.get_size(), self._pygame.SRCALPHA)

@@ -45,7 +45,7 @@ def test_as_learners_expect_it(env_id, tmp_path):
 def test_speeds_come_from_every_sample():
     """An action of 20 ms on a clock of 4 ms is five equal actions of FurutaID-v0, observed at the end."""
     fast = FurutaEnv("qube", "swing_up", noise_std=1e-3, delay=0.007)
-    slow = gym.make("FurutaSwingUp-v0", noise_std=1e-3, delay=0.007).unwrapped
+    slow = gym.make("FurutaSwingUp-v0", reward="smooth", noise_std=1e-3, delay=0.007).unwrapped
     first = fast.reset(seed=4)[0], slow.reset(seed=4)[0]
     pace = np.sqrt(QUBE.theta[4] / QUBE.theta[3])
     scale = np.array([1, 1, 1, pace, pace])
@@ -59,6 +59,38 @@ def test_speeds_come_from_every_sample():
         np.testing.assert_allclose(a[0], b[0] * scale, rtol=1e-6)
         np.testing.assert_array_equal(a[4]["measured_state"], b[4]["measured_state"])
         assert a[1] == b[1]
+
+
+def test_the_tolerant_reward_is_the_documented_one():
+    env = gym.make("FurutaSwingUp-v0", reward="tolerant").unwrapped
+    omega = np.sqrt(QUBE.theta[4] / QUBE.theta[3])
+
+    def beyond(x, b, w):
+        return (max(abs(x) - b, 0.0) / w) ** 2
+
+    rng = np.random.default_rng(0)
+    flat = 0
+    for i in range(300):
+        size = 0.03 if i % 3 == 0 else 1.0
+        env.reset(options={"state": rng.uniform(-1, 1, 4) * size * [2, np.pi, 10, 20]})
+        _, reward, _, _, info = env.step(rng.uniform(-1, 1, 1) * size)
+        q1, q2, v1, v2 = info["state"]
+        upright = 0.5 * min((1 + np.cos(q2)) / (1 + np.cos(0.1)), 1)
+        upright += 0.5 / (1 + beyond(2 * np.sin(q2 / 2), 0.1, 0.2))
+        centred = 0.5 + 0.5 / (1 + beyond(q1, 0.3, 1.0))
+        calm = 0.5 + 0.5 / (1 + beyond(np.hypot(v1, v2) / omega, 0.15, 1.0))
+        expected = upright * centred * calm * (1 - 0.25 * beyond(info["command"] / 10, 0.3, 0.7))
+        assert reward == pytest.approx(expected, rel=1e-9)
+        flat += reward == 1.0
+    assert 20 < flat < 150
+
+
+def test_starts_within_the_spread():
+    spread = np.array([0.5, 0.3, 1.0, 2.0])
+    batch = FurutaVectorEnv(2000, "qube", "swing_up", start_spread=tuple(spread))
+    state = batch.reset(seed=0)[1]["state"] - [0, np.pi, 0, 0]
+    np.testing.assert_allclose(np.abs(state).max(axis=0), spread, rtol=0.01)
+    np.testing.assert_allclose(state.std(axis=0), spread / np.sqrt(3), rtol=0.05)
 
 
 @pytest.mark.parametrize("plant", [QUBE, TABLE_3, LARGE_RIG])
@@ -134,6 +166,8 @@ def test_what_gymnasiums_wrappers_need_is_there(tmp_path):
         ({"action_time": 0.0}, "action_time must lie in"),
         ({"time_limit": float("nan")}, "time_limit must lie in"),
         ({"scale_observation": 2}, "True or False"),
+        ({"reward": "sparse"}, "smooth, tolerant"),
+        ({"start_spread": (1, 2)}, "four half-widths"),
     ],
 )
 def test_bad_options_say_what_is_allowed(options, message):
