@@ -212,6 +212,11 @@ def load_policy(
             f"{path} was made for observations of shape {shape} and actions of shape {model.action_space.shape}; "
             f"FurutaID-v0 with history={max(history, 1)} gives ({max(history, 1) * frame},) and takes (1,)"
         )
+    if abs(float(model.observation_space.high[3]) - SPEED_LIMIT) > 1e-3:
+        raise ValueError(
+            f"{path} was trained on scaled observations with speeds from faster samples, as FurutaBalance-v0 and "
+            "FurutaSwingUp-v0 give them, which only those environments can play; train it with `furuta train`"
+        )
     high = float(model.action_space.high[0])
     normalized = bool(env.get("normalize_action", abs(high - 1.0) < 1e-6 and abs(plant.u_max - 1.0) > 1e-6))
     task = str(env.get("task", "balance"))

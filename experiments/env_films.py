@@ -16,12 +16,12 @@ from furuta_gym.plant import QUBE
 
 ROOT = Path(__file__).parents[1]
 SIZE = (360, 240)  # pixels
+COLOURS = 32
 EVERY = 2  # actions a picture: 25 pictures a second
 
 
 def film(task: str, folder: Path) -> Path:
     """Write `folder`/ID.gif of one episode, in real time."""
-    import imageio.v3 as imageio
     from PIL import Image
 
     env = gym.make(TASK_IDS[task], render_mode="rgb_array")
@@ -36,10 +36,12 @@ def film(task: str, folder: Path) -> Path:
         over = terminated or truncated
         count += 1
         if count % EVERY == 0:
-            pictures.append(np.asarray(Image.fromarray(env.render()).resize(SIZE, Image.Resampling.LANCZOS)))
+            small = Image.fromarray(env.render()).resize(SIZE, Image.Resampling.LANCZOS)  # type: ignore[arg-type]
+            pictures.append(small.quantize(COLOURS, dither=Image.Dither.NONE))
     env.close()
     path = folder / f"{TASK_IDS[task]}.gif"
-    imageio.imwrite(path, np.stack(pictures), duration=1000 * EVERY * setup.action_period, loop=0)
+    first, *others = pictures
+    first.save(path, save_all=True, append_images=others, duration=1000 * EVERY * setup.action_period, loop=0)
     return path
 
 

@@ -189,3 +189,13 @@ class TestBadFiles:
         path.with_suffix(".json").write_text("{")
         with pytest.raises(ValueError, match="training record is not JSON"):
             make_controller(path, QUBE)
+
+
+def test_a_policy_of_scaled_observations_is_refused(tmp_path):
+    from stable_baselines3 import PPO
+
+    import furuta_gym  # noqa: F401  (registers the id)
+
+    PPO("MlpPolicy", "FurutaSwingUp-v0", device="cpu").save(tmp_path / "up.zip")
+    with pytest.raises(ValueError, match="scaled observations"):
+        load_policy(tmp_path / "up.zip", QUBE)
