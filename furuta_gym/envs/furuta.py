@@ -182,9 +182,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if u != u:
             raise ValueError("action is NaN; check the policy that made it")
         observation, out = np.empty(self._size, dtype=np.float32), np.empty(8)
-        reward, terminated, truncated, command = _step_one(
-            u, self.setup.longest, *self._step_arguments, observation, out
-        )
+        reward, terminated, truncated, command = _step_one(u, *self._step_arguments, observation, out)
         if self.render_mode == "human":
             self._show()
         return (
@@ -259,9 +257,9 @@ def _reset_one(lanes, streams, codes, sizes, numbers, table, root, switches, ran
 
 
 @compiled
-def _step_one(u, longest, lanes, streams, codes, sizes, numbers, work, observation, out):
+def _step_one(u, lanes, streams, codes, sizes, numbers, work, observation, out):
     lanes[k.COMMAND, 0] = u
     k.step_lanes(lanes, streams, codes, sizes, numbers, work)
     _publish(lanes, sizes, observation, out)
-    late = lanes[k.STEPS, 0] >= longest
+    late = lanes[k.STEPS, 0] >= numbers[k.LONGEST]
     return lanes[k.REWARD, 0], lanes[k.TERMINATED, 0] > 0.0, late, lanes[k.COMMAND, 0]

@@ -29,8 +29,8 @@ NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = ran
 
 # Entries of `numbers`; of a pair or four the first is named. Flags say whether any episode can have it.
 SAMPLE_TIME, U_MAX, ACTION_SCALE, VELOCITY_GAIN, NOISY, JITTERY, PUSHED = range(7)
-COUNT1, ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, SPEED_UNIT, ARM_SPEED, START_Q2 = 7, *range(9, 16)
-TOLERANT, START_SPREAD, RIG = 16, 17, 21  # RIG: the rows NOISE1 … of an episode in which nothing is drawn
+COUNT1, ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, SPEED_SHARE, ARM_SPEED, START_Q2 = 7, *range(9, 16)
+TOLERANT, LONGEST, START_SPREAD, RIG = 16, 17, 18, 22  # RIG: the rows NOISE1 … of an episode in which nothing is drawn
 N_NUMBERS = RIG + N_FIXED - NOISE1
 
 BALANCE_LIMIT = 0.5  # rad; |q2| beyond it ends an episode of `balance`
@@ -193,8 +193,8 @@ def _frame(lanes, k, first, sizes, numbers):
     lanes[first, k] = _clip(lanes[READING1, k], 2.0 * numbers[ARM_LIMIT])
     lanes[first + 1, k] = _clip(s, 1.0)
     lanes[first + 2, k] = _clip(c, 1.0)
-    lanes[first + 3, k] = _clip(lanes[SPEED1, k], speed) / numbers[SPEED_UNIT]
-    lanes[first + 4, k] = _clip(lanes[SPEED2, k], speed) / numbers[SPEED_UNIT]
+    lanes[first + 3, k] = _clip(lanes[SPEED1, k], speed) * numbers[SPEED_SHARE]
+    lanes[first + 4, k] = _clip(lanes[SPEED2, k], speed) * numbers[SPEED_SHARE]
     if sizes[FRAME] > 5:
         lanes[first + 5, k] = lanes[COMMAND, k] / numbers[U_MAX]
 
@@ -228,6 +228,7 @@ def _sense(lanes, streams, codes, sizes, numbers, work):
             difference = (Y[axis, k] - lanes[READING1 + axis, k]) / period
             lanes[SPEED1 + axis, k] = speed + gain * (difference - speed)
             lanes[READING1 + axis, k] = Y[axis, k]
+    for k in range(L):
         lanes[TIME, k] += lanes[SPAN, k]
 
 
@@ -238,13 +239,18 @@ def _judge(lanes, sizes, numbers):
     X = lanes[N_FIXED : N_FIXED + 4]
     arm, pendulum, u_max, scale = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX], numbers[SPEED_SCALE]
     fastest = numbers[ARM_SPEED]
+    if numbers[TOLERANT] > 0.0:  # loops of their own: each becomes SIMD code
+        for k in range(L):
+            share = lanes[COMMAND, k] / u_max
+            lanes[REWARD, k] = tolerant_reward_of(X[0, k], X[1, k], X[2, k], X[3, k], share, scale)
+    else:
+        for k in range(L):
+            share = lanes[COMMAND, k] / u_max
+            lanes[REWARD, k] = reward_of(X[0, k], X[1, k], X[2, k], X[3, k], share, scale)
     for k in range(L):
         q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
         inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6 and abs(v1) <= fastest
-        if numbers[TOLERANT] > 0.0:
-            reward = tolerant_reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
-        else:
-            reward = reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
+        reward = lanes[REWARD, k]
         lanes[TERMINATED, k] = 0.0 if inside else 1.0
         lanes[REWARD, k] = reward if reward >= 0.0 else 0.0  # not finite: no reward
         lanes[STEPS, k] += 1.0

@@ -194,7 +194,8 @@ class Setup:
         numbers[k.COUNT1 : k.COUNT1 + 2] = sensors.resolution
         numbers[k.ARM_LIMIT] = self.arm_limit
         numbers[k.ARM_SPEED] = plant.limit("arm_speed", math.inf)
-        numbers[k.SPEED_UNIT] = self.speed_unit
+        numbers[k.SPEED_SHARE] = 1.0 / self.speed_unit
+        numbers[k.LONGEST] = self.longest
         numbers[k.PENDULUM_LIMIT] = o.pendulum_limit or (k.BALANCE_LIMIT if balance else k.WINDING_LIMIT)
         numbers[k.SPEED_LIMIT] = SPEED_LIMIT
         numbers[k.SPEED_SCALE] = math.sqrt(max(plant.theta[4] / plant.theta[3], 1.0))

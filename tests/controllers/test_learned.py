@@ -9,7 +9,7 @@ import pytest
 
 from controllers import make_controller
 from controllers.evaluation import compare
-from controllers.learned import LearnedController
+from controllers.learned import LearnedController, load_policy
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
 from experiments.bench_trials import run_on_bench
@@ -192,9 +192,8 @@ class TestBadFiles:
 
 
 def test_a_policy_of_scaled_observations_is_refused(tmp_path):
+    pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
-
-    import furuta_gym  # noqa: F401  (registers the id)
 
     PPO("MlpPolicy", "FurutaSwingUp-v0", device="cpu").save(tmp_path / "up.zip")
     with pytest.raises(ValueError, match="scaled observations"):
