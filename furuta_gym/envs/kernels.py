@@ -206,7 +206,7 @@ def _clip(x, limit):
     return x if x < limit else limit
 
 
-@compiled
+@compiled(forceinline=True)
 def _sense(lanes, streams, codes, sizes, numbers, work):
     """Readings and velocities of all lanes that have just moved by a sample, and their clock."""
     rows, L = sizes[STATE_ROWS], lanes.shape[1]
@@ -232,23 +232,24 @@ def _sense(lanes, streams, codes, sizes, numbers, work):
         lanes[TIME, k] += lanes[SPAN, k]
 
 
-@compiled
+@compiled(forceinline=True)
 def _judge(lanes, sizes, numbers):
     """Reward, termination and observation of all lanes at the end of an action."""
     L = lanes.shape[1]
-    X = lanes[N_FIXED : N_FIXED + 4]
     arm, pendulum, u_max, scale = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX], numbers[SPEED_SCALE]
     fastest = numbers[ARM_SPEED]
     if numbers[TOLERANT] > 0.0:  # loops of their own: each becomes SIMD code
         for k in range(L):
             share = lanes[COMMAND, k] / u_max
-            lanes[REWARD, k] = tolerant_reward_of(X[0, k], X[1, k], X[2, k], X[3, k], share, scale)
+            q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
+            lanes[REWARD, k] = tolerant_reward_of(q1, q2, v1, v2, share, scale)
     else:
         for k in range(L):
             share = lanes[COMMAND, k] / u_max
-            lanes[REWARD, k] = reward_of(X[0, k], X[1, k], X[2, k], X[3, k], share, scale)
+            q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
+            lanes[REWARD, k] = reward_of(q1, q2, v1, v2, share, scale)
     for k in range(L):
-        q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
+        q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
         inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6 and abs(v1) <= fastest
         reward = lanes[REWARD, k]
         lanes[TERMINATED, k] = 0.0 if inside else 1.0
