@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test fast slow lint bench clean
 
 setup: $(READY)
 
@@ -16,8 +17,15 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)  ## the main job on bundled logs; writes out/demo
 	$(BIN)/furuta demo --out out/demo
 
-test: $(READY)  ## the whole test suite
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+# pytest ends with 5 where PYTEST_ARGS select nothing of one part
+test:  ## the whole test suite: the fast part first, then the slow one, whatever the first says
+	@failed=0; $(MAKE) fast || failed=1; $(MAKE) slow || failed=1; exit $$failed
+
+fast: $(READY)  ## every test that fits nothing, trains nothing and records nothing long
+	$(PYTEST) -m "not slow" $(PYTEST_ARGS) || test $$? -eq 5
+
+slow: $(READY)  ## the tests of tests/slow.txt
+	$(PYTEST) -m slow $(PYTEST_ARGS) || test $$? -eq 5
 
 lint: $(READY)  ## formatting, style, types and the import contracts
 	$(BIN)/ruff format --check .
@@ -26,7 +34,7 @@ lint: $(READY)  ## formatting, style, types and the import contracts
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed against named references, as ratios
-	$(BIN)/python -m experiments.benchmark
+	$(BIN)/python -m experiments.studies.speed
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

@@ -15,17 +15,19 @@ class DesignError(ValueError):
 
 
 class Controller(ABC):
-    """A sampled controller that sees the encoders only, as `furuta_gym.simulate.Policy` asks for.
+    """A sampled controller that sees the encoders only, as `furuta_gym.simulation.Policy` asks for.
 
     Call it once a sample with the readings y = (q1, q2) [rad], q2 = 0 upright; it gives the command in the plant's
     unit, within ±u_max, to be held for `sample_time` [s]. `reset` forgets the past. With y of shape (2, L) it
     controls L rigs side by side and gives (L,) commands; this is how trials run fast.
 
     `reference` is the arm angle to hold [rad]: a number, or a function of the time since `reset` [s].
-    `tasks` says what it can do: "balance" from near upright, "swing_up" from hanging.
+    `tasks` says what it can do: "balance" from near upright, "swing_up" from hanging. `feedback_gain`: K of
+    u = −K (q1, q̇1, q2, q̇2) + d where the command is just that, as a log may carry it; else None.
     """
 
     tasks: tuple[str, ...] = ("balance",)
+    feedback_gain: tuple[float, float, float, float] | None = None
 
     def __init__(self, name: str, sample_time: float, u_max: float, reference: Reference = 0.0) -> None:
         if not (np.isfinite(sample_time) and 0 < sample_time <= 1):

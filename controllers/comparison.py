@@ -78,19 +78,15 @@ class Comparison:
     def load(cls, path: str | os.PathLike[str]) -> "Comparison":
         return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
 
-    def save(self, folder: str | os.PathLike[str], plots: bool = True) -> list[Path]:
-        """Write `comparison.json` and, with `plots`, one PNG for each group of trials; the paths."""
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write `comparison.json` into a folder, made if need be; its path. `plots.draw_comparison` draws it."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / "comparison.json"
         path.write_text(
             json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
         )
-        if not plots:
-            return [path]
-        from .plots import draw_comparison
-
-        return [path, *draw_comparison(self, folder)]
+        return path
 
     def table(self) -> "Table":
         """The comparison as a table for the terminal: what matters from each group, 95 % intervals in brackets."""

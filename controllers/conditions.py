@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant, sampled_plants
+from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical
-from .trials import Outcome, Starts, balance_starts, pace, run_trials, swing_up_starts
+from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
 
 GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
 METRICS = ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1")
@@ -65,11 +66,11 @@ class Condition:
         return balance_starts(one, self.trials, self.duration, rng)
 
     def _largest_push(self, policy: Any, sample_time: float, seed: int) -> NDArray[np.float64]:
-        """The largest survived push (trials,) [rad/s] up to 3 `pace`, by bisection in all trials side by side."""
+        """The largest survived push (trials,) [rad/s] up to 3 √(θ5/θ4), by bisection in all trials side by side."""
         assert isinstance(self.plants, Plant)
         starts = self.starts(seed)
         side = np.sign(starts.push)
-        low, high = np.zeros(self.trials), np.full(self.trials, 3.0 * pace(self.plants))
+        low, high = np.zeros(self.trials), np.full(self.trials, 3.0 * pendulum_frequency(self.plants.theta))
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             pushed = replace(starts, x0=0.2 * starts.x0, push=side * middle, push_time=np.full(self.trials, _PUSH_TIME))

@@ -1,6 +1,8 @@
 """What every design starts from: the sampled linear plant with its known delay and lag, and weights in its units."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,3 +198,16 @@ def _sampled_noise(A: NDArray[np.float64], Q: NDArray[np.float64], time: float) 
     E = np.asarray(expm(np.block([[-A, Q], [np.zeros((n, n)), A.T]]) * time), dtype=float)
     N = E[n:, n:].T @ E[:n, n:]
     return 0.5 * (N + N.T)
+
+
+def riccati(solve: Callable[..., Any], *matrices: Any) -> Any:
+    """What `solve` of python-control gives for these matrices. Raises DesignError where the equation has no solution.
+
+    With parameters beyond any rig the matrices overflow or are singular, and python-control has several exceptions
+    for that."""
+    try:
+        if not all(np.isfinite(matrix).all() for matrix in matrices):
+            raise ValueError("a matrix has entries that are no numbers")
+        return solve(*matrices)
+    except (ValueError, TypeError, ArithmeticError) as error:
+        raise DesignError(f"no regulator exists for this plant; check the size of its parameters ({error})") from error

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .base import Controller
-from .trials import FALLEN
+from .trials import HORIZONTAL
 
 REASONS = ("on", "reading", "arm", "speed", "tilt", "law")  # indexed by the C header's numbers
 FARTHEST = 1e4  # rad; no rig turns so far
@@ -65,7 +65,7 @@ class Envelope:
             u_max=min(controller.u_max, limits.get("supply", math.inf)),
             arm_travel=limits.get("arm_travel", 2 * math.pi),
             arm_speed=limits.get("arm_speed", math.inf),
-            tilt=math.inf if "swing_up" in controller.tasks else FALLEN,
+            tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})

@@ -6,6 +6,7 @@ from math import ceil
 from typing import Any
 
 from furuta_gym.plant import Plant
+from furuta_gym.processes import worker_options
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
@@ -42,6 +43,7 @@ def compare(
     effects: Iterable[str] | None = None,
     seed: int = 0,
     jobs: int = 1,
+    trust: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Play every controller in every condition.
@@ -51,8 +53,9 @@ def compare(
     costs. trials: of the groups balance and swing_up; small_trials (default: a quarter, at least 10) of each other
     condition. sample_time [s]: default is the plant's, else a whole fraction of the first policy file's, at most 2 ms,
     else 2 ms. sensors: default is what the plant file says, else 4096 counts. jobs: processes.
-    progress(done, of): called after each condition. A controller that does not apply to the plant is left out, with
-    the reason. Raises ValueError on an unknown name, group or effect, and when nothing is left to compare.
+    trust: also read policies of stable-baselines3, which runs the code in them. progress(done, of): called after each
+    condition. A controller that does not apply to the plant is left out, with the reason. Raises ValueError on an
+    unknown name, group or effect, and when nothing is left to compare.
     """
     plant = Plant.resolve(plant)
     design = Plant.resolve(design_plant) if design_plant is not None else plant
@@ -64,7 +67,7 @@ def compare(
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
     small = small_trials or max(10, trials // 4)
     T, sensors = _sample_time(plant, sample_time, controllers), choose_sensors(plant, sensors)
-    policies, skipped = _build(controllers, design, T, sensors)
+    policies, skipped = _build(controllers, design, T, sensors, trust)
     if not policies:
         raise ValueError("nothing to compare: " + ("; ".join(skipped.values()) or "no controllers were named"))
     rows = conditions(plant, sensors, trials, small, duration, groups, effects, seed)
@@ -106,7 +109,7 @@ def _sample_time(plant: Plant, sample_time: float | None, controllers: Sequence[
 
 
 def _build(
-    controllers: Sequence[Any], plant: Plant, sample_time: float, sensors: Sensors
+    controllers: Sequence[Any], plant: Plant, sample_time: float, sensors: Sensors, trust: bool
 ) -> tuple[dict[str, Any], dict[str, str]]:
     policies: dict[str, Any] = {}
     skipped: dict[str, str] = {}
@@ -121,7 +124,7 @@ def _build(
         else:
             name = str(given)
             try:
-                policy = make_controller(name, plant, sample_time, sensors)
+                policy = make_controller(name, plant, sample_time, sensors, trust=trust)
             except DesignError as error:
                 skipped[name] = str(error)
                 continue
@@ -138,4 +141,4 @@ def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[dict[str, Interval]]:
         return (task.run() for task in tasks)
     from joblib import Parallel, delayed
 
-    return Parallel(n_jobs=jobs, return_as="generator")(delayed(_Task.run)(task) for task in tasks)  # type: ignore
+    return Parallel(n_jobs=jobs, return_as="generator", **worker_options())(delayed(_Task.run)(task) for task in tasks)  # type: ignore

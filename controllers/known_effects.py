@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import rates
 from furuta_gym.plant.effects.dispatch import add_torques, map_command, read_sensors
+from furuta_gym.plant.layout import N_BASE
 
 from .base import DesignError
 
@@ -89,7 +90,7 @@ class KnownEffects:
         X[:4] = x.reshape(4, lanes)
         P, zero, W = np.repeat(self._p, lanes, axis=1), np.zeros(lanes), np.zeros((2, lanes))
         K = np.empty((2, *X.shape))
-        work = np.empty((11, lanes)), np.empty((2, lanes))
+        work = np.empty((N_BASE, lanes)), np.empty((2, lanes))
         rates(zero, X, zero, W, P, self._codes, *work, K[0])
         rates(zero, X, zero + 1.0, W, P, self._codes, *work, K[1])
         torque = (acceleration - K[0, 2]) / (K[1, 2] - K[0, 2])
@@ -108,5 +109,5 @@ class KnownEffects:
         F[0] = -self.plant.theta[7] * np.tanh(self.plant.sharpness[0] * X[2])
         if self._on_arm.size:
             P = np.repeat(self._p, lanes, axis=1)
-            add_torques(zero, X, zero, P, self._on_arm, P[:11].copy(), F)
+            add_torques(zero, X, zero, P, self._on_arm, P[:N_BASE].copy(), F)
         return F[0] if x.ndim == 2 else float(F[0, 0])

@@ -1,4 +1,4 @@
-"""A learned policy as plain numbers: the layers of its network, read from stable-baselines3's model."""
+"""A learned policy as plain numbers: the layers of its network, played by numpy."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -49,8 +49,15 @@ class Network:
         return self.limit * np.tanh(x) if self.squashed else np.clip(x, -self.limit, self.limit)
 
 
+def network_in(controller: Any) -> Network:
+    """The network that a learned controller plays. Raises ValueError where it plays something else."""
+    if not isinstance(controller.predict, Network):
+        raise ValueError(f"{controller.name} plays no network that can be exported; expected a policy file *.zip")
+    return controller.predict
+
+
 def network_of(model: Any) -> Network:
-    """The network of a PPO, A2C, SAC, TQC or TD3 `MlpPolicy` with one action.
+    """The network of stable-baselines3's PPO, A2C, SAC, TQC or TD3 with an `MlpPolicy` and one action.
 
     Raises ValueError if the policy is of another kind: what is read is played against `model.predict` on 256 random
     observations, and any difference means that it was not understood.

@@ -1,8 +1,6 @@
-"""Policies trained with stable-baselines3 on `FurutaID-v0`, played from encoder readings like any controller."""
+"""Policies learned on `FurutaID-v0`, played from encoder readings like any controller."""
 
-import json
 import os
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,25 +8,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.envs.options import SAMPLE_TIME
+from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT, TASKS
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
 
 from .base import Controller, Reference
 from .design import choose_sensors
+from .policy_file import read_policy, read_record
 
 FRAME = 5  # q1, sin q2, cos q2, q̇1, q̇2
-SPEED_LIMIT = 200.0  # rad/s, as in the env's observation
 
 
 class LearnedController(Controller):
     """A policy on the env's observation, rebuilt from readings: [q1, sin q2, cos q2, q̇1, q̇2] and, with
     `observe_command`, the last command / u_max; `history` of them, oldest first.
 
-    predict: observations (L, n) to actions (L, 1). normalized: actions are shares of `trained_u_max`, the command's
-    limit where it was trained (default: the plant's), and so is the last command that it sees. every: the policy looks
-    and acts at every n-th call and holds its command in between, so that one trained at n · sample_time plays on a
-    faster clock exactly as it was trained.
+    predict: observations (L, n) to actions (L, 1), such as a `Network`. normalized: actions are shares of
+    `trained_u_max`, the command's limit where it was trained (default: the plant's), and so is the last command that
+    it sees. every: the policy looks and acts at every n-th call and holds its command in between, so that one trained
+    at n · sample_time plays on a faster clock exactly as it was trained.
     """
 
     def __init__(
@@ -99,62 +97,10 @@ class LearnedController(Controller):
         return self._last
 
 
-class _Network:
-    """A stable-baselines3 model that is read when first asked, also after a trip to another process."""
-
-    def __init__(self, path: Path, algorithm: str) -> None:
-        self.path, self.algorithm, self._model = path, algorithm, None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"path": self.path, "algorithm": self.algorithm, "_model": None}
-
-    def model(self) -> Any:
-        if self._model is None:
-            self._model = algorithm_class(self.algorithm).load(self.path, device="cpu")
-        return self._model
-
-    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        return self.model().predict(observation, deterministic=True)[0]
-
-
-def algorithm_class(name: str) -> Any:
-    """The class of stable-baselines3 or sb3-contrib. Raises ValueError without them or for another name."""
-    try:
-        import stable_baselines3
-
-        if hasattr(stable_baselines3, name):
-            return getattr(stable_baselines3, name)
-        import sb3_contrib
-
-        return getattr(sb3_contrib, name)
-    except ImportError as error:
-        raise ValueError(
-            f"learned policies need stable-baselines3 ({error}); install it with `pip install 'furuta-gym[rl]'`"
-        ) from error
-    except AttributeError:
-        raise ValueError(f"no algorithm {name!r} in stable-baselines3 or sb3-contrib") from None
-
-
-def read_record(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The training record beside a policy, `policy.json` beside `policy.zip`; empty if there is none.
-
-    Used here: "algorithm", and "env", the options of `FurutaID-v0` that the policy was trained with.
-    """
-    file = Path(path).with_suffix(".json")
-    if not file.exists():
-        return {}
-    try:
-        record = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{file}: the training record is not JSON: {error}") from error
-    if not isinstance(record, dict):
-        raise ValueError(f'{file}: a training record is a mapping with "algorithm" and "env"')
-    return record
-
-
 def trained_sample_time(path: str | os.PathLike[str], plant: Plant) -> float:
     """The policy's period [s] from its record; without one, what the env takes for `plant`."""
-    return float((read_record(path).get("env") or {}).get("sample_time") or plant.sample_time or SAMPLE_TIME)
+    env, _ = _settings(Path(path), read_record(path))
+    return float(env.get("sample_time") or plant.sample_time or SAMPLE_TIME)
 
 
 def _clock(plant: Plant, trained: float) -> float:
@@ -168,27 +114,27 @@ def load_policy(
     plant: Plant,
     sample_time: float | None = None,
     sensors: Sensors | None = None,
+    *,
+    trust: bool = False,
     **options: Any,
 ) -> LearnedController:
-    """The policy in `path` (stable-baselines3's zip) as a controller for `plant`.
+    """The policy in `path` as a controller for `plant`.
 
     sample_time [s]: of the loop that it is played in; default is the plant's where the trained period is a multiple
-    of it, else that period. The training record says how the policy saw the env. Without a record the observation's
-    size gives the history, and an action space of ±1 means shares of u_max. Raises FileNotFoundError, or ValueError
-    if the file is no policy, was made for another observation, for a plant whose command has another unit, or for a
-    sample time that is no multiple of the one asked for.
+    of it, else that period. trust: also read a zip of stable-baselines3, which runs what is in it. The training record
+    says how the policy saw the env. Without a record the observation's size gives the history, and an action space of
+    ±1 means shares of u_max. Raises FileNotFoundError, or ValueError if the file is no policy, was made for another
+    observation, for scaled ones, for a plant whose command has another unit, or for a sample time that is no multiple
+    of the one asked for.
     """
     path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"no policy at {path}; train one with `furuta train … -o {path}`")
-    record = read_record(path)
-    env: Mapping[str, Any] = record.get("env") or {}
-    rig: Mapping[str, Any] = record.get("plant") or {}
+    network, record = read_policy(path, trust)
+    env, rig = _settings(path, record)
     if rig.get("unit", plant.unit) != plant.unit:
         raise ValueError(
             f"{path} was trained on a plant whose command is in {rig['unit']}; this plant's is in {plant.unit}"
         )
-    trained = trained_sample_time(path, plant)
+    trained = float(env.get("sample_time") or plant.sample_time or SAMPLE_TIME)
     T = float(sample_time or _clock(plant, trained))
     every = max(1, round(trained / T))
     if env.get("sample_time") is None:  # nothing is known: it acts at every sample
@@ -198,32 +144,24 @@ def load_policy(
             f"{path} was trained with a sample time of {trained:g} s and is asked to play at {T:g} s; "
             f"pass sample_time={trained:g} or a whole fraction of it, or train it again at {T:g} s"
         )
-    network = _Network(path, str(record.get("algorithm") or _algorithm_of(path)))
-    try:
-        model = network.model()
-    except (ValueError, KeyError, AssertionError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: cannot be read as a stable-baselines3 policy: {error}") from error
     observe_command = bool(env.get("observe_command", False))
     frame = FRAME + observe_command
-    shape = model.observation_space.shape or ()
-    history = int(env.get("history", 0)) or (shape[0] // frame if len(shape) == 1 else 0)
-    if shape != (history * frame,) or model.action_space.shape != (1,):
+    history = env.get("history") or network.size // frame
+    if network.size != history * frame:
         raise ValueError(
-            f"{path} was made for observations of shape {shape} and actions of shape {model.action_space.shape}; "
-            f"FurutaID-v0 with history={max(history, 1)} gives ({max(history, 1) * frame},) and takes (1,)"
+            f"{path} was made for observations of shape ({network.size},); "
+            f"FurutaID-v0 with history={max(history, 1)} gives ({max(history, 1) * frame},)"
         )
-    if abs(float(model.observation_space.high[3]) - SPEED_LIMIT) > 1e-3:
+    if env.get("scale_observation") or env.get("action_time") is not None:
         raise ValueError(
             f"{path} was trained on scaled observations with speeds from faster samples, as FurutaBalance-v0 and "
             "FurutaSwingUp-v0 give them, which only those environments can play; train it with `furuta train`"
         )
-    high = float(model.action_space.high[0])
-    normalized = bool(env.get("normalize_action", abs(high - 1.0) < 1e-6 and abs(plant.u_max - 1.0) > 1e-6))
-    task = str(env.get("task", "balance"))
+    shares = abs(network.limit - 1.0) < 1e-6 and abs(plant.u_max - 1.0) > 1e-6
     settings = {
         "velocity_cutoff": float(env.get("velocity_cutoff") or choose_sensors(plant, sensors).velocity_cutoff),
         "arm_limit": float(env.get("arm_limit") or 2 * np.pi),
-        "tasks": ("balance", "swing_up") if task == "swing_up" else ("balance",),
+        "tasks": ("balance", "swing_up") if env.get("task") == "swing_up" else ("balance",),
     }
     return LearnedController(
         path.name,
@@ -232,21 +170,36 @@ def load_policy(
         T,
         history=history,
         observe_command=observe_command,
-        normalized=normalized,
+        normalized=bool(env.get("normalize_action", shares)),
         trained_u_max=rig.get("u_max"),
         every=every,
         **settings | options,
     )
 
 
-def _algorithm_of(path: Path) -> str:
-    """The algorithm that wrote a policy, from the module of its policy class inside the zip."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            data = json.loads(archive.read("data"))
-        module = data["policy_class"]["__module__"]  # such as stable_baselines3.sac.policies
-    except (zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} is no policy that stable-baselines3 saved: {error}") from error
-    if module.startswith("stable_baselines3.common"):
-        return "PPO"  # A2C shares its policies; a record tells them apart
-    return module.split(".")[1].upper()
+_RANGES = {"sample_time": (1e-4, 1.0), "velocity_cutoff": (1e-3, 1e6), "arm_limit": (0.01, 1e3)}
+
+
+def _settings(path: Path, record: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """What the record says of the env and of the plant, each value of its type and within the env's own limits."""
+    env, rig = record.get("env") or {}, record.get("plant") or {}
+    if not isinstance(env, Mapping) or not isinstance(rig, Mapping):
+        raise ValueError(f'{path}: "env" and "plant" of the training record must be mappings')
+    wrong = [f"{n} = {env[n]!r}" for n, span in _RANGES.items() if env.get(n) is not None and not _within(env[n], span)]
+    wrong += [
+        f"{n} = {env[n]!r}" for n in ("observe_command", "normalize_action") if type(env.get(n, True)) is not bool
+    ]
+    history, task = env.get("history"), env.get("task", "balance")
+    if history is not None and not (type(history) is int and 1 <= history <= 100):
+        wrong.append(f"history = {history!r}")
+    if task not in TASKS:
+        wrong.append(f"task = {task!r}")
+    if not _within(rig.get("u_max", 1.0), (1e-300, 1e300)):
+        wrong.append(f"u_max = {rig['u_max']!r}")
+    if wrong:
+        raise ValueError(f"{path}: the training record has values that no env has: {', '.join(wrong)}")
+    return env, rig
+
+
+def _within(value: Any, span: tuple[float, float]) -> bool:
+    return type(value) in (int, float) and span[0] <= value <= span[1]

@@ -146,4 +146,8 @@ def build_state_feedback(
     """A `LinearController` that feeds back [q1, q2, q̇1, q̇2] (and the command path, when K is that long)."""
     K = np.asarray(K, dtype=float).ravel()
     law = state_feedback(K, model, sensors.velocity_cutoff, command_path=K.size > 4)
-    return LinearController(name, law, plant, model, **options)
+    controller = LinearController(name, law, plant, model, **options)
+    if K.size == 4 and not plant.effects:
+        q1, q2, v1, v2 = map(float, K)
+        controller.feedback_gain = q1, v1, q2, v2
+    return controller

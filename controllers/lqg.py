@@ -7,7 +7,7 @@ import numpy as np
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model
+from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
 from .linear import LinearController, observer_feedback
 from .lqr import dlqr_gain
 
@@ -26,7 +26,7 @@ def kalman_gain(model: DesignModel, R: np.ndarray) -> np.ndarray:
     import control
 
     n = model.size
-    _, P, _ = control.dlqe(model.A, np.eye(n), model.C, model.noise, R)
+    _, P, _ = riccati(control.dlqe, model.A, np.eye(n), model.C, model.noise, R)
     C = model.C
     return np.linalg.solve(C @ P @ C.T + R, C @ P).T
 

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model
+from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
 from .linear import LinearController, LinearLaw, state_feedback
 
 INTEGRAL_TIME = 2.0  # s; an arm error held for so long weighs as much as the error itself
@@ -22,7 +22,7 @@ def lqi_gain(model: DesignModel, weights: Weights, integral_time: float = INTEGR
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[n, 0], A[n, n] = model.A, T, 1.0
     Q = block_diag(model.widened(weights.Q), (weights.q1 * integral_time) ** -2)
-    return control.dlqr(A, np.vstack([model.B, [[0.0]]]), Q, weights.R)[0].ravel()
+    return riccati(control.dlqr, A, np.vstack([model.B, [[0.0]]]), Q, weights.R)[0].ravel()
 
 
 def with_integral(law: LinearLaw, gain: float, sample_time: float, unwinding_time: float) -> LinearLaw:

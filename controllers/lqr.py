@@ -7,7 +7,7 @@ import numpy as np
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, linear_plant
+from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, linear_plant, riccati
 from .linear import LinearController, build_state_feedback
 
 
@@ -17,14 +17,14 @@ def lqr_gain(plant: Plant, weights: Weights | None = None) -> np.ndarray:
 
     weights = weights or Weights.of(plant)
     linear = linear_plant(plant)
-    return control.lqr(linear.A, linear.B, weights.Q, weights.R)[0].ravel()
+    return riccati(control.lqr, linear.A, linear.B, weights.Q, weights.R)[0].ravel()
 
 
 def dlqr_gain(model: DesignModel, weights: Weights) -> np.ndarray:
     """K (n,) over the states of the sampled model, its delay and lag included, by `control.dlqr`."""
     import control
 
-    return control.dlqr(model.A, model.B, model.widened(weights.Q), weights.R)[0].ravel()
+    return riccati(control.dlqr, model.A, model.B, model.widened(weights.Q), weights.R)[0].ravel()
 
 
 def design_lqr(

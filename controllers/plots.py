@@ -20,7 +20,10 @@ _TITLES = {
 
 
 def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
-    """Bars with 95 % intervals for groups of one condition, a map of success and rms q2 for the others."""
+    """Bars with 95 % intervals for groups of one condition, a map of success and rms q2 for the others.
+
+    Writes `comparison_{group}.png` into an existing folder for each group of trials; the paths.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from furuta_gym.plant import Plant
-
-from .trials import pace
+from furuta_gym.plant.parameters import pendulum_frequency
 
 HORIZON = 2.0  # s; rewards so far ahead count 1/e. A swing-up takes half a second to two
 EPISODE = 8.0  # s; long enough to swing up and then to hold, which is where most of the reward is
@@ -95,6 +94,8 @@ def discount(period: float) -> float:
 
 
 def observation_scale(plant: Plant, history: int, observe_command: bool) -> list[float]:
-    """Factors that bring every entry of the observation to about one: speeds are counted in the pendulum's `pace`."""
-    frame = [1.0, 1.0, 1.0, 1.0 / pace(plant), 1.0 / pace(plant)] + [1.0] * observe_command
+    """Factors that bring every entry of the observation to about one: speeds are counted in the pendulum's
+    frequency."""
+    w = pendulum_frequency(plant.theta)
+    frame = [1.0, 1.0, 1.0, 1.0 / w, 1.0 / w] + [1.0] * observe_command
     return frame * history

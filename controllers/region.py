@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .base import DesignError
@@ -55,7 +56,7 @@ def region_of_attraction(
     levels = highest * np.linspace(1.0 / tries, 1.0, tries)
     x0 = np.vstack([np.zeros(tries), directions * np.sqrt(levels)])
     starts = Starts(x0, np.zeros(tries), np.zeros(tries))
-    duration = 30.0 / np.sqrt(abs(plant.theta[4] / plant.theta[3]))
+    duration = 30.0 / pendulum_frequency(plant.theta)
     outcome = run_trials(plant, controller, starts, duration, controller.sample_time, sensors, seed=seed)
     lowest = np.flatnonzero(~outcome.success)
     inside = int(lowest[0]) if lowest.size else tries

@@ -15,7 +15,7 @@ from .base import Controller, DesignError
 
 @dataclass(frozen=True)
 class Design:
-    """Where a controller's design function is, and one line on what it does."""
+    """Where a controller's design function is (a module here, as `.lqr`, or a full path), and what it does."""
 
     module: str
     function: str
@@ -23,18 +23,18 @@ class Design:
 
     @property
     def build(self) -> Callable[..., Controller]:
-        return getattr(import_module(f".{self.module}", __package__), self.function)
+        return getattr(import_module(self.module, __package__), self.function)
 
 
 CONTROLLERS: dict[str, Design] = {
-    "paper-lqr": Design("paper_lqr", "design_paper_lqr", "the paper's gain (24), u = −K x; for the paper's rig only"),
-    "lqr": Design("lqr", "design_lqr", "continuous LQR, velocities by a filtered difference"),
-    "dlqr": Design("lqr", "design_dlqr", "LQR of the sampled plant, its delay and lag included"),
-    "lqg": Design("lqg", "design_lqg", "dlqr on the state of a Kalman filter that knows the encoders"),
-    "lqr-friction": Design("lqr_friction", "design_lqr_friction", "dlqr that cancels the arm's friction"),
-    "lqg-friction": Design("lqr_friction", "design_lqg_friction", "lqg that cancels the arm's friction"),
-    "lqi": Design("lqi", "design_lqi", "dlqr with integral action on the arm angle"),
-    "swing-up": Design("swing_up", "design_swing_up", "energy swing-up, then dlqr inside its region of attraction"),
+    "paper-lqr": Design(".paper_lqr", "design_paper_lqr", "the paper's gain (24), u = −K x; for the paper's rig only"),
+    "lqr": Design(".lqr", "design_lqr", "continuous LQR, velocities by a filtered difference"),
+    "dlqr": Design(".lqr", "design_dlqr", "LQR of the sampled plant, its delay and lag included"),
+    "lqg": Design(".lqg", "design_lqg", "dlqr on the state of a Kalman filter that knows the encoders"),
+    "lqr-friction": Design(".lqr_friction", "design_lqr_friction", "dlqr that cancels the arm's friction"),
+    "lqg-friction": Design(".lqr_friction", "design_lqg_friction", "lqg that cancels the arm's friction"),
+    "lqi": Design(".lqi", "design_lqi", "dlqr with integral action on the arm angle"),
+    "swing-up": Design(".swing_up", "design_swing_up", "energy swing-up, then dlqr inside its region of attraction"),
 }
 
 
@@ -43,12 +43,15 @@ def make_controller(
     plant: Plant | str | os.PathLike[str],
     sample_time: float | None = None,
     sensors: Sensors | None = None,
+    *,
+    trust: bool = False,
     **options: Any,
 ) -> Controller:
     """The controller called `name`, designed for `plant`; or a learned policy, when `name` is a file `*.zip`.
 
     sample_time [s]: default is the plant's, else 2 ms. sensors: default is what the plant file says, else 4096-count
-    encoders. options go to the design function (`weights`, `reference`, …). Raises ValueError for an unknown name
+    encoders. trust: also read a policy of stable-baselines3, which runs the code in it. options go to the design
+    function (`weights`, `reference`, …). Raises ValueError for an unknown name
     (the message lists the names), DesignError if the plant cannot be controlled so, FileNotFoundError for a missing
     policy.
     """
@@ -57,7 +60,7 @@ def make_controller(
     if text.endswith(".zip"):
         from .learned import load_policy
 
-        return load_policy(text, plant, sample_time, sensors, **options)
+        return load_policy(text, plant, sample_time, sensors, trust=trust, **options)
     if text not in CONTROLLERS:
         near = difflib.get_close_matches(text.lower().replace("_", "-"), CONTROLLERS, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
@@ -66,7 +69,10 @@ def make_controller(
 
 
 def usual_controller(plant: Plant | str | os.PathLike[str], sample_time: float | None = None) -> Controller:
-    """The paper's LQR where it holds the plant, else an LQR of its own."""
+    """The paper's LQR where it holds the plant, else an LQR of its own.
+
+    sample_time [s]: default is the plant's, else 2 ms. Raises DesignError if no LQR controls the plant.
+    """
     try:
         return make_controller("paper-lqr", plant, sample_time)
     except DesignError:

@@ -1,7 +1,4 @@
-"""What stable-baselines3 is given besides the env: scaled observations and rewards, and callbacks.
-
-Policy files name `ScaledObservation` by this module, so it must keep its place.
-"""
+"""What stable-baselines3 is given besides the env: scaled observations and rewards, and callbacks."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, Reference
@@ -51,8 +52,8 @@ class SwingUp(Controller):
         self.balancer = build_state_feedback("dlqr", dlqr_gain(model, weights), model, plant, sensors)
         self.region = region or region_of_attraction(self.balancer, plant, sensors, weights)
         self._law, self._matrix = self.balancer.law, self.balancer._matrix
-        th1, _, th3, th4, th5 = plant.theta[:5]
-        self.pace = float(np.sqrt(abs(th5 / th4)))
+        th1, _, th3 = plant.theta[:3]
+        self.pace = pendulum_frequency(plant.theta)
         # a square wave of acceleration A ω² at the pendulum's pace moves the arm by about A to either side
         self.largest_acceleration = min(ARM_SWING * self.pace**2, 0.7 * min(np.abs(self.balancer.limits)) / th1)
         self._side = float(np.sign(th3))

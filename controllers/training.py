@@ -1,22 +1,26 @@
 """Learn a policy on the compiled batch, keep it with a record of how it was made, and go on where it stopped.
 
-policy.zip          the best network met (stable-baselines3's file)
-policy.json         the record: command, seed, versions, plant, env options, settings, evaluation
+policy.zip          the best network met, with all that learning goes on from (see `policy_file`)
+policy.json         its record again, to be read: command, seed, versions, plant, env options, settings, evaluation
 policy.checkpoint/  only while learning or after an interruption: what `resume` goes on from
 """
 
-import json
 import math
 import os
 import shutil
-import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from .learned import algorithm_class, read_record
+from furuta_gym.files import locked
+
+from .checkpoint import has_checkpoint, read_checkpoint, write_checkpoint
+from .layers import network_of
+from .learning_state import Arrays, memory_of, parameters_of, put_memory, put_parameters
+from .policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
 from .recipes import discount, observation_scale
+from .sb3_files import algorithm_class, load_sb3
 from .training_record import OTHER_SEED, evaluate, record_of, write_record
 from .training_setup import Training
 
@@ -31,6 +35,7 @@ def train(
     path: str | os.PathLike[str],
     *,
     resume: bool = False,
+    trust: bool = False,
     tensorboard: str | os.PathLike[str] | None = None,
     command: str | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -38,8 +43,9 @@ def train(
     """Learn, write `path` (*.zip) and its record beside it, and return the record.
 
     resume: go on from the checkpoint of an interrupted run, else from the policy at `path`, up to `training.steps` in
-    all. It does not repeat what an uninterrupted run would have done: random streams start anew. tensorboard: folder
-    for logs. command: as typed, for the record. progress(done, of) in env steps.
+    all. It does not repeat what an uninterrupted run would have done: random streams start anew. trust: go on from a
+    policy of stable-baselines3 too, which runs the code in it. tensorboard: folder for logs. command: as typed, for the
+    record. progress(done, of) in env steps.
 
     Raises ValueError if `path` exists (without resume) or is no *.zip, or if there is nothing to resume or it was made
     for another task, algorithm, plant or observation, or without stable-baselines3.
@@ -54,22 +60,34 @@ def train(
     torch.set_num_threads(1)  # networks this small lose by sharing
     wall, cpu = time.perf_counter(), time.process_time()
     try:
-        run = _resumed(training, path, checkpoint) if resume else _started(training, checkpoint)
-        run.learn(tensorboard, progress or (lambda done, of: None))
-        spent = {"wall_s": round(time.perf_counter() - wall, 2), "cpu_s": round(time.process_time() - cpu, 2)}
-        return run.finish(path, command, spent)
+        with locked(path):
+            try:
+                run = _resumed(training, path, checkpoint, trust) if resume else _started(training, checkpoint)
+                run.learn(tensorboard, progress or (lambda done, of: None))
+                spent = {"wall_s": round(time.perf_counter() - wall, 2), "cpu_s": round(time.process_time() - cpu, 2)}
+                return run.finish(path, command, spent)
+            finally:
+                if not has_checkpoint(checkpoint):  # stopped before there was anything to go on from
+                    shutil.rmtree(checkpoint, ignore_errors=True)
     finally:
         torch.set_num_threads(threads)
-        if not (checkpoint / "state.json").exists():  # stopped before there was anything to go on from
-            shutil.rmtree(checkpoint, ignore_errors=True)
 
 
 class _Run:
-    """A model on its way, with its checkpoint's folder. resumed_at: steps at which earlier sittings ended."""
+    """A model on its way, with its checkpoints' folder. resumed_at: steps at which earlier sittings ended. best: the
+    parameters with the best return so far."""
 
-    def __init__(self, training: Training, folder: Path, model: Any, best_return: float, resumed_at: list[int]) -> None:
+    def __init__(
+        self,
+        training: Training,
+        folder: Path,
+        model: Any,
+        best_return: float,
+        resumed_at: list[int],
+        best: Arrays | None = None,
+    ) -> None:
         self.training, self.folder, self.model = training, folder, model
-        self.best_return, self.resumed_at = best_return, resumed_at
+        self.best_return, self.resumed_at, self.best = best_return, resumed_at, best
         folder.mkdir(parents=True, exist_ok=True)
 
     def learn(self, tensorboard: Any, progress: Callable[[int, int], None]) -> None:
@@ -85,7 +103,7 @@ class _Run:
             trial,
             n_eval_episodes=_EVALUATION_ENVS,
             eval_freq=max(1, steps // (_EVALUATIONS * self.training.recipe.envs)),
-            best_model_save_path=str(self.folder),
+            callback_on_new_best=Then(self._keep_best),
             callback_after_eval=Then(lambda: self._keep(float(evaluation.best_mean_reward))),
             verbose=0,
         )
@@ -99,23 +117,23 @@ class _Run:
         )
 
     def _keep(self, best_return: float) -> None:
-        """Write the checkpoint, each file whole. Its state comes last: it says that the rest is there."""
+        """Write a checkpoint."""
         self.best_return = best_return
-        save = {"model.zip": self.model.save}
+        state = self.training.identity | {
+            "steps": int(self.model.num_timesteps),
+            "best_return": best_return if math.isfinite(best_return) else None,
+            "resumed_at": self.resumed_at,
+        }
+        arrays = {"model": parameters_of(self.model), "best": self.best or parameters_of(self.model)}
         if self.training.recipe.off_policy:
-            save["replay_buffer.pkl"] = self.model.save_replay_buffer
-        for name, write in save.items():
-            write(self.folder / f"new-{name}")
-        for name in save:
-            os.replace(self.folder / f"new-{name}", self.folder / name)
-        state = self.training.identity | {"best_return": best_return, "resumed_at": self.resumed_at}
-        (self.folder / "state.json").write_text(json.dumps(state), encoding="utf-8")
+            arrays["memory"] = memory_of(self.model)
+        write_checkpoint(self.folder, state, arrays)
+
+    def _keep_best(self) -> None:
+        self.best = parameters_of(self.model)
 
     def finish(self, path: Path, command: str | None, spent: dict[str, float]) -> dict[str, Any]:
         """Play the best network in the trials that controllers are compared in, and write it with its record."""
-        best = self.folder / "best_model.zip"
-        if not best.exists():  # too few steps for a single evaluation
-            self.model.save(best)
         record = record_of(
             self.training,
             command=command,
@@ -124,20 +142,23 @@ class _Run:
             best_return=self.best_return if math.isfinite(self.best_return) else None,
             spent=spent,
         )
-        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-            policy = Path(folder) / path.name
-            shutil.copy(best, policy)  # not moved: what fails below must not lose it
-            write_record(policy.with_suffix(".json"), record)  # tells the trials how the policy sees the rig
-            record["evaluation"] = evaluate(policy, self.training)
-            write_record(policy.with_suffix(".json"), record)
-            os.replace(policy.with_suffix(".json"), path.with_suffix(".json"))
-            os.replace(policy, path)
+        if self.best is not None:  # else there were too few steps for a single evaluation
+            put_parameters(self.model, self.best)
+        network = network_of(self.model)
+        candidate = write_policy(self.folder / path.name, network, record)
+        record["evaluation"] = evaluate(candidate, self.training)
+        write_policy(path, network, record, parameters_of(self.model))
+        write_record(path.with_suffix(".json"), record)
         shutil.rmtree(self.folder)
         return record
 
 
 def _started(training: Training, folder: Path) -> _Run:
     """A run from nothing."""
+    return _Run(training, folder, _model(training), -math.inf, [])
+
+
+def _model(training: Training) -> Any:
     from torch import nn
 
     from .sb3 import ScaledObservation
@@ -150,7 +171,7 @@ def _started(training: Training, folder: Path) -> _Run:
         "net_arch": list(plan.layers),
         "activation_fn": getattr(nn, plan.activation),
     }
-    model = algorithm_class(plan.name)(
+    return algorithm_class(plan.name)(
         "MlpPolicy",
         _learning_env(training),
         gamma=discount(training.setup.sample_time),
@@ -159,46 +180,65 @@ def _started(training: Training, folder: Path) -> _Run:
         device="cpu",
         **plan.settings,
     )
-    return _Run(training, folder, model, -math.inf, [])
 
 
-def _resumed(training: Training, path: Path, folder: Path) -> _Run:
+def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
     """The interrupted run in `folder`, or the finished policy at `path`, to be gone on with."""
-    state, file = folder / "state.json", folder / "model.zip"
-    if not state.exists():
-        if not path.exists():
-            raise ValueError(f"--resume: there is neither {folder} nor {path} to go on from; leave --resume out")
-        state, file = path.with_suffix(".json"), path
-    try:
-        known = json.loads(state.read_text(encoding="utf-8")) if state.parent == folder else read_record(path)
-    except ValueError as error:
-        raise ValueError(f"{state}: cannot be read: {error}; train anew under another name") from error
+    kept = read_checkpoint(folder)
+    source = path if kept is None else folder
+    if kept is None and not path.exists():
+        raise ValueError(f"--resume: there is neither {folder} nor {path} to go on from; leave --resume out")
+    known = read_record(path) if kept is None else kept[0]
+    _check_same(training, known, source)
+    done, best_return, earlier = _progress(known, source)
+    if done >= training.steps:
+        raise ValueError(f"--resume: {source} has {done} steps already; give --steps a larger number (the total)")
+    if kept is None and from_stable_baselines3(path):
+        if not trust:
+            raise ValueError(refusal(path))
+        model = load_sb3(path, training.recipe.name, _learning_env(training))
+        best = parameters_of(model)
+    else:
+        model = _model(training)
+        try:
+            arrays = {"best": read_learning(path)} if kept is None else kept[1]
+            best = arrays["best"]
+            put_parameters(model, best)  # both must fit, so that the best one cannot fail at the end
+            put_parameters(model, arrays.get("model", best))
+            if training.recipe.off_policy and "memory" in arrays:
+                put_memory(model, arrays["memory"])
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
+    model.num_timesteps = done  # the network of a finished policy is the best, not the last
+    model.set_random_seed(training.seed + done)  # other episodes than those that it has seen
+    return _Run(training, folder, model, best_return, [*earlier, done], best)
+
+
+def _check_same(training: Training, known: Mapping[str, Any], source: Path) -> None:
     asked = training.identity
     asked |= asked.pop("env")
-    had = known | (known.get("env") or {})
+    env = known.get("env") or {}
+    if not isinstance(env, Mapping):
+        raise ValueError(f'--resume: {source}: "env" of its record must be a mapping, got {env!r}')
+    had = {**known, **env}
     for key, wanted in asked.items():
         if had.get(key) != wanted:
             raise ValueError(
-                f"--resume: {file} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; "
+                f"--resume: {source} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; "
                 "ask for the same, or train anew under another name"
             )
-    model = algorithm_class(training.recipe.name).load(file, env=_learning_env(training), device="cpu")
-    done = max(
-        int(model.num_timesteps), int(known.get("steps", 0))
-    )  # the network that is kept is the best, not the last
-    model.num_timesteps = done
-    if done >= training.steps:
-        raise ValueError(f"--resume: {file} has {done} steps already; give --steps a larger number (the total)")
-    memory = folder / "replay_buffer.pkl"
-    if training.recipe.off_policy and memory.exists():
-        model.load_replay_buffer(memory)
-    model.set_random_seed(training.seed + done)  # other episodes than those that it has seen
-    best = known.get("best_return")
-    earlier = [*known.get("resumed_at", []), done]
-    run = _Run(training, folder, model, -math.inf if best is None else best, earlier)
-    if not (folder / "best_model.zip").exists():
-        shutil.copy(path if path.exists() else file, folder / "best_model.zip")
-    return run
+
+
+def _progress(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int]]:
+    """Steps done, the best return so far, and the steps at which earlier sittings ended."""
+    done, best, earlier = known.get("steps"), known.get("best_return"), known.get("resumed_at") or []
+    number = best is None or (isinstance(best, int | float) and not isinstance(best, bool))
+    if not number or not isinstance(earlier, list) or not all(type(n) is int and n >= 0 for n in [done, *earlier]):
+        raise ValueError(
+            f"--resume: {source}: its record does not say how far it is (steps, best_return, resumed_at); train anew "
+            "under another name"
+        )
+    return int(done), -math.inf if best is None else float(best), earlier  # type: ignore[arg-type]
 
 
 def _learning_env(training: Training) -> Any:

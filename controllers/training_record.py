@@ -7,6 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from furuta_gym.files import write_whole
+
 from .evaluation import compare
 from .recipes import discount
 from .training_setup import Training
@@ -75,4 +77,4 @@ def versions() -> dict[str, str]:
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
     """Write it as JSON."""
     text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)

@@ -1,4 +1,4 @@
-"""Many trials at once: one controller on many rigs side by side, all sampled as `furuta_gym.simulate` samples one."""
+"""Many trials at once: one controller on many rigs side by side, all sampled as `furuta_gym.simulation` samples one."""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.dynamics import advance, substep
+from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import LONGEST_STEP, check_clock
+from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step
 
 from .base import Controller
 
-FALLEN = np.pi / 2  # rad; beyond it only a swing-up brings the pendulum back
+HORIZONTAL = np.pi / 2  # rad from upright; from below it only a swing-up brings the pendulum back
 ARM_TRAVEL = 2 * np.pi  # rad to either side; a cable allows no more
 CALM = 0.05  # rad; a pendulum has settled after a push when it stays within
 PUSH_LENGTH = 0.02  # s
@@ -42,20 +43,17 @@ class Starts:
         return self.x0.shape[1]
 
 
-def pace(plant: Plant) -> float:
-    """√(θ5/θ4) [rad/s], the pendulum's natural frequency: it makes speeds comparable between rigs."""
-    return float(np.sqrt(abs(plant.theta[4] / plant.theta[3])))
-
-
 def balance_starts(
     plant: Plant, n: int, duration: float, rng: np.random.Generator, push: float | NDArray[np.float64] | None = None
 ) -> Starts:
     """n starts near upright, and a push to a random side at 40 to 60 % of the duration.
 
-    |q1| ≤ 0.5 rad, |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 `pace`; push [rad/s], by default 0.2 `pace`.
+    |q1| ≤ 0.5 rad, |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 ω; push [rad/s], by default 0.2 ω. ω is the pendulum's
+    frequency, which makes speeds comparable between rigs.
     """
-    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[0.5], [0.1], [0.1 * pace(plant)], [0.1 * pace(plant)]])
-    size = 0.2 * pace(plant) if push is None else push
+    w = pendulum_frequency(plant.theta)
+    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[0.5], [0.1], [0.1 * w], [0.1 * w]])
+    size = 0.2 * w if push is None else push
     return Starts(x0, size * rng.choice([-1.0, 1.0], n), duration * rng.uniform(0.4, 0.6, n))
 
 
@@ -140,7 +138,7 @@ def run_trials(
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
     P, codes, rows = pack(plants)
-    h_max = substep(max(p.sharpest for p in plants), LONGEST_STEP)
+    h_max = integration_step(max(p.sharpest for p in plants), LONGEST_STEP, T)
     u_max = np.array([p.u_max for p in plants])
     impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright
     first_push, push_samples = np.round(starts.push_time / T), max(1, round(PUSH_LENGTH / T))
@@ -179,7 +177,7 @@ class _Score:
         """Take in the states at sample k; failed trials are stopped. Whether any trial goes on."""
         q1 = np.abs(X[0])
         q2 = np.abs(X[1] - 2 * np.pi * np.round(X[1] / (2 * np.pi))) if self.swing_up else np.abs(X[1])
-        limit = (UPRIGHT if k >= self.hold_from else np.inf) if self.swing_up else FALLEN
+        limit = (UPRIGHT if k >= self.hold_from else np.inf) if self.swing_up else HORIZONTAL
         good = (q1 <= self.arm_travel) & (q2 <= limit)  # False for NaN too
         lost = self.alive & ~good
         if lost.any():

@@ -8,6 +8,8 @@ from typing import Any
 
 from joblib import parallel_config
 
+from furuta_gym.processes import worker_options
+
 BACKENDS = ("loky", "dask")
 
 
@@ -26,7 +28,7 @@ def workers(backend: str, jobs: int) -> Iterator[None]:
             stack.enter_context(_dask(jobs))
             stack.enter_context(parallel_config("dask", n_jobs=-1))
         elif jobs > 1:
-            stack.enter_context(parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1))
+            stack.enter_context(parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1, **worker_options()))
         else:
             stack.enter_context(parallel_config("sequential", n_jobs=1))
         yield

@@ -10,11 +10,23 @@ from numpy.typing import NDArray
 
 from .plant.compiled import compiled
 from .plant.effects.dispatch import read_sensors
+from .plant.parameters import plain_numbers
+
+_LARGEST = 1e12  # of a count, an angle or a cutoff
+
+
+def _array(value: Any) -> NDArray[np.float64]:
+    """Numbers of any shape; NaN for what is none, so that the check after it finds it."""
+    try:
+        return plain_numbers(value)
+    except (TypeError, ValueError, OverflowError):
+        return np.array(np.nan)
 
 
 def _pair(value: Any, name: str) -> tuple[float, float]:
-    pair = np.broadcast_to(np.asarray(value, dtype=float), (2,))
-    if not np.isfinite(pair).all() or (pair < 0).any():
+    pair = _array(value)
+    pair = np.broadcast_to(pair, (2,)) if pair.shape in ((), (1,), (2,)) else np.full(2, np.nan)
+    if not ((pair >= 0) & (pair <= _LARGEST)).all():
         raise ValueError(f"{name} must be one or two numbers that are not negative, got {value!r}")
     return float(pair[0]), float(pair[1])
 
@@ -27,6 +39,7 @@ class Sensors:
     noise_std [rad]: standard deviation of white noise before counting (jitter of the edges, vibration).
     offset [rad]: what is read at zero; it is added before counting.
     velocity_cutoff [rad/s]: corner of the filtered difference that turns readings into velocities.
+    Raises ValueError for counts, noise or a corner that cannot be.
     """
 
     encoder_counts: tuple[float, float] | float | None = 4096
@@ -39,11 +52,12 @@ class Sensors:
             self, "encoder_counts", _pair(0.0 if self.encoder_counts is None else self.encoder_counts, "encoder_counts")
         )
         object.__setattr__(self, "noise_std", _pair(self.noise_std, "noise_std"))
-        offset = np.asarray(self.offset, dtype=float)
-        if offset.shape != (2,) or not np.isfinite(offset).all():
+        offset = _array(self.offset)
+        if offset.shape != (2,) or not (np.abs(offset) <= _LARGEST).all():
             raise ValueError(f"offset must be two finite numbers [rad], got {self.offset!r}")
         object.__setattr__(self, "offset", (float(offset[0]), float(offset[1])))
-        if not (math.isfinite(self.velocity_cutoff) and self.velocity_cutoff > 0):
+        cutoff = _array(self.velocity_cutoff)
+        if cutoff.shape != () or not 0 < cutoff <= _LARGEST:
             raise ValueError(f"velocity_cutoff must be a positive number [rad/s], got {self.velocity_cutoff!r}")
 
     @property

@@ -1,6 +1,61 @@
-"""From measured logs to a plant: logs → signals → regression or predictor → estimate, and diagnosis.
+"""From measured logs to a plant, the gap it leaves, the effect that is missing, and the next experiment.
 
-Each step lives in the module named after its result; import from there, for example
-``from identification.logs import read_log``. This package file imports nothing, so that a light task
-(reading a log) does not pay for a heavy one (compiling an estimator).
+Each name below is loaded when it is used, so that reading a log does not pay for compiling an estimator.
 """
+
+from typing import TYPE_CHECKING
+
+__all__ = [
+    "Diagnosis",
+    "Estimate",
+    "Gap",
+    "Log",
+    "LogError",
+    "LogWarning",
+    "NotIdentifiable",
+    "diagnose",
+    "excite",
+    "identify",
+    "read_log",
+    "read_logs",
+    "validate",
+    "write_log",
+]
+
+# A name here must differ from every submodule's, which takes its place in the package once it is imported.
+_WHERE = {
+    "Diagnosis": ".diagnosis.diagnose",
+    "Estimate": ".estimation.estimate",
+    "Gap": ".validation.gap",
+    "Log": ".logs.log",
+    "LogError": ".logs.log",
+    "LogWarning": ".logs.log",
+    "NotIdentifiable": ".estimation.identifiability",
+    "diagnose": ".diagnosis.diagnose",
+    "excite": ".design.next_experiment",
+    "identify": ".estimation.identify",
+    "read_log": ".logs.log",
+    "read_logs": ".logs.log",
+    "validate": ".validation.gap",
+    "write_log": ".logs.log",
+}
+
+if TYPE_CHECKING:
+    from .design.next_experiment import excite
+    from .diagnosis.diagnose import Diagnosis, diagnose
+    from .estimation.estimate import Estimate
+    from .estimation.identifiability import NotIdentifiable
+    from .estimation.identify import identify
+    from .logs.log import Log, LogError, LogWarning, read_log, read_logs, write_log
+    from .validation.gap import Gap, validate
+else:
+    from importlib import import_module
+
+    def __getattr__(name: str) -> object:
+        if name not in _WHERE:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
+        globals()[name] = value = getattr(import_module(_WHERE[name], __name__), name)
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

@@ -10,7 +10,8 @@ run.truth                   # what it hides
 ```
 """
 
-from .effects import BenchEffect, catalogue
+from .declaration import BenchEffect
+from .effects import catalogue
 from .laboratory import Laboratory
 from .named import list_rigs, rig
 from .programme import EXPERIMENTS

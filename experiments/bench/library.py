@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from .effects import BenchEffect
+from .declaration import BenchEffect
 from .kernels import fields as at
 
 WARM_UP = 12.0  # s, time constant of the exponential form of the drifts

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from .effects import catalogue
 from .rigs import HiddenEffect, Rig
 
 _PAIRS = (
@@ -26,8 +27,6 @@ def _plain(kind: str, number: int, effects: tuple[HiddenEffect, ...], **more) ->
 
 @lru_cache
 def _rigs() -> dict[str, Rig]:
-    from .effects import catalogue
-
     specs: list[tuple[tuple[HiddenEffect, ...], dict]] = []
     for number, e in enumerate(catalogue().values()):
         form = e.forms()[number % len(e.forms())]

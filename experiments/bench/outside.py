@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .effects import BenchEffect
+from .declaration import BenchEffect
 from .kernels import fields as at
 
 

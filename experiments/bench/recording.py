@@ -18,7 +18,7 @@ from .programme import EXPERIMENTS, Plan
 from .programme import experiment as find_experiment
 from .rigs import Rig
 
-FALLEN = 0.8  # rad from upright
+BENCH_FALLEN = 0.8  # rad from upright; a rig that shall balance is lost beyond
 WOUND = 20.0  # rad of the arm, about three turns: the cable is torn off
 
 
@@ -171,7 +171,7 @@ def record(
 def _lost(state: np.ndarray, balances: bool) -> bool:
     if not np.isfinite(state).all() or abs(state[0]) > WOUND:
         return True
-    return balances and abs(state[1]) > FALLEN
+    return balances and abs(state[1]) > BENCH_FALLEN
 
 
 class _Loop:

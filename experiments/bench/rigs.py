@@ -9,7 +9,8 @@ from typing import Any
 
 from . import mujoco_body
 from .chain import Draft
-from .effects import FORMS, BenchEffect, Variation, find
+from .declaration import FORMS, BenchEffect, Variation
+from .effects import find
 from .kernels.fields import RIGID
 from .sets import ParameterSet, parameter_set
 

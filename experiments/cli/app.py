@@ -7,6 +7,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from furuta_gym.processes import ending_in_order
+
 from .compare import compare_command
 from .demo import demo_command
 from .diagnose import DiagnoseCommand, diagnose_command
@@ -19,13 +21,25 @@ from .train import train_command
 from .trials import trials_command
 from .validate import validate_command
 
+KEPT: dict[str | None, str] = {
+    None: "Nothing was written; results of an earlier run are as they were.",
+    "demo": "The files of the steps that were finished are there.",
+    "trials": "What was answered is kept: the same command goes on from there.",
+}
+"""What Ctrl-C leaves of each command."""
+
 
 class ExplainingGroup(TyperGroup):
     """Runs a command with `explained` around it."""
 
     def invoke(self, ctx: Any) -> Any:
-        with explained(traceback=bool(ctx.params.get("traceback"))):
-            return super().invoke(ctx)
+        with explained(traceback=bool(ctx.params.get("traceback"))), ending_in_order():
+            try:
+                return super().invoke(ctx)
+            except KeyboardInterrupt:
+                command = ctx.invoked_subcommand
+                typer.echo(f"Interrupted. {KEPT.get(command, KEPT[None])}", err=True)
+                raise typer.Exit(130) from None
 
 
 app = typer.Typer(

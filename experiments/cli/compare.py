@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 
 from . import options as opt
-from .output import busy, check_folder, print_json, progress_bar, whole_folder
+from .output import busy, check_folder, print_json, progress_bar
+from .whole import whole_folder
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison
@@ -37,6 +38,7 @@ def compare_command(
     ] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Film every controller at work: CONTROLLER.gif.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
+    trust: opt.Trust = False,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -49,6 +51,7 @@ def compare_command(
     from controllers.conditions import GROUPS
     from controllers.evaluation import compare
     from controllers.film import require_film
+    from controllers.plots import draw_comparison
 
     if gif:
         require_film()
@@ -67,9 +70,10 @@ def compare_command(
                 groups=chosen,
                 seed=seed,
                 jobs=jobs,
+                trust=trust,
                 progress=lambda done, of: bar.update(task, completed=done, total=of),
             )
-        written = [path.name for path in result.save(folder)]
+        written = [path.name for path in (result.save(folder), *draw_comparison(result, folder))]
         if gif:
             with busy("filming …"):
                 written += _films(result, "swing_up" in chosen, folder, seed)

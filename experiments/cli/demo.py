@@ -19,7 +19,7 @@ def demo_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """The whole story in some minutes: log → plant → held-out check → what is missing → controllers compared."""
-    from experiments.demo import run_demo
+    from experiments.demo.story import run_demo
     from experiments.report import require_extra
 
     require_extra()

@@ -10,11 +10,11 @@ import typer
 from typer.core import TyperCommand
 
 from . import options as opt
-from .output import errors, print_json, whole_folder, write_json
+from .output import check_folder, errors, print_json, write_json
+from .whole import whole_folder
 
 if TYPE_CHECKING:
     from experiments.report import Examination
-    from identification.logs import Log
 
 
 class DiagnoseCommand(TyperCommand):
@@ -41,6 +41,14 @@ def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]
     return given
 
 
+def _show_policy(wanted: bool) -> None:
+    if wanted:
+        from identification.diagnosis.policy import DecisionPolicy
+
+        typer.echo(DecisionPolicy().table())
+        raise typer.Exit
+
+
 def diagnose_command(
     logs: opt.Logs,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html.")],
@@ -53,6 +61,12 @@ def diagnose_command(
         ),
     ] = None,
     plant: Annotated[str | None, typer.Option(help="Plant to start from; default: from the logs.")] = None,
+    policy: Annotated[
+        bool,
+        typer.Option(
+            "--policy", help="Print every threshold with its reason, and stop.", is_eager=True, callback=_show_policy
+        ),
+    ] = False,
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 3,
     columns: opt.Columns = None,
     unit: opt.Unit = None,
@@ -67,15 +81,15 @@ def diagnose_command(
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
     from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
     from furuta_gym.plant import Plant
-    from identification.logs import read_logs
+    from identification.logs.log import read_logs
 
     require_extra()
+    check_folder(output)
     if plant is not None:
         Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
-    read = opt.skipped(read_logs(logs, **mapping), skip)
-    held = opt.skipped(read_logs(held_out, constant_command="ignore", **mapping), skip) if held_out else ()
-    _check_apart(read, held)
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
+    read = read_logs(logs, **mapping)
+    held = read_logs(held_out, constant_command="ignore", **mapping) if held_out else ()
     from identification.diagnosis.diagnose import diagnose
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
@@ -84,9 +98,8 @@ def diagnose_command(
         def tell(text: str) -> None:
             status.update(f"{text} …")
 
-        found = diagnose(read, plant, max_effects, progress=tell)
+        found = diagnose(read, held, plant, max_effects, progress=tell)
         examination = examine(found, read, held, progress=tell)
-        found = examination.diagnosis
         result = examination.to_dict()
         write_json(folder / "diagnosis.json", result)
         if found.plant is not None:
@@ -103,18 +116,6 @@ def diagnose_command(
     written = ["diagnosis.json", *(["plant.json"] if found.plant else []), "report.html"]
     written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
-
-
-def _check_apart(fitted: Sequence[Log], held: Sequence[Log]) -> None:
-    """Held-out logs must be others, of the same command. Raises ValueError."""
-    if both := {log.sha256 for log in fitted} & {log.sha256 for log in held}:
-        names = ", ".join(log.source for log in held if log.sha256 in both)
-        raise ValueError(f"{names} is searched and held out at once; hold out a log that is not fitted")
-    if units := {log.input_unit for log in held} - {fitted[0].input_unit}:
-        raise ValueError(
-            f"the held-out logs' command is in {', '.join(sorted(units))}, the others' in {fitted[0].input_unit}; "
-            "they must agree (--input-unit)"
-        )
 
 
 def _evidence(x: Examination) -> list[str]:

@@ -12,8 +12,8 @@ from .output import busy, print_json
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
-    from identification.excitation_between import Separation
-    from identification.excitation_design import Design
+    from identification.design.d_optimal import Design
+    from identification.design.discriminate import Separation
 
 
 def excite_command(
@@ -38,22 +38,19 @@ def excite_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Design an experiment: D-optimal for θ, or the one that tells effects apart, with the precision to expect."""
-    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"], [Path(plant)])
+    opt.log_file(output, [Path(plant)])
     if duration is not None and not 0 < duration <= 600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
     if sample_time is not None and not 0 < sample_time <= 1:
         raise ValueError(f"--sample-time {sample_time}: expected seconds, above 0 and at most 1")
     given = _limits(limits)
-    names = None if between is None else [name.strip() for name in between.split(",")]
-    from furuta_gym.plant import Plant
+    from furuta_gym import Plant
+    from identification import excite
 
     rig = Plant.resolve(plant)
     policy = _policy(controller, rig, sample_time)
     with busy("designing …"):
-        if names is None:
-            result = _design(rig, policy, given, duration or 20.0, sample_time, seed)
-        else:
-            result = _between(rig, names, policy, given, duration or 10.0, sample_time, seed)
+        result = excite(rig, between, policy, limits=given, duration=duration, sample_time=sample_time, seed=seed)
     column = "u" if result.whole_command else "d"
     _write(output, result, column, {"plant": plant, "controller": getattr(policy, "name", "none")})
     if as_json:
@@ -92,36 +89,8 @@ def _policy(name: str | None, rig: Plant, sample_time: float | None) -> Any:
     return usual_controller(rig, sample_time)
 
 
-def _design(
-    rig: Plant, policy: Any, given: dict[str, float], duration: float, sample_time: float | None, seed: int
-) -> Design:
-    from dataclasses import replace
-
-    from identification.excitation_design import design
-    from identification.experiment import Setup
-
-    setup = Setup.of(rig, policy, duration, sample_time)
-    return design(setup, replace(setup.usual_limits, **given), seed)
-
-
-def _between(
-    rig: Plant,
-    names: list[str],
-    policy: Any,
-    given: dict[str, float],
-    duration: float,
-    sample_time: float | None,
-    seed: int,
-) -> Separation:
-    from identification.excitation_between import between
-    from identification.experiment import Limits
-
-    limits = Limits(**given) if given else None
-    return between(rig, names, policy, limits, duration=duration, sample_time=sample_time, seed=seed)
-
-
 def _write(path: Path, result: Design | Separation, column: str, facts: dict[str, str]) -> None:
-    from identification.readers import write_table
+    from identification.logs.formats import write_table
 
     t, d = result.samples()
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -38,6 +38,7 @@ def export_command(
     soft_start: Annotated[
         float | None, typer.Option(help="C: seconds over which the command grows to its full size.", min=0.0)
     ] = None,
+    trust: opt.Trust = False,
     as_json: opt.AsJson = False,
 ) -> None:
     """Take a result elsewhere: a C header for firmware, ONNX for a policy, MuJoCo XML for the plant."""
@@ -54,29 +55,29 @@ def export_command(
     if kind is Format.mjcf:
         if chosen is not None:
             raise ValueError(f"MJCF holds the plant alone; leave {chosen} out, or take --format c or onnx")
-        from controllers.export_mjcf import export_mjcf
+        from controllers.exports.mjcf import export_mjcf
 
         export_mjcf(rig, output)
     elif kind is Format.onnx:
         if chosen is None or not chosen.endswith(".zip"):
             raise ValueError(f"ONNX is for learned policies; expected a file *.zip, got {chosen or 'none'}")
-        from controllers.export_onnx import export_onnx
+        from controllers.exports.onnx import export_onnx
 
-        export_onnx(chosen, rig, output, sample_time)
+        export_onnx(chosen, rig, output, sample_time, trust=trust)
     else:
         if chosen is None:
             raise ValueError("C is for controllers; expected one such as --controller lqg")
         from controllers import make_controller
         from controllers.envelope import Envelope
 
-        made = make_controller(chosen, rig, sample_time)
+        made = make_controller(chosen, rig, sample_time, trust=trust)
         options = {"single": single, "envelope": Envelope.of(made, soft_start=soft_start)}
         if chosen.endswith(".zip"):
-            from controllers.export_policy_c import export_policy_c
+            from controllers.exports.policy_c import export_policy_c
 
             export_policy_c(made, output, **options)  # type: ignore[arg-type]
         else:
-            from controllers.export_c import export_c
+            from controllers.exports.c import export_c
 
             export_c(made, output, **options)
     if as_json:

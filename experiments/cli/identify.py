@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from identification.estimation.methods import DEFAULT, METHODS, method_named
+
 from . import options as opt
 from .output import busy, print_json
-
-
-class Method(StrEnum):
-    """As `identification.identify.METHODS`, which is too slow to import for --help."""
-
-    prediction_error = "prediction-error"
-    filtered_ls = "filtered-ls"
-    recursive_ls = "recursive-ls"
-    ekf = "ekf"
 
 
 def identify_command(
     logs: opt.Logs,
     output: Annotated[Path, typer.Option("-o", "--output", help="Plant file to write (.json).")],
     method: Annotated[
-        Method, typer.Option(help="filtered-ls is the paper's; recursive-ls and ekf run on line.")
-    ] = Method.prediction_error,
+        str, typer.Option(help="; ".join(f"{name}: {m.summary}" for name, m in METHODS.items()) + ".")
+    ] = DEFAULT,
     fix: Annotated[
         list[str] | None, typer.Option(help="Known parameters: theta4=0.012 (alone: the start plant's value).")
     ] = None,
@@ -59,32 +50,25 @@ def identify_command(
     opt.output_file(output, [".json"], logs)
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
     profiled = [n.strip() for text in profile or () for n in text.split(",") if n.strip()]
-    if method is not Method.prediction_error and (fixed or priors or physical or profiled):
-        raise ValueError(
-            f"--fix, --prior, --physical and --profile work with --method prediction-error, not with {method}"
-        )
+    method_named(method)
+    if method != DEFAULT and (fixed or priors or physical or profiled):
+        raise ValueError(f"--fix, --prior, --physical and --profile work with --method {DEFAULT}, not with {method}")
     _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
-    from identification.logs import read_logs
+    from identification.logs.log import read_logs
 
     if start is not None:
         Plant.resolve(start)  # a wrong name is told before the logs are read
 
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
-    read = opt.skipped(read_logs(logs, **mapping), skip)
-    if u_max is not None and not u_max >= (largest := max(float(abs(log.u).max()) for log in read)):
-        raise ValueError(f"--u-max {u_max:g}: the logs' command reaches {largest:g}; expected at least that")
-    from identification.identify import identify
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
+    read = read_logs(logs, **mapping)
+    from identification.estimation.identify import identify
 
     if not as_json:
         for log in read:
             typer.echo(str(log))
     with busy("fitting …"):
-        estimate = identify(read, start, str(method), fixed=fixed, priors=priors, physical=physical)
-    if u_max is not None:
-        plant = estimate.plant
-        known = plant.replace(u_max=u_max, provenance=dict(plant.provenance) | {"u_max": "given"})
-        estimate = replace(estimate, plant=known)
+        estimate = identify(read, start, method, fixed=fixed, priors=priors, physical=physical, u_max=u_max)
     estimate.save(output)
     with busy("profiling …"):
         profiles = [estimate.profile(name) for name in profiled]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,11 +14,10 @@ from .output import check_folder
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
-    from identification.logs import Log
 
 _MAPPING = "How the file is written"
 
-Logs = Annotated[list[Path], typer.Argument(help="Logs of one rig: .csv, .parquet, .npz or .mat.", metavar="LOG…")]
+Logs = Annotated[list[Path], typer.Argument(help="Logs of one rig: .csv, .parquet, .npz, .mat, ….", metavar="LOG…")]
 Columns = Annotated[
     str | None, typer.Option(help="Names in the file: t=Time,q1=theta,q2=alpha,u=volts.", rich_help_panel=_MAPPING)
 ]
@@ -41,6 +40,12 @@ Skip = Annotated[
     float,
     typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller."),
 ]
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust", help="Also read policies that stable-baselines3 saved. Such a file runs code when it is read."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
 Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
 
@@ -53,8 +58,9 @@ def mapping(
     encoder_counts: str | None,
     input_unit: str | None,
     time_unit: str,
+    skip: float,
 ) -> dict[str, Any]:
-    """The mapping options as `read_log` takes them."""
+    """The mapping options and --skip as `read_log` takes them."""
     return {
         "columns": columns,
         "unit": unit,
@@ -63,6 +69,7 @@ def mapping(
         "encoder_counts": encoder_counts,
         "input_unit": input_unit,
         "time_unit": time_unit,
+        "skip": skip,
     }
 
 
@@ -77,6 +84,13 @@ def output_file(path: Path, endings: Iterable[str], inputs: Iterable[Path] = ())
     if any(path.resolve() == i.resolve() for i in inputs):
         raise ValueError(f"output {path} is also an input and would be lost; choose another name")
     return path
+
+
+def log_file(path: Path, inputs: Iterable[Path] = ()) -> Path:
+    """Check a log or a command file to be written before any work is done. Raises ValueError."""
+    from identification.logs.formats import WRITERS
+
+    return output_file(path, WRITERS, inputs)
 
 
 def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[float, ...]:
@@ -128,10 +142,3 @@ def with_effects(plant: Plant, texts: Iterable[str] | None) -> Plant:
     for text in texts or ():
         plant = plant.with_effects(Effect.parse(text, plant.default_effect))
     return plant
-
-
-def skipped(logs: Sequence[Log], seconds: float) -> tuple[Log, ...]:
-    """The logs without their first seconds. Raises ValueError for a negative number, LogError where nothing is left."""
-    if not 0.0 <= seconds < math.inf:
-        raise ValueError(f"--skip {seconds:g}: expected seconds, not negative")
-    return tuple(log.slice(float(log.t[0]) + seconds) for log in logs) if seconds else tuple(logs)

@@ -1,12 +1,10 @@
-"""How commands print and write: JSON, progress on stderr, folders that are written whole or not at all."""
+"""How commands print and write: JSON, and progress on stderr."""
 
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,8 @@ from typing import Any
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from furuta_gym.files import write_whole
 
 errors = Console(stderr=True)
 
@@ -26,12 +26,7 @@ def print_json(data: Any) -> None:
 def write_json(path: Path, data: Any) -> None:
     """Write a JSON file, whole or not at all."""
     text = json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-    os.chmod(temporary, 0o644)
-    os.replace(temporary, path)
+    write_whole(path, text)
 
 
 def check_folder(path: Path) -> None:
@@ -43,22 +38,6 @@ def check_folder(path: Path) -> None:
         tempfile.TemporaryFile(dir=there).close()
     except OSError as error:
         raise ValueError(f"output {path}: nothing can be written in {there} ({error.strerror})") from None
-
-
-@contextmanager
-def whole_folder(path: Path, own: Iterable[str] = ()) -> Iterator[Path]:
-    """A temporary folder whose files are moved to `path` at the end, and thrown away on an error.
-
-    own: names that belong to the command; what an earlier run left there under them does not stay beside new files."""
-    check_folder(path)
-    with tempfile.TemporaryDirectory() as temporary:
-        yield Path(temporary)
-        path.mkdir(parents=True, exist_ok=True)
-        written = sorted(Path(temporary).iterdir())
-        for file in written:
-            shutil.move(file, path / file.name)
-        for name in set(own) - {file.name for file in written}:
-            (path / name).unlink(missing_ok=True)
 
 
 @contextmanager

@@ -14,8 +14,6 @@ from .output import print_json
 if TYPE_CHECKING:
     from controllers import Controller
 
-FALLEN = 1.0  # rad from upright; a balancing run ends there
-
 
 class Start(StrEnum):
     """Where the pendulum starts."""
@@ -28,7 +26,10 @@ def simulate_command(
     plant: Annotated[str, typer.Option(help="table3, qube, large, or a plant file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Log to write: .csv, .parquet, .npz or .mat.")],
     controller: Annotated[
-        str, typer.Option(help="paper-lqr, lqr, dlqr, lqg, … or none (the excitation is the whole command).")
+        str,
+        typer.Option(
+            help="paper-lqr, lqr, dlqr, lqg, …, a policy *.zip, or none (the excitation is the whole command)."
+        ),
     ] = "none",
     printed_sign: Annotated[
         bool, typer.Option("--printed-sign", help="Play paper-lqr as printed, u = +K x; it falls.")
@@ -59,11 +60,12 @@ def simulate_command(
     start: Annotated[
         Start | None, typer.Option(help="Default: upright with a balancing controller, else hanging.")
     ] = None,
+    trust: opt.Trust = False,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
     """Simulate a rig and write what its computer would have recorded."""
-    opt.output_file(output, [".csv", ".parquet", ".npz", ".mat"], [Path(plant), Path(excitation)])
+    opt.log_file(output, [Path(plant), Path(excitation)])
     if not 0 < duration <= 3600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
     if sample_time is not None and not 0 < sample_time <= 1:
@@ -71,11 +73,11 @@ def simulate_command(
     import numpy as np
 
     from furuta_gym.plant import Plant
-    from furuta_gym.simulate import open_loop, simulate
+    from furuta_gym.simulation import FALLEN, open_loop, simulate
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
     sensors = _sensors(rig, encoder_counts, noise)
-    policy = _controller(controller, rig, sample_time, sensors, printed_sign)
+    policy = _controller(controller, rig, sample_time, sensors, printed_sign, trust)
     torques = opt.numbers("--torque-noise", torque_noise)
     if min(torques) < 0:
         raise ValueError(f"--torque-noise {torque_noise}: expected intensities that are not negative")
@@ -94,7 +96,7 @@ def simulate_command(
         seed=seed,
         q2_limit=FALLEN if balances and at is Start.upright else np.inf,
     )
-    from identification.logs import Log, write_log
+    from identification.logs.log import Log, write_log
 
     if len(run) < 2:
         raise ValueError(
@@ -103,15 +105,12 @@ def simulate_command(
             else "the pendulum falls within the first sample: --sample-time is too long for this controller"
         )
     counts = sensors.encoder_counts
-    log = Log(
-        run.t,
-        run.measured[:, 0],
-        run.measured[:, 1],
-        run.command,
-        input_unit=rig.unit,
-        encoder_counts=counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
+    log = Log.from_run(
+        run,
+        rig.unit,
+        counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
         device=f"simulated {plant}",
-        controller_gain=_gain(policy),
+        controller_gain=getattr(policy, "feedback_gain", None),
         metadata={"controller": controller, "excitation": f"{excitation} {amplitude:g}", "seed": str(seed)}
         | ({"effects": "; ".join(map(str, rig.effects))} if rig.effects else {}),
     )
@@ -121,6 +120,8 @@ def simulate_command(
 
 
 def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:
+    from furuta_gym.simulation import FALLEN
+
     largest = [float(abs(run.state[:, i]).max()) for i in (0, 1)]
     fell = None if run.fell is None else float(run.fell)
     if as_json:
@@ -150,38 +151,26 @@ def _sensors(plant: Any, counts: str | None, noise: str | None) -> Any:
     return sensors
 
 
-def _controller(name: str, plant: Any, sample_time: float | None, sensors: Any, printed: bool) -> Controller | None:
+def _controller(
+    name: str, plant: Any, sample_time: float | None, sensors: Any, printed: bool, trust: bool
+) -> Controller | None:
     if printed and name != "paper-lqr":
         raise ValueError("--printed-sign is about the paper's controller: use it with --controller paper-lqr")
     if name == "none":
         return None
     from controllers import make_controller
 
-    return make_controller(name, plant, sample_time, sensors, **({"printed_sign": True} if printed else {}))
+    options = {"printed_sign": True} if printed else {}
+    return make_controller(name, plant, sample_time, sensors, trust=trust, **options)
 
 
 def _signal(name: str, amplitude: float, duration: float, seed: int) -> Any:
     if name == "none":
         return None
-    from identification.excitation import EXCITATIONS, excitation
+    from identification.design.signals import EXCITATIONS, excitation
 
     if name not in EXCITATIONS and Path(name).suffix:
-        from identification.played import read_signal
+        from identification.design.recorded import read_signal
 
         return read_signal(name, amplitude)
     return excitation(name, amplitude, duration, seed)
-
-
-def _gain(policy: Any) -> tuple[float, float, float, float] | None:
-    """K of u = −K (q1, q̇1, q2, q̇2) + d where the controller is just that, read from its law (`state_feedback`)."""
-    from controllers.linear import LinearController
-
-    if not isinstance(policy, LinearController) or policy.name not in ("paper-lqr", "lqr", "dlqr"):
-        return None
-    if policy.law.size != 4 or policy.plant.effects:
-        return None
-    C, D, F = policy.law.C, policy.law.D, policy.law.F
-    per_step = F[2, 0]  # how a step of the reading enters the velocity, g/T
-    speed = C[:2] / per_step
-    angle = -D[:2] - C[:2]
-    return float(angle[0]), float(speed[0]), float(angle[1]), float(speed[1])

@@ -44,6 +44,7 @@ def train_command(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on after an interruption, or from a finished policy to more steps.")
     ] = False,
+    trust: opt.Trust = False,
     tensorboard: Annotated[Path | None, typer.Option(help="Folder for TensorBoard logs.")] = None,
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
@@ -71,14 +72,17 @@ def train_command(
                 training,
                 output,
                 resume=resume,
+                trust=trust,
                 tensorboard=tensorboard,
                 command="furuta " + shlex.join(sys.argv[1:]),
                 progress=lambda done, of: bar.update(row, completed=done, total=of),
             )
     except KeyboardInterrupt:
         if output.with_suffix(".checkpoint").exists():
-            typer.echo("Interrupted; the same command with --resume goes on from the last checkpoint.", err=True)
-        raise
+            typer.echo("Interrupted. The same command with --resume goes on from the last checkpoint.", err=True)
+        else:
+            typer.echo("Interrupted before there was a checkpoint; nothing was kept.", err=True)
+        raise typer.Exit(130) from None
     if as_json:
         print_json(record)
         return

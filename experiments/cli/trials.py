@@ -13,6 +13,7 @@ from rich.table import Table
 
 from . import options as opt
 from .output import check_folder, errors, print_json, progress_bar
+from .whole import whole_folder
 
 
 def trials_command(
@@ -65,21 +66,22 @@ def trials_command(
         stopped = True
         errors.print("Stopped. The same command goes on from here.")
     outcomes = [score(sealed, answer) for sealed, answer in read_results(plan, output)]
-    summary = write_report(
-        output,
-        outcomes,
-        {
-            "split": split,
-            "seeds": seeds,
-            "share": share,
-            "power": power,
-            "seed": seed,
-            "planned": len(plan),
-            "answered": len(outcomes),
-            "pendulum_lost": len(read_unanswerable(plan, output)),
-            "version": version("furuta-gym"),
-        },
-    )
+    with whole_folder(output, FILES) as folder:
+        summary = write_report(
+            folder,
+            outcomes,
+            {
+                "split": split,
+                "seeds": seeds,
+                "share": share,
+                "power": power,
+                "seed": seed,
+                "planned": len(plan),
+                "answered": len(outcomes),
+                "pendulum_lost": len(read_unanswerable(plan, output)),
+                "version": version("furuta-gym"),
+            },
+        )
     if as_json:
         print_json(summary)
     else:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .output import busy, check_folder, print_json, whole_folder, write_json
+from .output import busy, check_folder, print_json, write_json
+from .whole import whole_folder
 
 
 def validate_command(
@@ -35,24 +36,24 @@ def validate_command(
     if plots is not None:
         check_folder(plots)
     from furuta_gym.plant import Plant
-    from identification.logs import read_logs
+    from identification.logs.log import read_logs
 
     rig = Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit)
-    read = opt.skipped(read_logs(logs, constant_command="ignore", **mapping), skip)
+    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
+    read = read_logs(logs, constant_command="ignore", **mapping)
     if rig.unit != read[0].input_unit:
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
         )
-    from identification.validation import validate
+    from identification.validation.gap import HORIZON, validate
 
     with busy("predicting …"):
-        result = validate(rig, read, **({} if horizon is None else {"horizon": horizon}))
+        result = validate(rig, read, HORIZON if horizon is None else horizon)
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
     if plots is not None:
-        from identification.validation_plots import plot_horizons, plot_innovations, plot_predictions
+        from identification.validation.plots import plot_horizons, plot_innovations, plot_predictions
 
         with whole_folder(plots) as folder:
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)

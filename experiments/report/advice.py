@@ -9,10 +9,10 @@ import numpy as np
 
 from controllers import usual_controller
 from furuta_gym.plant import Effect
-from identification.diagnosis.diagnose import Diagnosis
-from identification.excitation_between import Separation, between
-from identification.logs import Log
-from identification.readers import write_table
+from identification.design.discriminate import Separation, between
+from identification.diagnosis.outcome import Diagnosis
+from identification.logs.formats import write_table
+from identification.logs.log import Log
 
 COMMAND_FILE = "next_experiment.csv"
 _MOST = 3  # suspects

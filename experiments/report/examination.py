@@ -1,4 +1,4 @@
-"""What the report shows and a search alone does not know: where the model fails, the gap, the closed loop run again."""
+"""What the report shows beside the diagnosis: where each plant fails, the closed loop run again, what to do next."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from identification.diagnosis.diagnose import Diagnosis
-from identification.diagnosis.locate import locate
-from identification.diagnosis.where import Where
-from identification.excitation_between import Separation
-from identification.logs import Log
-from identification.resimulation import Resimulation, resimulate
+from identification.design.discriminate import Separation
+from identification.diagnosis.gap_change import GapChange
+from identification.diagnosis.locate.locate import locate
+from identification.diagnosis.locate.location import Where
+from identification.diagnosis.outcome import Diagnosis
+from identification.estimation.zeros import moved
+from identification.logs.log import Log
+from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
-from .gap import GapChange, added, judged, measure_gap
 from .words import NEXT
 
 
@@ -24,8 +25,8 @@ from .words import NEXT
 class Examination:
     """A diagnosis with its evidence.
 
-    where, where_after: of the plant without and with the effects found (where_after is None where none was). gap,
-    closed_loop (before, after): None where they could not be had; `remarks` says why, by "where", "gap" and
+    where, where_after: of the plant without and with the effects found (where_after is None where none was).
+    closed_loop (before, after): None where it could not be had; `remarks` says why, by "where", "gap" and
     "closed loop". design: the experiment that tells equals apart, None where there are none (or, with the remark
     "design", no experiment could be found). seconds: how long this took, the search not included.
     """
@@ -35,11 +36,15 @@ class Examination:
     held_out: tuple[Log, ...]
     where: Where | None
     where_after: Where | None
-    gap: GapChange | None
     closed_loop: tuple[Resimulation, ...] | None
     design: Separation | None
     remarks: dict[str, str]
     seconds: float
+
+    @property
+    def gap(self) -> GapChange | None:
+        """The prediction errors on data that no fit saw."""
+        return self.diagnosis.gap
 
     @property
     def shown(self) -> Log:
@@ -64,7 +69,6 @@ class Examination:
         found |= {
             "where": self.where.to_dict() if self.where else None,
             "where_after": self.where_after.to_dict() if self.where_after else None,
-            "gap": self.gap.to_dict() if self.gap else None,
             "next_experiment": self.next_experiment,
             "design": self.design.to_dict() if self.design else None,
             "remarks": self.remarks,
@@ -78,10 +82,9 @@ def examine(
     held_out: Sequence[Log] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Examination:
-    """Measure everything that the report shows. What cannot be measured on these logs becomes a remark.
+    """Measure what the report shows beside the diagnosis. What cannot be measured on these logs becomes a remark.
 
-    logs: those that were searched. held_out: logs of the same rig that no fit saw; without them, the last part of
-    each log serves. progress is told each step.
+    logs: those that were searched. held_out: those that were held out. progress(text) is called at each step.
     """
     began = time.monotonic()
     tell = progress or (lambda text: None)
@@ -94,26 +97,29 @@ def examine(
             remarks[what] = str(error)
             return None
 
-    where = where_after = gap = closed_loop = design = None
+    where = where_after = closed_loop = design = None
     before, after = diagnosis.before, diagnosis.after
     if before is not None and after is not None:
-        plants = [before.plant, after.plant] if added(diagnosis) else [before.plant]
+        plants = [before.plant, after.plant] if diagnosis.added else [before.plant]
         tell("locating the gap")
-        where = rest = diagnosis.rest or tried("where", lambda: locate(plants[-1], logs))
+        where = rest = diagnosis.rest or tried(
+            "where", lambda: locate(plants[-1], moved(logs, after.zeros), diagnosis.policy)
+        )
         if len(plants) > 1:
-            where, where_after = tried("where", lambda: locate(plants[0], logs)), rest
-        tell("measuring the gap")
-        gap = tried("gap", lambda: measure_gap(diagnosis, logs, held_out))
+            where, where_after = (
+                tried("where", lambda: locate(plants[0], moved(logs, before.zeros), diagnosis.policy)),
+                rest,
+            )
+        if diagnosis.gap is None:
+            remarks["gap"] = diagnosis.gap_remark
         shown = (tuple(held_out) or tuple(logs))[0]
-        if gap is not None:
-            diagnosis = judged(diagnosis, gap)
         closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
         if diagnosis.verdict == "ambiguous":
             tell("designing the experiment that decides")
             design = tried("design", lambda: design_next(diagnosis, logs))
     seconds = time.monotonic() - began
     return Examination(
-        diagnosis, tuple(logs), tuple(held_out), where, where_after, gap, closed_loop, design, remarks, seconds
+        diagnosis, tuple(logs), tuple(held_out), where, where_after, closed_loop, design, remarks, seconds
     )
 
 

@@ -11,7 +11,6 @@ from furuta_gym.plant import EFFECTS
 
 from . import tables
 from .examination import Examination
-from .gap import added
 from .words import LABEL, MEANING
 
 _SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure
@@ -58,7 +57,7 @@ def _contents(x: Examination) -> dict[str, Any]:
 
     d = x.diagnosis
     data = x.to_dict()
-    changed = added(d)
+    changed = d.added
     return {
         "verdict": d.verdict,
         "label": LABEL[d.verdict],
@@ -85,7 +84,7 @@ def _contents(x: Examination) -> dict[str, Any]:
         "gaps": tables.gaps(x.gap) if x.gap else None,
         "own_gaps": tables.gaps(x.gap.own_tail) if x.gap and x.gap.own_tail else None,
         "horizons": prediction_figures.horizons(x.gap) if x.gap else None,
-        "leftovers": tables.leftovers(x.where, x.where_after) if x.where else None,
+        "leftovers": tables.leftovers(x.where, x.where_after, d.policy.left) if x.where else None,
         "next_experiment": x.next_experiment,
         "logs": tables.logs(x.logs, x.held_out),
         "runtime": data["runtime_s"],

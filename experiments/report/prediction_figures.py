@@ -6,12 +6,13 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from identification.logs import Log
-from identification.resimulation import Resimulation
-from identification.validation import Gap
+from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
+from identification.diagnosis.verify import readings_at
+from identification.logs.log import Log
+from identification.validation.gap import Gap
+from identification.validation.resimulation import Resimulation
 
 from .drawing import AFTER, BEFORE, FLOOR, MEASURED, NORMAL_95, Array, Drawing, band, curve, drawing, pattern
-from .gap import AXES, GapChange, readings_at, rms_interval
 
 _SPAN = 5.0  # s that are shown at first, those with the largest errors
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from identification.diagnosis.naming import Naming
-from identification.estimate import Estimate
+from identification.diagnosis.naming.forward import Naming
+from identification.estimation.estimate import Estimate
 
 from .drawing import AFTER, BEFORE, NORMAL_95, Drawing, drawing, pattern
 

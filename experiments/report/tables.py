@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from furuta_gym.plant.parameters import THETA_MEANING
-from identification.diagnosis.locate import THRESHOLD
-from identification.diagnosis.where import Where
-from identification.estimate import Estimate, rounded, unit_of
-from identification.logs import Log
-
-from .gap import AXES, GapChange, rms_interval
+from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
+from identification.diagnosis.locate.location import Where
+from identification.estimation.estimate import Estimate, rounded, unit_of
+from identification.logs.log import Log
 
 # What a right model left on simulated logs lies well below these; each is a hint, and the likelihood decides
 _R2, _FISHER, _P = 0.15, 0.2, 1e-3
@@ -97,14 +95,14 @@ def _counts(angle: float, count: float) -> str:
     return f"{angle / count:.2g}" if count > 0 else "unknown"
 
 
-def leftovers(where: Where, after: Where | None) -> Table:
+def leftovers(where: Where, after: Where | None, left: float) -> Table:
     """Tests of what is left, each with what would speak against the model."""
     both = [where] if after is None else [where, after]
     tests = (
         (
             "evidence for any missing torque",
-            f"nats, of the best of many families; above {THRESHOLD:g}: something is left",
-            [_number(w.evidence, THRESHOLD) for w in both],
+            f"nats, of the best of many families; above {left:g}: something is left",
+            [_number(w.evidence, left) for w in both],
         ),
         (
             "missing torque predictable from the motion",

@@ -6,8 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from identification.diagnosis.maps import ROWS, VARIABLES, Map
-from identification.diagnosis.where import Where
+from identification.diagnosis.locate.location import Where
+from identification.diagnosis.locate.torque_maps import ROWS, VARIABLES, Map
 
 from .drawing import AFTER, BEFORE, MARK, MARKER, NORMAL_95, Drawing, band, curve, drawing
 

@@ -7,14 +7,18 @@ while they are looked at, in a temporary folder of random name; workers that dec
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from joblib import Parallel, delayed
 
 from experiments.workers import workers
+from furuta_gym.files import locked
+from furuta_gym.processes import temporary_folder
 
 from . import seal as laboratory
 from .decide import decide
@@ -39,9 +43,9 @@ def run_trials(
 
     backend: loky (processes of this machine) or dask (the cluster at DASK_SCHEDULER_ADDRESS, which must see the same
     temporary folder, else one on this machine). jobs: processes. progress(stage, done, of) is told of every trial.
-    Raises ValueError for another backend.
+    Raises ValueError for another backend, and while another process runs trials in `folder`.
     """
-    with workers(backend, jobs):
+    with locked(folder), workers(backend, jobs):
         folder.mkdir(parents=True, exist_ok=True)
         sealed = _lines(folder / SEALED)
         to_seal = [trial for trial in plan if trial.id not in sealed]
@@ -50,8 +54,8 @@ def run_trials(
         sealed = _lines(folder / SEALED)
         answered = _lines(folder / ANSWERS)
         open_ = [sealed[t.id] for t in plan if t.id not in answered and "problem" not in sealed[t.id]]
-        with tempfile.TemporaryDirectory(prefix="trials-") as room:
-            tasks = _posted(open_, Path(room), decide)
+        with temporary_folder("trials") as room:
+            tasks = _posted(open_, room, decide)
             _collect(tasks, folder / ANSWERS, lambda done: progress("deciding", done, len(open_)))
 
 
@@ -88,21 +92,40 @@ def _named(id_: str, do: Callable[[Any], dict[str, Any]], what: Any) -> dict[str
 
 
 def _collect(tasks: Iterable[Any], file: Path, progress: Callable[[int], None]) -> None:
+    """Append results as they come, each to the disk before the next: what is there is never written again."""
     results = Parallel(return_as="generator_unordered", pre_dispatch="2*n_jobs")(tasks)
     progress(0)
-    with open(file, "a", encoding="utf-8") as out:
+    with _appended(file) as out:
         for done, result in enumerate(results, 1):
-            out.write(json.dumps(result, ensure_ascii=False) + "\n")
+            out.write(json.dumps(result, ensure_ascii=False).encode() + b"\n")
             out.flush()
+            os.fsync(out.fileno())
             progress(done)
 
 
+@contextmanager
+def _appended(file: Path) -> Iterator[BinaryIO]:
+    """The file to append lines to; a last line that was cut off is ended, and `_lines` passes over it."""
+    try:
+        with open(file, "ab+") as out:
+            if out.tell():
+                out.seek(-1, os.SEEK_END)
+                if out.read(1) != b"\n":
+                    out.write(b"\n")
+            yield out
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            raise type(error)(error.errno, error.strerror, str(file)) from None
+        raise
+
+
 def _lines(file: Path) -> dict[str, dict[str, Any]]:
-    """Records of a file of JSON lines by id; a last line that was cut off is taken out of the file."""
-    if not file.exists():
-        return {}
-    text = file.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        file.write_text(whole, encoding="utf-8")
-    return {record["id"]: record for record in map(json.loads, whole.splitlines())}
+    """Records of a file of JSON lines by id; lines that were cut off are none."""
+    found = {}
+    for line in file.read_bytes().split(b"\n") if file.exists() else ():
+        try:
+            record = json.loads(line)
+            found[record["id"]] = record
+        except (ValueError, TypeError, KeyError):
+            continue
+    return found

@@ -3,7 +3,7 @@
 A block holds L envs side by side as the columns ("lanes") of one array (rows, L): single envs are a block of one lane,
 the vector env has many blocks of many lanes, and both run the same code, so that they agree to the last bit.
 
-    rows of a block: N_FIXED rows named below | X (4 + memory) | P (11 + …) | past commands (H) | their times (H) |
+    rows of a block: N_FIXED rows named below | X (4 + memory) | P | past commands (H) | their times (H) |
                      observation frames, oldest first (history · frame)
 """
 
@@ -12,9 +12,10 @@ import math
 import numpy as np
 
 from ..plant.compiled import compiled
-from ..plant.dynamics import N_BASE, _runge_kutta, acceleration
+from ..plant.dynamics import _runge_kutta, acting_row, plain_steps, until_next
 from ..plant.effects.dispatch import command_delays, filter_command, map_command, store_filter
 from ..plant.elementary import sincos
+from ..plant.layout import N_BASE
 from ..sensors import read_encoders
 from .randomization import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
@@ -98,36 +99,10 @@ def block_rows(sizes):
 
 
 @compiled
-def runge_kutta_plain(X, h, n, command, P):
-    """What `plant.dynamics` does to lanes without effects, the stages in registers: same bits, faster for few lanes.
-
-    n Runge–Kutta steps of h (L,) seconds of X (4, L), under the command (L,).
-    """
-    for _ in range(n):
-        for k in range(X.shape[1]):
-            th1, th2, th3, th4, th5, th6 = P[0, k], P[1, k], P[2, k], P[3, k], P[4, k], P[5, k]
-            th7, th8, th9, r1, r2 = P[6, k], P[7, k], P[8, k], P[9, k], P[10, k]
-            u, step = command[k], h[k]
-            half, sixth = 0.5 * step, step * (1.0 / 6.0)
-            q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
-            a1, a2 = acceleration(q2, v1, v2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            w1, w2, x = v1 + half * a1, v2 + half * a2, q2 + half * v2
-            b1, b2 = acceleration(x, w1, w2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            y1, y2, x = v1 + half * b1, v2 + half * b2, q2 + half * w2
-            c1, c2 = acceleration(x, y1, y2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            z1, z2, x = v1 + step * c1, v2 + step * c2, q2 + step * y2
-            d1, d2 = acceleration(x, z1, z2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
-            X[0, k] = q1 + sixth * (((v1 + 2.0 * w1) + 2.0 * y1) + z1)
-            X[1, k] = q2 + sixth * (((v2 + 2.0 * w2) + 2.0 * y2) + z2)
-            X[2, k] = v1 + sixth * (((a1 + 2.0 * b1) + 2.0 * c1) + d1)
-            X[3, k] = v2 + sixth * (((a2 + 2.0 * b2) + 2.0 * c2) + d2)
-
-
-@compiled
 def _held(X, P, codes, start, h, command, W, substeps, work):
     """Carry X over `substeps` steps of h (L,) from start (L,), under the command (L,) as the amplifier gets it."""
     if codes.shape[0] == 0:
-        runge_kutta_plain(X, h, substeps, command, P)
+        plain_steps(X, h, substeps, command, P)
         return
     map_command(P, codes, command)
     _runge_kutta(X, start, h, substeps, command, W, P, codes, work)
@@ -165,17 +140,14 @@ def _move(lanes, codes, sizes, work):
     since[0] = start
     command_delays(P, codes, delay)
     for k in range(L):
-        i = 0
-        while i < past - 1 and since[i, k] + delay[k] > start[k]:
-            i += 1
-        source[k] = i
+        source[k] = acting_row(since[:, k], 0, past - 1, delay[k], start[k])
     for stretch in range(sizes[STRETCHES]):
         for k in range(L):
             end = lanes[TIME, k] + lanes[SPAN, k]
             i = int(source[k])
             stop[k] = end
             if i > 0 and stretch < sizes[STRETCHES] - 1:
-                stop[k] = max(start[k], min(end, since[i - 1, k] + delay[k]))
+                stop[k] = until_next(since[i - 1, k], delay[k], start[k], end)
             command[k] = U[i, k]
             h[k] = (stop[k] - start[k]) / substeps
         _held(X, P, codes, start, h, command, W, substeps, inner)

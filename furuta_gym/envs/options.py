@@ -11,9 +11,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..plant.effects import Effect
+from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
+from ..simulation import MOST_STEPS
 from . import kernels as k
 from .randomization import Randomization, randomization
 from .ranges import RIG, draws, with_drawn_effects
@@ -105,6 +107,11 @@ def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
         raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}, got {value!r}")
 
 
+def _own_speed(plant: Plant) -> float:
+    """Of the pendulum [rad/s], at least 1: the unit of scaled speeds and of the reward's calm."""
+    return max(pendulum_frequency(plant.theta), 1.0) if plant.theta[4] > 0 else 1.0
+
+
 class Setup:
     """Everything that one env and a batch of them share: the plant, the spaces, and the compiled step's constants.
 
@@ -115,6 +122,7 @@ class Setup:
         self.options = options
         plant = Plant.resolve(options.plant)
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
+        _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
         self.draws = drawn = draws(options.randomize, plant)
         if drawn.posterior:
             plant = with_spread(plant)
@@ -125,7 +133,7 @@ class Setup:
         self.sensors = _sensors(plant, options)
         self.arm_limit = float(options.arm_limit or plant.limit("arm_travel", 2 * math.pi))
         self.supply = min(plant.u_max, plant.limit("supply", math.inf))
-        self.speed_unit = math.sqrt(max(plant.theta[4] / plant.theta[3], 1.0)) if options.scale_observation else 1.0
+        self.speed_unit = _own_speed(plant) if options.scale_observation else 1.0
         # an action is never shorter than asked for, so that 20 ms are never more than 50 actions a second
         self.samples = max(1, math.ceil((options.action_time or 0.0) / self.sample_time - 1e-6))
         self.action_period = self.samples * self.sample_time
@@ -155,8 +163,14 @@ class Setup:
         longest *= (1.0 - share) / (1.0 + share)  # the lightest rig with the most friction
         if self.random.plant.effect("arm_presliding") is not None:
             longest = min(longest, _BRISTLE_STEP)
-        n = math.ceil(self.sample_time * (1.0 + self.jitter) / longest - 1e-9)
-        return max(_FEWEST_SUBSTEPS, n)
+        n = self.sample_time * (1.0 + self.jitter) / longest - 1e-9
+        if not n <= MOST_STEPS:
+            raise ValueError(
+                f"a step of {self.sample_time:g} s would take {n:.3g} steps of integration, at most {MOST_STEPS} are "
+                "allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff for it; lower "
+                "friction_sharpness or sample_time"
+            )
+        return max(_FEWEST_SUBSTEPS, math.ceil(n))
 
     def _sizes(self) -> NDArray[np.int64]:
         o, packed = self.options, self.random.plant.packed()
@@ -198,7 +212,7 @@ class Setup:
         numbers[k.LONGEST] = self.longest
         numbers[k.PENDULUM_LIMIT] = o.pendulum_limit or (k.BALANCE_LIMIT if balance else k.WINDING_LIMIT)
         numbers[k.SPEED_LIMIT] = SPEED_LIMIT
-        numbers[k.SPEED_SCALE] = math.sqrt(max(plant.theta[4] / plant.theta[3], 1.0))
+        numbers[k.SPEED_SCALE] = _own_speed(plant)
         numbers[k.START_Q2] = 0.0 if balance else math.pi
         spread = k.START_BALANCE if balance else k.START_SWING_UP
         numbers[k.START_SPREAD : k.START_SPREAD + 4] = spread if o.start_spread is None else o.start_spread

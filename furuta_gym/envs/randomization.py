@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.compiled import compiled
-from ..plant.dynamics import N_BASE
 from ..plant.effects import EFFECTS, Effect
 from ..plant.effects.declaration import Parameter
-from ..plant.parameters import THETA_NAMES
-from ..plant.plant import Plant, sampled_plants
+from ..plant.layout import FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
+from ..plant.plant import Plant
+from ..plant.sampling import sampled_plants
 from . import ranges as rg
 from .streams import normal_pair, uniform
 
@@ -68,7 +68,7 @@ class Randomization:
         delay = self.plant.effect("input_delay")
         if delay is None:
             return 0.0
-        row = N_BASE + sum(len(e.parameters) for e in self.plant.effects[: self.plant.effects.index(delay)])
+        row = self.plant.layout.row("input_delay.d")
         drawn = self.ranges[self.ranges[:, _TARGET] == row, _MOST]
         if self.root[row].any():
             return float(self.table[_UPPER, row])
@@ -77,27 +77,18 @@ class Randomization:
 
     def describe(self, P: NDArray[np.float64]) -> dict[str, Any]:
         """What was drawn, from P (n,) or (n, N): theta, friction_sharpness, and each effect's parameters."""
-        effects: dict[str, dict[str, Any]] = {}
-        row = N_BASE
-        for effect in self.plant.effects:
-            effects[effect.name] = {name: P[row + i].copy() for i, name in enumerate(effect.parameters)}
-            row += len(effect.parameters)
         return {
-            "theta": np.ascontiguousarray(P[:9].T),
-            "friction_sharpness": np.ascontiguousarray(P[9:N_BASE].T),
-            "effects": effects,
+            "theta": np.ascontiguousarray(P[THETA_ROWS].T),
+            "friction_sharpness": np.ascontiguousarray(P[SHARPNESS_ROWS].T),
+            "effects": self.plant.layout.of_effects(P.copy()),
         }
 
     def drawn_plant(self, p: NDArray[np.float64]) -> Plant:
         """The plant with parameters p (n,), as a value."""
-        effects, row = [], N_BASE
-        for effect in self.plant.effects:
-            values = dict(zip(effect.parameters, p[row : row + len(effect.parameters)].tolist(), strict=True))
-            effects.append(Effect(effect.name, values))
-            row += len(values)
-        r1, r2 = float(p[9]), float(p[10])
+        effects = tuple(Effect(name, values) for name, values in self.plant.layout.of_effects(p).items())
+        r1, r2 = p[SHARPNESS_ROWS].tolist()
         return self.plant.replace(
-            theta=p[:9], friction_sharpness=r1 if r1 == r2 else (r1, r2), effects=tuple(effects), covariance=None
+            theta=p[THETA_ROWS], friction_sharpness=r1 if r1 == r2 else (r1, r2), effects=effects, covariance=None
         )
 
 
@@ -126,32 +117,29 @@ def randomization(
     table = np.full((7, packed.p.size), np.nan)
     table[_NOMINAL] = packed.p
     table[_LOWER], table[_UPPER], table[_INVERSE] = -np.inf, np.inf, 0.0
-    table[_LOWER, 5:9] = np.where(packed.p[5:9] >= 0, 0.0, -np.inf)
-    table[_LOWER, 9:N_BASE] = np.finfo(float).tiny
+    table[_LOWER, FRICTION_ROWS] = np.where(packed.p[FRICTION_ROWS] >= 0, 0.0, -np.inf)
+    table[_LOWER, SHARPNESS_ROWS] = np.finfo(float).tiny
     switches = []
-    rows = {name: (i,) for i, name in enumerate(THETA_NAMES)} | {"r": (9, 10), "r1": (9,), "r2": (10,)}
-    for effect, (_, first, _) in zip(whole.effects, packed.codes, strict=True):
-        first = int(first)
-        for i, parameter in enumerate(EFFECTS[effect.name].parameters):
-            row = first + i
-            rows[f"{effect.name}.{parameter.name}"] = (row,)
+    for effect in whole.effects:
+        own = whole.layout.rows_of(effect.name)
+        for row, parameter in zip(own, EFFECTS[effect.name].parameters, strict=True):
             table[_LOWER, row], table[_UPPER, row] = parameter.lower, parameter.upper
             table[_OFF, row] = parameter.neutral if parameter.role == "size" else packed.p[row]
             if effect.name not in carried and parameter.role == "size":
                 table[_FROM : _INVERSE + 1, row] = _sizes(whole, effect, parameter)
         if effect.name in probabilities:
-            switches.append((first, len(effect.parameters), float(probabilities[effect.name])))
+            switches.append((own.start, len(own), float(probabilities[effect.name])))
     return Randomization(
         whole,
         table,
-        _root(plant, rows, packed.p.size, from_covariance),
+        _root(plant, whole.layout, from_covariance),
         np.array(switches, dtype=float).reshape(-1, 3),
-        _ranges(physical, ranges or {}, rows, table),
+        _ranges(physical, ranges or {}, whole.layout, table),
     )
 
 
 def _ranges(
-    physical: float, ranges: Mapping[str, rg.Range], rows: Mapping[str, tuple[int, ...]], table: NDArray[np.float64]
+    physical: float, ranges: Mapping[str, rg.Range], layout: ParameterLayout, table: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     found: list[tuple[float, ...]] = []
     if physical:
@@ -166,7 +154,7 @@ def _ranges(
         first += entry.values
     for name, made in ranges.items():
         if name not in rg.RIG:
-            (row,) = rows[name]
+            row = layout.row(name)
             low, high = max(made.bounds[0], table[_LOWER, row]), min(made.bounds[1], table[_UPPER, row])
             found.append((row, made.kind, made.a, made.b, made.chance, table[_OFF, row], low, high))
     return np.array(found, dtype=float).reshape(-1, _MOST + 1)
@@ -182,16 +170,16 @@ def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, f
     return (0.0 if parameter.positive else -default), default, 0.0
 
 
-def _root(plant: Plant, rows: Mapping[str, tuple[int, ...]], n: int, wanted: bool) -> NDArray[np.float64]:
+def _root(plant: Plant, layout: ParameterLayout, wanted: bool) -> NDArray[np.float64]:
     if not wanted:
-        return np.zeros((n, 0))
+        return np.zeros((layout.size, 0))
     next(iter(sampled_plants(plant, 1, np.random.default_rng(0))))  # complains if nothing can be drawn
     assert plant.covariance is not None
     values, vectors = np.linalg.eigh(plant.covariance.matrix)
     factor = vectors * np.sqrt(np.maximum(values, 0.0))
-    root = np.zeros((n, len(values)))
+    root = np.zeros((layout.size, len(values)))
     for name, row in zip(plant.covariance.names, factor, strict=True):
-        for i in rows.get(name, ()):
+        for i in layout.rows(name):
             root[i] += row
     return root
 

@@ -7,8 +7,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
-from . import ENV_ID, options_of
 from .furuta import start_state
+from .registration import ENV_ID, options_of
 from .vector import FurutaVectorEnv
 
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ..plant.compiled import compiled
 from ..plant.plant import Plant
-from . import MAX_EPISODE_STEPS
 from . import kernels as k
 from .furuta import start_state
 from .options import Options, Setup, drawn_rig
+from .registration import MAX_EPISODE_STEPS
 from .rendering import Scene, Viewer
 from .streams import start_stream
 from .threads import N_BOARD, cores, finish, share, take

@@ -3,8 +3,9 @@
 from .covariance import Covariance
 from .effects import EFFECTS, Effect, EffectType, Parameter
 from .parameters import THETA_MEANING, THETA_NAMES, RigidBody, physical_consistency
-from .plant import Plant, sampled_plants
-from .sets import LARGE_RIG, PAPER_GAIN, PLANTS, QUBE, TABLE_3
+from .plant import PLANTS, Plant
+from .sampling import sampled_plants
+from .sets import LARGE_RIG, PAPER_GAIN, QUBE, TABLE_3
 
 __all__ = [
     "EFFECTS",

@@ -1,17 +1,15 @@
-"""Uncertainty of a plant's parameters: names and a covariance matrix, and plants drawn from it."""
+"""Uncertainty of a plant's parameters: names and a covariance matrix."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .effects.effect import Effect
-from .parameters import THETA_NAMES
+from .parameters import THETA_NAMES, plain_numbers
 
-if TYPE_CHECKING:
-    from .plant import Plant
+_LARGEST = 1e100  # of a variance; beyond it products of two overflow
 
 
 @dataclass(frozen=True)
@@ -26,14 +24,14 @@ class Covariance:
 
     def __post_init__(self) -> None:
         try:
-            matrix = np.array(self.matrix, dtype=float)
+            matrix = plain_numbers(self.matrix)
             names = tuple(str(name) for name in self.names)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(f"covariance needs names and a square matrix of numbers, got {self.names!r}") from None
         if any(not isinstance(name, str) for name in self.names) or len(set(names)) != len(names):
             raise ValueError(f"the names of a covariance must be different words, got {list(self.names)}")
         n = len(names)
-        if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+        if matrix.shape != (n, n) or not (np.abs(matrix) <= _LARGEST).all():
             raise ValueError(f"covariance of {n} parameters must be a finite {n}×{n} matrix, got {matrix.shape}")
         scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         if np.any(np.diag(matrix) < 0) or np.any(np.abs(matrix - matrix.T) > 1e-6 * np.outer(scale, scale)):
@@ -61,38 +59,3 @@ class Covariance:
                 raise ValueError('a covariance needs "names" and "matrix"')
             return cls(data["names"], data["matrix"])
         return cls(THETA_NAMES, data)  # type: ignore[arg-type]
-
-    def draw(self, plant: "Plant", rng: np.random.Generator, tries: int = 1000) -> "Plant":
-        """A plant from the normal distribution around `plant`, kept where M > 0, friction ≥ 0 and bounds hold.
-
-        Draws outside are drawn again (a truncated normal). Raises ValueError if none of `tries` is possible.
-        """
-        values, vectors = np.linalg.eigh(self.matrix)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        for _ in range(tries):
-            shift = dict(zip(self.names, root @ rng.standard_normal(len(self.names)), strict=True))
-            drawn = _shifted(plant, shift)
-            if drawn is not None:
-                return drawn
-        raise ValueError(
-            f"none of {tries} draws from the covariance gives a possible plant (M > 0, friction ≥ 0): the parameters "
-            "are too uncertain to randomise over; identify with a richer experiment"
-        )
-
-
-def _shifted(plant: "Plant", shift: Mapping[str, float]) -> "Plant | None":
-    theta = np.array([v + shift.get(name, 0.0) for name, v in zip(THETA_NAMES, plant.theta, strict=True)])
-    # friction that the fit itself put below zero may stay; a draw may not make it negative
-    if np.any((theta[5:] < 0) & (plant.theta[5:] >= 0)):
-        return None
-    common = shift.get("r", 0.0)
-    r = tuple(v + common + shift.get(f"r{i + 1}", 0.0) for i, v in enumerate(plant.sharpness))
-    try:
-        effects = tuple(
-            Effect(e.name, {k: v + shift.get(f"{e.name}.{k}", 0.0) for k, v in e.parameters.items()}, e.std)
-            for e in plant.effects
-        )
-        sharpness = r if isinstance(plant.friction_sharpness, tuple) or r[0] != r[1] else r[0]
-        return plant.replace(theta=theta, friction_sharpness=sharpness, effects=effects)
-    except ValueError:
-        return None

@@ -34,6 +34,8 @@ def checked_ranges(given: Any) -> Mapping[str, str] | None:
     """The mapping "randomize" of names to ranges; what a range means is checked where it is drawn from."""
     if given is None:
         return None
-    if not isinstance(given, Mapping) or not all(isinstance(v, str | int | float) for v in given.values()):
+    if not isinstance(given, Mapping) or not all(
+        isinstance(v, str | int | float) and not isinstance(v, bool) for v in given.values()
+    ):
         raise ValueError(f'randomize must be a mapping such as {{"input_delay": "uniform:0,0.03"}}, got {given!r}')
     return MappingProxyType({str(name): str(value) for name, value in given.items()})

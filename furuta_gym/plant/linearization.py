@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .dynamics import rates
+from .layout import N_BASE
 from .plant import Plant
 
 UPRIGHT, HANGING = 0.0, np.pi
@@ -33,7 +34,7 @@ def state_derivative(plant: Plant, x: NDArray[np.float64], tau: float, t: float 
     X[: len(x), 0] = x
     K = np.zeros_like(X)
     one = np.zeros(1)
-    rates(one + t, X, one + tau, np.zeros((2, 1)), p[:, None], codes, np.empty((11, 1)), np.empty((2, 1)), K)
+    rates(one + t, X, one + tau, np.zeros((2, 1)), p[:, None], codes, np.empty((N_BASE, 1)), np.empty((2, 1)), K)
     return K[:, 0]
 
 

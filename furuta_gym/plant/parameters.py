@@ -1,6 +1,7 @@
 """The nine parameters of model (5): names, meanings, units, and what makes them a possible rigid body."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,20 @@ THETA_MEANING = {
     "theta9": ("pendulum Coulomb friction Fc2", "{u}"),
 }
 
+LARGEST = 1e12  # of a θ in whatever units; beyond it products of two overflow or vanish
+
+
+def plain_numbers(value: Any) -> NDArray[np.float64]:
+    """Numbers of any shape as an array; unlike NumPy's own, texts and truth values are none.
+
+    Raises TypeError, ValueError or OverflowError."""
+    level = [value]
+    while level:
+        if any(isinstance(v, str | bool) for v in level):
+            raise TypeError("texts and truth values are no numbers")
+        level = [inner for v in level if isinstance(v, list | tuple) for inner in v]
+    return np.array(value, dtype=float)
+
 
 def theta_vector(theta: ArrayLike | dict[str, float]) -> NDArray[np.float64]:
     """θ as a read-only array (9,), from nine numbers or from a mapping theta1 … theta9.
@@ -35,11 +50,13 @@ def theta_vector(theta: ArrayLike | dict[str, float]) -> NDArray[np.float64]:
             )
         theta = [theta[name] for name in THETA_NAMES]
     try:
-        values = np.array(theta, dtype=float)
-    except (TypeError, ValueError):
+        values = plain_numbers(theta)
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"theta must be nine numbers, got {theta!r}") from None
     if values.shape != (9,) or not np.isfinite(values).all():
         raise ValueError(f"theta must be nine finite numbers, got {theta!r}")
+    if np.abs(values).max() > LARGEST or not (values[[0, 3]] > 1.0 / LARGEST).all():
+        raise ValueError(f"theta must lie within ±{LARGEST:g}, and θ1, θ4 above {1.0 / LARGEST:g}, got {theta!r}")
     th1, th2, th3, th4 = values[:4]
     # det M = (θ1 + θ2 sin²)θ4 − θ3² cos² is linear in sin² q2: its two ends decide
     if not (th1 > 0 and th4 > 0 and th1 + th2 > 0 and th1 * th4 > th3 * th3):
@@ -49,6 +66,15 @@ def theta_vector(theta: ArrayLike | dict[str, float]) -> NDArray[np.float64]:
         )
     values.setflags(write=False)
     return values
+
+
+def pendulum_frequency(theta: ArrayLike) -> float:
+    """√|θ5/θ4| [rad/s]: of small swings of the hanging pendulum with the arm held, and the rate at which it falls.
+
+    theta: at least θ1 … θ5.
+    """
+    th = np.asarray(theta, dtype=float)
+    return float(np.sqrt(abs(th[4] / th[3])))
 
 
 @dataclass(frozen=True)

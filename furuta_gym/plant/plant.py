@@ -3,8 +3,7 @@
 import dataclasses
 import json
 import os
-import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,18 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.files import read_json, write_whole
+
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
+from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from .limits import checked_limits, checked_ranges
-from .parameters import THETA_NAMES, physical_consistency, theta_vector
+from .parameters import THETA_NAMES, physical_consistency, plain_numbers, theta_vector
 
 SCHEMA = "furuta-plant/1"
 UNITS = ("V", "N·m")
+SHARPEST = 1e6  # s/rad; friction that turns within 1 µrad/s is a step to every measurement
 
 
 class Packed(NamedTuple):
-    """A plant as the compiled code takes it; see `dynamics`. p (11 + parameters,), codes (effects, 3), rows of X."""
+    """A plant as the compiled code takes it; see `dynamics`. p (rows of the layout,), codes (effects, 3), rows of X."""
 
     p: NDArray[np.float64]
     codes: NDArray[np.int64]
@@ -34,11 +37,25 @@ class Packed(NamedTuple):
 
 def _numbers(name: str, value: Any) -> NDArray[np.float64]:
     try:
-        if isinstance(value, (str, bool)):
-            raise TypeError
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        return plain_numbers(value)
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
+
+
+def _check_logs(provenance: Mapping[str, Any]) -> None:
+    """The two entries of a provenance that are read again. Raises ValueError."""
+    logs = provenance.get("logs")
+    if logs is not None and not (
+        isinstance(logs, list | tuple)
+        and all(isinstance(log, Mapping) and isinstance(log.get("sha256"), str | None) for log in logs)
+    ):
+        raise ValueError('the provenance\'s "logs" must be a list of mappings with a text "sha256"')
+    noise = provenance.get("torque_noise")
+    if noise is None or np.size(noise) == 0:
+        return
+    numbers = _numbers("torque_noise", noise)
+    if numbers.shape != (2,) or not (np.isfinite(numbers) & (numbers >= 0)).all():
+        raise ValueError(f'the provenance\'s "torque_noise" must be two numbers that are not negative, got {noise!r}')
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +64,11 @@ class Plant:
 
     theta: θ1 … θ9 (9,), in command units (see `parameters.THETA_MEANING`).
     friction_sharpness: r [s/rad] of tanh(r q̇), or one for each axis.
-    unit: the command's unit, "V" or "N·m". u_max: largest command. sample_time: control period [s], if known.
+    unit: the command's unit {u}, "V" or "N·m". u_max [{u}]: largest command. sample_time [s]: if known.
     effects: what acts besides model (5). covariance: over θ and effect parameters, as estimated.
     sensors, provenance, checks: free mappings that go to the file with it.
     limits: of the rig, see `limits.LIMITS`. randomize: ranges to train over, see `envs.ranges`; both optional.
+    Raises ValueError for numbers that no plant can have, as a mass matrix that is not positive definite.
     """
 
     theta: NDArray[np.float64]
@@ -70,17 +88,20 @@ class Plant:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("theta", theta_vector(self.theta))
         r = np.atleast_1d(_numbers("friction_sharpness", self.friction_sharpness))
-        if r.shape not in ((1,), (2,)) or not np.all((r > 0) & np.isfinite(r)):
-            raise ValueError(f"friction_sharpness must be one or two positive numbers, got {self.friction_sharpness}")
+        if r.shape not in ((1,), (2,)) or not np.all((r > 0) & (r <= SHARPEST)):
+            raise ValueError(
+                f"friction_sharpness must be one or two positive numbers up to {SHARPEST:g} s/rad, got "
+                f"{self.friction_sharpness}"
+            )
         put("friction_sharpness", float(r[0]) if r.size == 1 else (float(r[0]), float(r[1])))
         if self.unit not in UNITS:
             raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
         u_max = _numbers("u_max", self.u_max)
-        if u_max.shape != () or not (np.isfinite(u_max) and u_max > 0):
-            raise ValueError(f"u_max must be a positive number, got {self.u_max!r}")
+        if u_max.shape != () or not 1e-9 <= u_max <= 1e9:
+            raise ValueError(f"u_max must be a positive number in [1e-9, 1e9], got {self.u_max!r}")
         T = _numbers("sample_time", 1.0 if self.sample_time is None else self.sample_time)
-        if T.shape != () or not (np.isfinite(T) and 0 < T <= 1):
-            raise ValueError(f"sample_time must lie in (0, 1] s, got {self.sample_time!r}")
+        if T.shape != () or not 1e-6 <= T <= 1:
+            raise ValueError(f"sample_time must lie in [1e-6, 1] s, got {self.sample_time!r}")
         if not all(isinstance(effect, Effect) for effect in self.effects):
             raise ValueError(f"effects must be Effect values, got {self.effects!r}")
         names = [effect.name for effect in self.effects]
@@ -94,6 +115,7 @@ class Plant:
                 raise ValueError(f"{name} must be a mapping, got {value!r}")
             if value is not None:
                 put(name, MappingProxyType(dict(value)))
+        _check_logs(self.provenance)
         put("limits", checked_limits(self.limits))
         put("randomize", checked_ranges(self.randomize))
 
@@ -150,14 +172,21 @@ class Plant:
         return Effect(name, values)
 
     @cached_property
+    def layout(self) -> ParameterLayout:
+        """Which row of the packed parameters holds which parameter."""
+        return ParameterLayout.of(self.effects)
+
+    @cached_property
     def _packed(self) -> Packed:
-        p = [*self.theta, *self.sharpness]
+        p = np.empty(self.layout.size)
+        p[THETA_ROWS], p[SHARPNESS_ROWS] = self.theta, self.sharpness
         codes, rows = [], 4
         for effect in self.effects:
-            codes.append((NUMBERS[effect.name], len(p), rows))
-            p.extend(effect.parameters.values())
+            own = self.layout.rows_of(effect.name)
+            p[own.start : own.stop] = [effect.parameters[name] for name in effect.type.parameter_names]
+            codes.append((NUMBERS[effect.name], own.start, rows))
             rows += len(effect.type.memory)
-        return Packed(np.array(p, dtype=float), np.array(codes, dtype=np.int64).reshape(-1, 3), rows)
+        return Packed(p, np.array(codes, dtype=np.int64).reshape(-1, 3), rows)
 
     def packed(self) -> Packed:
         """Flat arrays for the compiled code (fresh copies)."""
@@ -195,7 +224,7 @@ class Plant:
             raise ValueError('a plant file needs "theta": {"theta1": …, …, "theta9": …}')
         r = data.get("friction_sharpness", 100.0)
         covariance = data.get("covariance")
-        effects = data.get("effects") or []
+        effects = [] if data.get("effects") is None else data["effects"]
         if not isinstance(effects, list):
             raise ValueError(f'"effects" must be a list, got {effects!r}')
         return cls(
@@ -205,30 +234,23 @@ class Plant:
             u_max=data.get("u_max", 10.0),
             sample_time=data.get("sample_time"),
             effects=tuple(Effect.from_dict(e) for e in effects),
-            covariance=Covariance.from_dict(covariance) if covariance else None,
+            covariance=Covariance.from_dict(covariance) if covariance is not None else None,
             sensors=data.get("sensors"),
-            provenance=data.get("provenance") or {},
-            checks=data.get("checks") or {},
+            provenance={} if data.get("provenance") is None else data["provenance"],
+            checks={} if data.get("checks") is None else data["checks"],
             limits=data.get("limits"),
             randomize=data.get("randomize"),
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plant file; whole or not at all."""
-        path = Path(path)
-        text = self.to_json() + "\n"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-        return path
+        return write_whole(path, self.to_json() + "\n")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Plant":
         """Read a plant file. Raises FileNotFoundError or ValueError, each naming the file."""
         try:
-            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+            return cls.from_dict(read_json(Path(path).read_text(encoding="utf-8")))
         except (json.JSONDecodeError, UnicodeDecodeError):
             raise ValueError(
                 f"{path} is no plant file (JSON), as `furuta identify LOG -o rig.json` writes it"
@@ -240,9 +262,7 @@ class Plant:
 
     @classmethod
     def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":
-        """A plant from a plant, the name of a known set (`sets.PLANTS`), or a plant file."""
-        from .sets import PLANTS
-
+        """A plant from a plant, the name of a known set (`PLANTS`), or a plant file."""
         if isinstance(source, Plant):
             return source
         if str(source) in PLANTS:
@@ -262,11 +282,5 @@ class Plant:
         return "\n".join(rows)
 
 
-def sampled_plants(plant: Plant, n: int, rng: np.random.Generator) -> Iterable[Plant]:
-    """n plants drawn from the covariance of an identified plant; see `Covariance.draw`."""
-    if plant.covariance is None:
-        raise ValueError(
-            "this plant has no covariance to draw from; identify it from a log (`furuta identify`), "
-            "which stores one, or switch randomisation off"
-        )
-    return (plant.covariance.draw(plant, rng) for _ in range(n))
+PLANTS: dict[str, Plant] = {}
+"""The sets that come with the package, by name. `sets`, which the package imports, puts them in."""

@@ -39,16 +39,26 @@ def omega_b(q: ArrayLike, v: ArrayLike, r: float | tuple[float, float]) -> NDArr
 
 
 def regressor(q: ArrayLike, v: ArrayLike, a: ArrayLike, r: float | tuple[float, float]) -> NDArray[np.float64]:
-    """Y (n, 2, 9) with Y θ = (τ, 0): d/dt Ω_a + Ω_b, the derivative taken by the chain rule. a: q̈ (n, 2)."""
+    """Y (n, 2, 9) with Y θ = (τ, 0): d/dt Ω_a + Ω_b of Eq. (14), the derivative taken by the chain rule.
+
+    q [rad], v [rad/s] and a = q̈ [rad/s²] are (n, 2); r [s/rad] as in `omega_b`. Raises ValueError on other shapes.
+    """
     q2, v1, v2 = _columns(q, v)
     a = np.atleast_2d(np.asarray(a, dtype=float))
     if a.shape != (q2.size, 2):
         raise ValueError(f"a must have shape {(q2.size, 2)} like q and v, got {a.shape}")
-    s, c = np.sin(q2), np.cos(q2)
-    Y = omega_b(q, v, r)
-    Y[:, 0, 0] += a[:, 0]
-    Y[:, 0, 1] += a[:, 0] * s**2 + 2.0 * v1 * v2 * s * c
-    Y[:, 0, 2] += a[:, 1] * c - v2**2 * s
-    Y[:, 1, 2] += a[:, 0] * c - v1 * v2 * s
-    Y[:, 1, 3] += a[:, 1]
+    r1, r2 = np.broadcast_to(np.asarray(r, dtype=float), (2,))
+    (a1, a2), s, c = a.T, np.sin(q2), np.cos(q2)
+    Y = np.zeros((q2.size, 2, 9))
+    Y[:, 0, 0] = a1
+    Y[:, 0, 1] = s * s * a1 + 2 * s * c * v1 * v2
+    Y[:, 0, 2] = c * a2 - s * v2**2
+    Y[:, 0, 5] = v1
+    Y[:, 0, 7] = np.tanh(r1 * v1)
+    Y[:, 1, 1] = -s * c * v1**2
+    Y[:, 1, 2] = c * a1
+    Y[:, 1, 3] = a2
+    Y[:, 1, 4] = -s
+    Y[:, 1, 6] = v2
+    Y[:, 1, 8] = np.tanh(r2 * v2)
     return Y

@@ -4,7 +4,7 @@ import numpy as np
 
 from .covariance import Covariance
 from .parameters import THETA_NAMES, RigidBody, theta_vector
-from .plant import Plant
+from .plant import PLANTS, Plant
 
 TABLE_3 = Plant(
     theta=theta_vector([0.19717, 0.03909, 0.01746, 0.01187, 0.40808, 0.0108, 0.00267, 0.11456, 0.00732]),
@@ -58,7 +58,7 @@ LARGE_RIG = Plant(
     provenance={"source": "a table-top rig with a half-metre rod and a direct-drive motor (assumed values)"},
 )
 
-PLANTS: dict[str, Plant] = {"table3": TABLE_3, "qube": QUBE, "large": LARGE_RIG}
+PLANTS.update({"table3": TABLE_3, "qube": QUBE, "large": LARGE_RIG})
 
 SPREAD = 0.05
 """Standard deviation of each θ of a set above over its value, where plants are to be drawn: an assumption, as nobody

@@ -12,7 +12,7 @@ from controllers.swing_up import design_swing_up
 from controllers.trials import Starts, balance_starts, run_trials, swing_up_starts
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import Policy, simulate
+from furuta_gym.simulation import Policy, simulate
 
 BALANCERS = ("lqr", "dlqr", "lqg", "lqr-friction", "lqg-friction", "lqi", "swing-up")
 

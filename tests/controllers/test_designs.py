@@ -14,7 +14,7 @@ from controllers.lqr import dlqr_gain, lqr_gain
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
 from furuta_gym.plant.linearization import discretize, linearize
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 
 LINEAR = ("lqr", "dlqr", "lqg", "lqr-friction", "lqg-friction", "lqi")
 

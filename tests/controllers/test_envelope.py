@@ -10,7 +10,7 @@ import pytest
 
 from controllers import make_controller
 from controllers.envelope import REASONS, Envelope, Guarded
-from controllers.export_c import c_header
+from controllers.exports.c import c_header
 from furuta_gym.plant import QUBE, TABLE_3, Effect
 
 COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
@@ -128,7 +128,7 @@ def test_fuzzed_linear_headers(law, single, tmp_path):
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
 def test_fuzzed_policy_headers(single, tmp_path):
     pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
-    from controllers.export_policy_c import policy_c_header
+    from controllers.exports.policy_c import policy_c_header
 
     path = Path(__file__).parents[2] / "controllers" / "policies" / "swing-up-qube.zip"
     controller = make_controller(str(path), RIG, 0.02)

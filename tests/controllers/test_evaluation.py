@@ -10,11 +10,13 @@ from controllers import make_controller
 from controllers.comparison import Comparison
 from controllers.conditions import GROUPS, conditions
 from controllers.evaluation import compare
+from controllers.plots import draw_comparison
 from controllers.statistics import Interval
-from controllers.trials import PUSH_LENGTH, Starts, balance_starts, pace, run_trials
+from controllers.trials import PUSH_LENGTH, Starts, balance_starts, run_trials
 from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect
+from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import simulate
+from furuta_gym.simulation import simulate
 
 
 class Idle:
@@ -135,8 +137,8 @@ def test_figures_tell_the_controllers_apart(comparison):
     assert dlqr["balance"]["success"].value == 1.0
     assert idle["balance"]["success"].value == 0.0
     assert np.isnan(idle["balance"]["rms_q2"].value)
-    assert dlqr["push"]["largest_push"].value > 0.5 * pace(QUBE)
-    assert idle["push"]["largest_push"].value < 0.05 * pace(QUBE)
+    assert dlqr["push"]["largest_push"].value > 0.5 * pendulum_frequency(QUBE.theta)
+    assert idle["push"]["largest_push"].value < 0.05 * pendulum_frequency(QUBE.theta)
     assert dlqr["arm_spring"]["success"].value == 0.0  # unknown to it, and stronger than its hold on the arm
     assert dlqr["delay 4 ms"]["success"].value == 1.0
 
@@ -195,7 +197,7 @@ def test_conditions_cover_the_library_and_the_covariance():
 
 
 def test_files(comparison, tmp_path):
-    paths = comparison.save(tmp_path)
+    paths = [comparison.save(tmp_path), *draw_comparison(comparison, tmp_path)]
     assert {p.name for p in paths} == {
         "comparison.json",
         *(f"comparison_{group}.png" for group in ("balance", "push", "delay", "effects")),

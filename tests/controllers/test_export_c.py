@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.export_c import c_header, export_c
+from controllers.exports.c import c_header, export_c
 from furuta_gym.plant import QUBE, TABLE_3, Effect
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")

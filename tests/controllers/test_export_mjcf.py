@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from controllers.export_mjcf import export_mjcf, mjcf
+from controllers.exports.mjcf import export_mjcf, mjcf
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect, Plant
 from furuta_gym.plant.linearization import state_derivative
-from furuta_gym.simulate import open_loop, simulate
+from furuta_gym.simulation import open_loop, simulate
 
 mujoco = pytest.importorskip("mujoco", reason="MJCF is tried out in MuJoCo, the extra `mujoco`")
 

@@ -1,6 +1,5 @@
 """Policies taken elsewhere: ONNX and C say what stable-baselines3 says."""
 
-import json
 import shutil
 import subprocess
 
@@ -8,9 +7,10 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.export_onnx import export_onnx
-from controllers.export_policy_c import export_policy_c
+from controllers.exports.onnx import export_onnx
+from controllers.exports.policy_c import export_policy_c
 from controllers.layers import network_of
+from controllers.policy_file import write_policy
 from furuta_gym.plant import QUBE
 from furuta_gym.sensors import FilteredDifference
 
@@ -44,9 +44,9 @@ def policy(request, tmp_path_factory):
     """An untrained policy with its record; the weights of its last layer are large, so that the limits act at times."""
     import torch
 
-    from controllers.learned import algorithm_class
     from controllers.recipes import observation_scale
     from controllers.sb3 import ScaledObservation
+    from controllers.sb3_files import algorithm_class
     from furuta_gym.envs.sb3 import FurutaVecEnv
 
     algorithm, seen = CASES[request.param]
@@ -64,9 +64,8 @@ def policy(request, tmp_path_factory):
         last.weight.mul_(20.0 if actor is not None else 300.0)
         last.bias.fill_(0.1)
     path = tmp_path_factory.mktemp("policy") / "policy.zip"
-    model.save(path)
     plant = {"u_max": QUBE.u_max, "unit": "V"}
-    path.with_suffix(".json").write_text(json.dumps({"algorithm": algorithm, "env": options, "plant": plant}))
+    write_policy(path, network_of(model), {"algorithm": algorithm, "env": options, "plant": plant})
     return path, model
 
 

@@ -9,13 +9,16 @@ import pytest
 
 from controllers import make_controller
 from controllers.evaluation import compare
+from controllers.layers import network_of
 from controllers.learned import LearnedController, load_policy
+from controllers.policy_file import read_policy, read_record, write_policy
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
-from experiments.bench_trials import run_on_bench
+from experiments.studies.bench_runs import run_on_bench
+from furuta_gym.envs import options_of
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
-from furuta_gym.simulate import simulate
-from identification.experiment import Setup
+from furuta_gym.simulation import simulate
+from identification.design.setup import Setup
 
 
 def recording(seen, actions):
@@ -82,14 +85,20 @@ def test_on_a_faster_clock_it_plays_as_trained():
 
 @pytest.fixture(scope="module")
 def policy_file(tmp_path_factory):
-    """A small untrained policy with its record, as training writes them."""
+    """A small untrained policy, as training writes it, and the model that it comes from."""
     sb3 = pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
     path = tmp_path_factory.mktemp("policy") / "small.zip"
     options = {"plant": "qube", "task": "balance", "sample_time": 0.01, "history": 2, "normalize_action": True}
     env = gym.make("furuta_gym:FurutaID-v0", **options)
-    sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, policy_kwargs={"net_arch": [4]}, device="cpu").save(path)
-    path.with_suffix(".json").write_text(json.dumps({"algorithm": "PPO", "env": options}))
-    return path
+    model = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, policy_kwargs={"net_arch": [4]}, device="cpu")
+    model.save(path.with_name("sb3.zip"))
+    return write_policy(path, network_of(model), {"algorithm": "PPO", "env": options})
+
+
+def rewritten(policy, path, **changes):
+    """The policy with another record."""
+    network, record = read_policy(policy)
+    return write_policy(path, network, record | changes)
 
 
 def test_policy_file_plays_what_the_model_says(policy_file):
@@ -97,19 +106,27 @@ def test_policy_file_plays_what_the_model_says(policy_file):
 
     controller = make_controller(policy_file, QUBE, 0.01)
     assert (controller.history, controller.scale, controller.sample_time) == (2, QUBE.u_max, 0.01)
-    model = PPO.load(policy_file, device="cpu")
+    model = PPO.load(policy_file.with_name("sb3.zip"), device="cpu")
     frame = [0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0]
     expected = QUBE.u_max * np.clip(model.predict(np.float32(frame * 2), deterministic=True)[0][0], -1, 1)
     assert controller([0.2, 0.1]) == pytest.approx(expected, rel=1e-4, abs=1e-6)
 
 
+def test_a_trusted_file_of_stable_baselines3_plays_the_same(policy_file):
+    """With the record beside it; without trust it is refused."""
+    path = policy_file.with_name("sb3.zip")
+    path.with_suffix(".json").write_text(json.dumps(read_record(policy_file)))
+    own = make_controller(policy_file, QUBE, 0.01)
+    trusted = make_controller(path, QUBE, 0.01, trust=True)
+    y = np.random.default_rng(1).normal(0, 0.1, (10, 2))
+    assert [trusted(reading) for reading in y] == [own(reading) for reading in y]
+    with pytest.raises(ValueError, match="--trust"):
+        make_controller(path, QUBE, 0.01)
+
+
 def test_the_gain_of_a_policy_is_that_of_its_training(policy_file, tmp_path):
     """Shares of the trained limit, whatever the limit of the plant that it is played on, which only clips."""
-    for name in ("small.zip", "small.json"):
-        (tmp_path / name).write_bytes((policy_file.parent / name).read_bytes())
-    record = json.loads((tmp_path / "small.json").read_text()) | {"plant": {"u_max": 10.0, "unit": "V"}}
-    (tmp_path / "small.json").write_text(json.dumps(record))
-    path, y = tmp_path / "small.zip", [0.02, 0.003]
+    path, y = rewritten(policy_file, tmp_path / "small.zip", plant={"u_max": 10.0, "unit": "V"}), [0.02, 0.003]
     said = make_controller(path, QUBE.replace(u_max=10.0), 0.01)(y)
     assert said != 0.0
     assert make_controller(path, QUBE.replace(u_max=4.0), 0.01)(y) == pytest.approx(said)
@@ -165,28 +182,25 @@ class TestBadFiles:
             make_controller(policy_file, QUBE, 0.004)
 
     def test_other_observation(self, policy_file, tmp_path):
-        pytest.importorskip("stable_baselines3")
-        path = tmp_path / "other.zip"
-        path.write_bytes(policy_file.read_bytes())
-        path.with_suffix(".json").write_text(json.dumps({"algorithm": "PPO", "env": {"history": 3}}))
+        path = rewritten(policy_file, tmp_path / "other.zip", env={"history": 3})
         with pytest.raises(ValueError, match=r"shape \(10,\).*history=3 gives \(15,\)"):
             make_controller(path, QUBE)
 
     def test_no_policy(self, tmp_path):
-        pytest.importorskip("stable_baselines3")
         path = tmp_path / "text.zip"
         path.write_text("not a zip")
-        with pytest.raises(ValueError, match="no policy that stable-baselines3 saved"):
+        with pytest.raises(ValueError, match="no policy that `furuta train` wrote"):
             make_controller(path, TABLE_3)
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("data", "{}")
         with pytest.raises(ValueError, match="no policy that stable-baselines3 saved"):
-            make_controller(path, TABLE_3)
+            make_controller(path, TABLE_3, trust=True)
 
-    def test_broken_record(self, policy_file, tmp_path):
+    def test_broken_record(self, tmp_path):
         path = tmp_path / "policy.zip"
-        path.write_bytes(policy_file.read_bytes())
-        path.with_suffix(".json").write_text("{")
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("policy.json", "{")
+            archive.writestr("weights.safetensors", "")
         with pytest.raises(ValueError, match="training record is not JSON"):
             make_controller(path, QUBE)
 
@@ -195,6 +209,10 @@ def test_a_policy_of_scaled_observations_is_refused(tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    PPO("MlpPolicy", "FurutaSwingUp-v0", device="cpu").save(tmp_path / "up.zip")
+    model = PPO("MlpPolicy", "FurutaSwingUp-v0", device="cpu")
+    model.save(tmp_path / "up.zip")
     with pytest.raises(ValueError, match="scaled observations"):
-        load_policy(tmp_path / "up.zip", QUBE)
+        load_policy(tmp_path / "up.zip", QUBE, trust=True)
+    write_policy(tmp_path / "own.zip", network_of(model), {"env": options_of("FurutaSwingUp-v0")})
+    with pytest.raises(ValueError, match="scaled observations"):
+        load_policy(tmp_path / "own.zip", QUBE)

@@ -11,8 +11,6 @@ from controllers.policies import FOLDER, SHIPPED
 from controllers.trials import balance_starts, run_trials, swing_up_starts
 from furuta_gym.plant import PLANTS
 
-pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
-
 TRIALS = 200
 
 

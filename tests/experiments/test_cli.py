@@ -11,38 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner, Result
 
 from experiments.cli import app
-from experiments.cli.options import fixed_values, prior_values, skipped, with_effects
+from experiments.cli.options import fixed_values, prior_values, with_effects
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
-from identification.logs import read_log
-
-
-def furuta(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(a) for a in arguments])
-
-
-def refused(result: Result, *words: str) -> None:
-    """Exit 2, all words on stderr, nothing on stdout, no traceback."""
-    assert result.exit_code == 2, result.output
-    for word in words:
-        assert word in result.stderr
-    assert "Traceback" not in result.output
-    assert result.stdout == ""
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The paper's experiment on Table 3, simulated by the command: 20 s at 2 ms."""
-    path = tmp_path_factory.mktemp("cli") / "log.csv"
-    result = furuta(
-        *("simulate", "--plant", "table3", "--controller", "paper-lqr", "--excitation", "paper", "-o", path, "--json")
-    )
-    assert result.exit_code == 0, result.output
-    figures = json.loads(result.stdout)
-    path.with_suffix(".json").write_text(json.dumps(figures))
-    return path
+from identification.logs.log import read_log, read_logs
+from tests.commands import furuta, refused, some_log
 
 
 @pytest.fixture(scope="module")
@@ -54,15 +28,6 @@ def rig(recorded: Path) -> Path:
     result = furuta("identify", short, "-o", path, "--start", "table3", "--fix", "r=100")
     assert result.exit_code == 0, result.output
     assert "Verdict" in result.stdout
-    return path
-
-
-def some_log(path: Path, n: int = 400, **columns: object) -> Path:
-    """A small log that reads without complaint, with columns replaced."""
-    t = 0.002 * np.arange(n)
-    table = {"t": t, "q1": 0.1 * np.sin(3 * t), "q2": 0.1 * np.sin(5 * t), "u": np.sign(np.sin(9 * t))} | columns
-    rows = [",".join(str(v) for v in row) for row in zip(*table.values(), strict=True)]
-    path.write_text("\n".join([",".join(table), *rows]) + "\n")
     return path
 
 
@@ -146,12 +111,11 @@ def test_bad_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, argument
 
 @pytest.mark.filterwarnings("ignore:.*zero or signs")
 def test_the_start_of_a_log_is_left_out_on_request(tmp_path: Path) -> None:
-    logs = [read_log(some_log(tmp_path / f"{name}.csv")) for name in "ab"]
-    whole, cut = skipped(logs, 0.0), skipped(logs, 0.25)
-    assert whole == tuple(logs)
-    for log, short in zip(logs, cut, strict=True):
+    paths = [some_log(tmp_path / f"{name}.csv") for name in "ab"]
+    for log, short in zip(read_logs(paths), read_logs(paths, skip=0.25), strict=True):
         assert short.t[0] == pytest.approx(log.t[0] + 0.25, abs=log.sample_time)
         assert short.t[-1] == log.t[-1]
+        assert (log.skipped, short.skipped) == (0.0, 0.25)
 
 
 def test_an_output_that_is_an_input_is_refused(tmp_path: Path) -> None:
@@ -276,7 +240,7 @@ def test_bench_is_mounted() -> None:
 
 
 def test_the_demo_tells_its_story_and_ends_well(tmp_path: Path) -> None:
-    from experiments.demo import run_demo
+    from experiments.demo.story import run_demo
 
     lines: list[str] = []
     figures = run_demo(tmp_path, say=lambda line="": lines.append(line), trials=4)
@@ -382,3 +346,11 @@ def test_several_logs_may_follow_held_out(words: str, fitted: list[str], held: l
     given = command.make_context("diagnose", words.split()).params
     assert [str(path) for path in given["logs"]] == fitted
     assert [str(path) for path in given["held_out"]] == held
+
+
+def test_the_thresholds_of_the_diagnosis_are_printed_without_a_log() -> None:
+    from identification.diagnosis.policy import DecisionPolicy
+
+    result = furuta("diagnose", "--policy")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.strip() == DecisionPolicy().table()

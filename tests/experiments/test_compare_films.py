@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.test_cli import furuta
+from tests.commands import furuta
 
 
 def test_films_lie_beside_the_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

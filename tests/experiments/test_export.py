@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.test_cli import furuta, refused
+from tests.commands import furuta, refused
 
 
 @pytest.mark.parametrize(

@@ -19,14 +19,16 @@ pytest.importorskip("plotly", reason="the report needs the extra 'report'")
 pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 
 from experiments.cli import app
-from experiments.report import Examination, build, examine, measure_gap
+from experiments.report import Examination, build, examine
 from experiments.report.drawing import MOST_POINTS
-from experiments.report.gap import TAIL, rms_interval
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
-from identification.logs import Log, read_log, write_log
-from identification.validation import closed_fraction, validate
-from tests.identification.loops import loop_log
+from identification.diagnosis.gap_change import GapChange, rms_interval
+from identification.diagnosis.policy import DecisionPolicy
+from identification.diagnosis.verify import measure_gap, verified
+from identification.logs.log import Log, read_log, write_log
+from identification.validation.gap import closed_fraction, validate
+from tests.factories import loop_log
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +39,17 @@ def logs() -> tuple[Log, Log]:
 
 @pytest.fixture(scope="module")
 def examined(logs) -> Examination:
-    found = diagnose([logs[0]], TABLE_3, most=1, only=["arm_spring", "arm_viscous_drift"])
+    found = diagnose([logs[0]], [logs[1]], TABLE_3, most=1, only=["arm_spring", "arm_viscous_drift"])
     return examine(found, [logs[0]], [logs[1]])
 
 
 @pytest.fixture(scope="module")
 def page(examined) -> str:
     return build(examined)
+
+
+def with_gap(examined: Examination, gap: GapChange | None) -> Examination:
+    return replace(examined, diagnosis=replace(examined.diagnosis, gap=gap))
 
 
 class Page(HTMLParser):
@@ -126,13 +132,13 @@ def test_the_gap_is_that_of_the_validation(examined, logs):
 def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
     log = logs[0]
     change = measure_gap(examined.diagnosis, [log])
-    assert change.tail == TAIL
+    assert change.tail == 0.3
     assert change.to_dict()["held_out"] is False
     starts = change.before.times - change.before.horizon
-    assert starts.min() >= log.t[0] + (1 - TAIL) * log.duration - 1e-9
+    assert starts.min() >= log.t[0] + 0.7 * log.duration - 1e-9
     assert change.before.rms == pytest.approx(np.sqrt(np.mean(change.before.errors**2, axis=0)))
     assert change.closed.value > 0.8
-    rest = log.slice(stop=float(log.t[0]) + (1 - TAIL) * log.duration)  # what the plants may know
+    rest = log.slice(stop=float(log.t[0]) + 0.7 * log.duration)  # what the plants may know
     moved = replace(log, q1=np.where(log.t > rest.t[-1], log.q1 + 0.05, log.q1))
     assert measure_gap(examined.diagnosis, [moved]).before.rms[0] > change.before.rms[0]
 
@@ -183,7 +189,7 @@ def test_the_page_says_what_was_found(page, examined):
 def test_the_page_shows_the_tail_that_judged_a_repeating_effect(page, examined, logs):
     assert "On the last part of the searched logs" not in page
     own_tail = measure_gap(examined.diagnosis, [logs[0]])
-    html = build(replace(examined, gap=replace(examined.gap, own_tail=own_tail)))
+    html = build(with_gap(examined, replace(examined.gap, own_tail=own_tail)))
     assert "On the last part of the searched logs" in html
     windows = f", {len(own_tail.before.errors)} windows."
     assert windows in html
@@ -194,14 +200,14 @@ def test_the_page_shows_the_tail_that_judged_a_repeating_effect(page, examined, 
 def test_other_verdicts_have_a_page_too(examined, verdict):
     d = examined.diagnosis
     if verdict == "insufficient_excitation":
-        nothing = replace(d, verdict=verdict, before=None, after=None, naming=None, left_over=math.nan)
+        nothing = replace(d, verdict=verdict, before=None, after=None, naming=None, left_over=math.nan, gap=None)
         x = examine(nothing, examined.logs)
         assert x.where is None
         assert x.gap is None
     else:
         naming = replace(d.naming, accepted=(), equals=())
-        d = replace(d, verdict=verdict, after=d.before, naming=naming)
-        x = replace(examined, diagnosis=d, where_after=None, gap=None, closed_loop=examined.closed_loop[:1])
+        d = replace(d, verdict=verdict, after=d.before, naming=naming, gap=None)
+        x = replace(examined, diagnosis=d, where_after=None, closed_loop=examined.closed_loop[:1])
     json.dumps(x.to_dict(), allow_nan=False)
     found = Page(build(x))
     assert len(found.headings) == 7
@@ -218,17 +224,17 @@ def test_a_file_name_cannot_write_into_the_page(examined):
         logs=(log,),
         held_out=(replace(examined.held_out[0], source=evil),),
         where=replace(examined.where, torques=torques),
-        gap=replace(examined.gap, logs=(log,)),
         remarks={"closed loop": evil},
         closed_loop=None,
     )
+    x = with_gap(x, replace(examined.gap, logs=(log,)))
     assert "img" not in Page(build(x)).tags
 
 
 def test_what_could_not_be_measured_is_said(examined):
     plain = Log(examined.logs[0].t, examined.logs[0].q1, examined.logs[0].q2, examined.logs[0].u)
     short = plain.slice(stop=0.9)
-    x = examine(examined.diagnosis, [short], [short])
+    x = examine(verified(replace(examined.diagnosis, rest=None, gap=None), [short], [short]), [short], [short])
     assert {"where", "gap", "closed loop"} <= set(x.remarks)
     html = build(x)
     assert "Not available" in html
@@ -258,18 +264,24 @@ def test_a_browser_draws_every_figure(page, tmp_path):
 
 
 @pytest.fixture
-def files(logs, tmp_path, monkeypatch, examined) -> tuple[Path, Path]:
-    """Both logs as files; the search, which is tested elsewhere, answers at once."""
-    import identification.diagnosis.diagnose as search
-
-    monkeypatch.setattr(search, "diagnose", lambda *args, **options: examined.diagnosis)
+def files(logs, tmp_path) -> tuple[Path, Path]:
+    """Both logs as files."""
     paths = tmp_path / "fitted.csv", tmp_path / "other.csv"
     for path, log in zip(paths, logs, strict=True):
         write_log(path, log)
     return paths
 
 
-def test_the_command_writes_all_three_files(files, tmp_path):
+@pytest.fixture
+def at_once(monkeypatch, examined) -> None:
+    """The search, which is tested elsewhere, is over at once; what the command holds out still judges it."""
+    import identification.diagnosis.diagnose as search
+
+    found = replace(examined.diagnosis, gap=None, still_off=1.0)
+    monkeypatch.setattr(search, "diagnose", lambda logs, held_out, *args, **options: verified(found, logs, held_out))
+
+
+def test_the_command_writes_all_three_files(files, at_once, tmp_path):
     out = tmp_path / "out"
     arguments = ["diagnose", files[0], "--held-out", files[1], "-o", out]
     result = CliRunner().invoke(app, [str(a) for a in arguments])
@@ -277,6 +289,8 @@ def test_the_command_writes_all_three_files(files, tmp_path):
     assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "plant.json", "report.html"]
     found = json.loads((out / "diagnosis.json").read_text())
     assert found["gap"]["held_out"] is True
+    assert found["gap"]["logs"] == ["other.csv"]
+    assert found["policy"] == DecisionPolicy().to_dict()
     assert "gap closed" in result.stdout
     assert "other.csv" in (out / "report.html").read_text()
     (out / "next_experiment.csv").write_text("an earlier run's")

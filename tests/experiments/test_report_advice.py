@@ -11,7 +11,7 @@ import pytest
 
 from experiments.report import advice
 from furuta_gym.plant import Plant
-from identification.logs import Log
+from identification.logs.log import Log
 
 PLANT = Plant.resolve("table3")
 NAMES = ("input_delay", "actuator_lag", "input_dead_zone", "arm_backlash")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,9 @@ from controllers import make_controller
 from controllers.recipes import discount, observation_scale, recipe, training_period
 from controllers.trials import balance_starts, run_trials
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
-from tests.experiments.test_cli import furuta, refused
+from tests.commands import furuta, refused
 
-pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
-
-pytestmark = pytest.mark.filterwarnings("error:Training and eval env")
+pytestmark = pytest.mark.skipif(find_spec("stable_baselines3") is None, reason="training needs the extra `rl`")
 
 
 @pytest.fixture(scope="module")
@@ -77,21 +76,48 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     from controllers.training import Training, train
 
     path = tmp_path / "policy.zip"
-    training = Training(QUBE, algorithm="sac", steps=4000)
+    training = Training(QUBE, algorithm="sac", steps=2400)
 
     def stop(done: int, of: int) -> None:
-        if done > 2500:
+        if done > 2000:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         train(training, path, progress=stop)
     assert not path.exists()
-    assert (path.with_suffix(".checkpoint") / "replay_buffer.pkl").exists()
+    assert [len(list(kept.iterdir())) for kept in path.with_suffix(".checkpoint").iterdir()] == [4, 4]
     refused(furuta("train", "--plant", "qube", "--algo", "sac", "-o", path), "exists", "--resume")
     record = train(training, path, resume=True)
-    assert 1500 < record["resumed_at"][0] <= 2500
-    assert record["steps"] == 4000
+    assert 1000 < record["resumed_at"][0] <= 2000
+    assert record["steps"] == 2400
     assert not path.with_suffix(".checkpoint").exists()
+
+
+def test_a_trusted_file_of_stable_baselines3_goes_on(trained: Path, tmp_path: Path) -> None:
+    """As `furuta train` wrote them once: a zip of stable-baselines3 and the record beside it."""
+    from controllers.learning_state import put_parameters
+    from controllers.policy_file import read_learning, read_policy
+    from controllers.training import Training, _model
+
+    model = _model(Training(QUBE))
+    put_parameters(model, read_learning(trained))
+    path = tmp_path / "policy.zip"
+    model.save(path)
+    path.with_suffix(".json").write_text(trained.with_suffix(".json").read_text())
+    again = ("train", "--plant", "qube", "--seed", 3, "--steps", 160_000, "-o", path, "--resume")
+    refused(furuta(*again), "runs any code", "--trust")
+    result = furuta(*again, "--trust", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["resumed_at"] == [147_456]
+    assert read_policy(path)[1]["steps"] >= 160_000
+
+
+def test_one_run_at_a_time(tmp_path: Path) -> None:
+    from furuta_gym.files import locked
+
+    with locked(tmp_path / "policy.zip"):
+        refused(furuta("train", "--plant", "qube", "-o", tmp_path / "policy.zip"), "being written by another furuta")
+    assert list(tmp_path.iterdir()) == []
 
 
 REFUSED = {

@@ -9,7 +9,6 @@ import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from typer.testing import CliRunner
 
 from experiments.bench import catalogue, effect_size
 from experiments.cli import app
+from experiments.report import Examination
 from experiments.trials import decide as examinee
 from experiments.trials import run as running
 from experiments.trials import seal as laboratory
@@ -25,6 +25,12 @@ from experiments.trials.plan import SPLITS, TWINS, Trial, make_plan
 from experiments.trials.report import FILES
 from experiments.trials.run import ANSWERS, SEALED, read_results, run_trials
 from experiments.trials.sizes import reach
+from furuta_gym.files import locked
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.diagnose import diagnose
+from identification.logs.log import write_log
+from tests.factories import loop_log
+from tests.identification.diagnosis.fits import a_diagnosis
 
 LIBRARY = [name for name, e in catalogue().items() if e.kind == "library"]
 
@@ -225,7 +231,8 @@ def test_a_stopped_run_goes_on_and_loses_nothing(short, tmp_path):
     run_trials(plan, tmp_path, progress=lambda *told: seen.append(told), decide=without_logs)
     text = (tmp_path / ANSWERS).read_text()
     assert text.startswith(first)
-    assert sorted(json.loads(line)["id"] for line in text.splitlines()) == sorted(t.id for t in plan)
+    whole = [line for line in text.splitlines() if line != '{"id": "cut o']
+    assert sorted(json.loads(line)["id"] for line in whole) == sorted(t.id for t in plan)
     assert (tmp_path / SEALED).read_bytes() == sealed
     assert seen[-1] == ("deciding", 3 - kept, 3 - kept)
 
@@ -248,16 +255,34 @@ def test_an_examinee_that_crashes_has_given_an_answer(tmp_path):
     assert answer["runtime_s"] >= 0
 
 
-@pytest.mark.parametrize(("low", "verdict"), [(0.5, "named"), (-0.5, "unknown")])
-def test_the_examinee_takes_a_name_back_as_the_command_does(tmp_path, monkeypatch, low, verdict):
-    closed = SimpleNamespace(interval=(low, 1.0))
-    gap = SimpleNamespace(changed=True, tail=None, closed=closed, likelier=0.0, after_over_floor=1.0, to_dict=dict)
-    vetoed = SimpleNamespace(to_dict=lambda: {"verdict": "unknown"})
-    found = SimpleNamespace(timed=False, to_dict=lambda: {"verdict": "named"}, vetoed=lambda: vetoed)
-    monkeypatch.setattr(examinee, "read_logs", lambda paths: ())
-    monkeypatch.setattr(examinee, "diagnose", lambda logs: found)
-    monkeypatch.setattr(examinee, "measure_gap", lambda *a: gap)
-    assert examinee.decide(tmp_path)["verdict"] == verdict
+@pytest.mark.parametrize(("held_out", "verdict"), [("arm_spring", "named"), (None, "unknown")])
+def test_the_examinee_gives_the_verdict_of_the_command(tmp_path, held_out, verdict):
+    """A cable is found in fit.csv; a held_out.csv of a rig without one takes the name back."""
+    logs = loop_log("arm_spring", duration=6.0)[0], loop_log(held_out, duration=4.0, seed=1)[0]
+    for name, log in zip(("fit.csv", "held_out.csv"), logs, strict=True):
+        write_log(tmp_path / name, log)
+    found: list[Any] = []
+
+    def small(searched: Any, held: Any) -> Any:
+        found.append(diagnose(searched, held, TABLE_3, most=1, only=["arm_spring"]))
+        return found[0]
+
+    answer = examinee.decide(tmp_path, small)
+    assert answer["verdict"] == verdict, answer
+    command = Examination(found[0], (), (), None, None, None, None, {}, 0.0).to_dict()
+    assert {key: answer[key] for key in ("verdict", "effects", "gap")} == {
+        key: command[key] for key in ("verdict", "effects", "gap")
+    }
+    assert answer["gap"]["held_out"] is True
+    assert "gap_missing" not in answer
+
+
+def test_the_examinee_says_why_there_is_no_gap(tmp_path):
+    for name in ("fit.csv", "held_out.csv"):
+        write_log(tmp_path / name, loop_log(duration=1.0)[0])
+    found = a_diagnosis("arm_spring", rest=None, gap_remark="too short")
+    answer = examinee.decide(tmp_path, lambda *logs: found)
+    assert (answer["verdict"], answer["gap"], answer["gap_missing"]) == ("named", None, "too short")
 
 
 def test_processes_of_dask_give_the_same_answers(short, tmp_path):
@@ -303,3 +328,22 @@ def test_the_command_refuses_what_it_does_not_know(tmp_path):
     assert result.exit_code == 2
     assert "arm_sprung" in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_answers_are_never_written_again(tmp_path: Path, short: None) -> None:
+    """A line that was cut off, or spoiled, is passed over and asked again; all other bytes stay."""
+    plan = few()
+    run_trials(plan, tmp_path, decide=what_is_there)
+    file = tmp_path / ANSWERS
+    first, second, third = file.read_bytes().splitlines(keepends=True)
+    spoiled = b"\xff" + first + second + third[: len(third) // 2]
+    file.write_bytes(spoiled)
+    run_trials(plan, tmp_path, decide=what_is_there)
+    assert file.read_bytes().startswith(spoiled + b"\n")
+    assert len(read_results(plan, tmp_path)) == 3
+    assert file.read_bytes().count(b"\n") == 5
+
+
+def test_one_folder_has_one_run(tmp_path: Path) -> None:
+    with locked(tmp_path), pytest.raises(ValueError, match="being written by another furuta"):
+        run_trials(few(), tmp_path, decide=what_is_there)

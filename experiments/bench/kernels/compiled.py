@@ -5,13 +5,13 @@ kernels, because they call each other across files.
 """
 
 import hashlib
-import os
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numba
+
+from furuta_gym.cache_folder import cache_root
 
 
 @lru_cache
@@ -19,21 +19,16 @@ def _cache_folder() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for file in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(file.read_bytes())
-    root = os.environ.get("FURUTA_CACHE") or os.path.join(os.path.expanduser("~"), ".cache", "furuta-gym")
-    folder = Path(root) / f"bench-{digest.hexdigest()[:16]}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        folder = Path(tempfile.gettempdir()) / folder.name
-    return str(folder)
+    root = cache_root()
+    return str(root / f"bench-{digest.hexdigest()[:16]}") if root else ""
 
 
 def compiled(function: Any) -> Any:
     """`numba.njit` with a cache on disk; no fast-math, so equal input gives equal bits. x/0 is inf, as in NumPy."""
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    if not before:
-        numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
+    kept = before or _cache_folder()
+    numba.config.CACHE_DIR = kept  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=bool(kept), error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]

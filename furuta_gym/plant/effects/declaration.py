@@ -6,18 +6,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..compiled import compiled
+from ..layout import BASE_NAMES
+from ..parameters import THETA_NAMES
 
 PLACES = ("arm", "pendulum", "arm and pendulum", "input", "sensor", "parameters")
 
 # Where a kernel enters, and the names it may ask for besides its own parameters and memory.
-_THETA = tuple(f"theta{i}" for i in range(1, 10))
-_OWN = tuple(f"plant_{name}" for name in (*_THETA, "r1", "r2"))  # as the plant has them, before any effect
-_BODY = ("t", "q1", "q2", "v1", "v2", "tau", *_THETA, "r1", "r2", *_OWN)
+_OWN = tuple(f"plant_{name}" for name in BASE_NAMES)  # as the plant has them, before any effect
+_BODY = ("t", "q1", "q2", "v1", "v2", "tau", *BASE_NAMES, *_OWN)
 HOOKS: dict[str, tuple[str, ...]] = {
     "delay": (),  # -> delay of the command [s]
     "command": ("u",),  # -> command after a static map
     "filter": ("u", "since", "tau0"),  # -> torque `since` seconds after u took hold, from tau0
-    "theta": ("t", *_THETA, *_OWN),  # -> new values of `changes`
+    "theta": ("t", *THETA_NAMES, *_OWN),  # -> new values of `changes`
     "torque": _BODY,  # -> (arm, pendulum) torques added to the right-hand side
     "rate": (*_BODY, "a1"),  # -> d/dt of the memory, after the acceleration a1 = q̈1 is known
     "sensor": ("q1", "q2"),  # -> what is added to the readings (y1, y2)

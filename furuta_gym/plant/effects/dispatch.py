@@ -8,12 +8,12 @@ and its kernel's arguments are bound by name; no active effect costs one compari
 from typing import Any
 
 from ..compiled import compiled
+from ..layout import BASE_NAMES
 from .declaration import EffectType
 from .library import EFFECTS, NUMBERS
 
 _STATES = {"q1": 0, "q2": 1, "v1": 2, "v2": 3}
 _SUMS = {"torque": "F", "sensor": "Y"}  # hooks whose results are added up
-_BASE = (*(f"theta{i}" for i in range(1, 10)), "r1", "r2")  # the rows of TH
 
 
 def _place_of(effect: EffectType, name: str) -> str:
@@ -24,17 +24,17 @@ def _place_of(effect: EffectType, name: str) -> str:
         return f"X[z + {effect.memory.index(name)}, k]"
     if name in _STATES:
         return f"X[{_STATES[name]}, k]"
-    if name in _BASE:
-        return f"TH[{_BASE.index(name)}, k]"
+    if name in BASE_NAMES:  # the rows of TH
+        return f"TH[{BASE_NAMES.index(name)}, k]"
     if name.startswith("plant_"):
-        return f"P[{_BASE.index(name[6:])}, k]"
+        return f"P[{BASE_NAMES.index(name[6:])}, k]"
     return {"a1": "K[2, k]"}.get(name, f"{name}[k]")
 
 
 def _targets(effect: EffectType, hook: str) -> str:
     """Where the kernel's result goes."""
     if hook == "theta":
-        return ", ".join(f"TH[{_BASE.index(name)}, k]" for name in effect.changes) + " ="
+        return ", ".join(f"TH[{BASE_NAMES.index(name)}, k]" for name in effect.changes) + " ="
     if hook == "rate":
         return ", ".join(f"K[z + {i}, k]" for i in range(len(effect.memory))) + " ="
     return {"delay": "out[k] =", "command": "u[k] =", "filter": "out[k] ="}[hook]

@@ -14,10 +14,13 @@ from .library import EFFECTS
 _PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "alphax": "αx", "alphay": "αy"}
 
 
+_LARGEST = 1e100  # of any value; an estimate that runs off ends below it
+
+
 def _number(what: str, raw: Any) -> float:
     try:
         return float(raw)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{what} must be a number, got {raw!r}") from None
 
 
@@ -42,6 +45,8 @@ class Effect:
         values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
         values.update(self._checked(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(values))
+        if not isinstance(self.std, Mapping):
+            raise ValueError(f"effect {self.name}: std must be a mapping, got {self.std!r}")
         std = {_PLAIN.get(k, k): _number(f"effect {self.name}: std of {k}", v) for k, v in self.std.items()}
         if strange := set(std) - set(values):
             raise ValueError(f"effect {self.name} has no parameter {sorted(strange)}; it has {list(values)}")
@@ -61,7 +66,7 @@ class Effect:
             value = _number(f"effect {self.name}: {name}", raw)
             p = known[name]
             free = p.role == "size" and value == p.neutral  # off, though perhaps on the open end of its range
-            if not free and not (math.isfinite(value) and p.lower <= value <= p.upper):
+            if not free and not (abs(value) <= _LARGEST and p.lower <= value <= p.upper):
                 raise ValueError(
                     f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] "
                     f"{p.unit.replace('{u}', '(unit of u)')}, got {value:g}"
@@ -118,6 +123,9 @@ class Effect:
             name = data["name"]
         except (KeyError, AttributeError, TypeError):
             raise ValueError(f'an effect needs "name" and "parameters", got {data!r}') from None
+        for key, entry in items.items():
+            if wrong := [v for v in (entry.get("value"), entry.get("std")) if isinstance(v, bool | str)]:
+                raise ValueError(f"effect {name}: {key} must be a number, got {wrong[0]!r}")
         return cls(
             name,
             {k: v["value"] for k, v in items.items() if v.get("value") is not None},

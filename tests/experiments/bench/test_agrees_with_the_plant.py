@@ -9,7 +9,7 @@ import pytest
 from experiments.bench import SETS, HiddenEffect, Laboratory, Rig, catalogue
 from furuta_gym.plant import EFFECTS, Effect, Plant
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import open_loop, simulate
+from furuta_gym.simulation import open_loop, simulate
 
 LIBRARY = [name for name, e in catalogue().items() if e.kind == "library"]
 DURATION, STEP = 1.0, 0.002

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.bench import EXPERIMENTS, SETS, HiddenEffect, Laboratory, PendulumLost, Rig, list_rigs, record, rig
-from identification.logs import read_log
+from identification.logs.log import read_log
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

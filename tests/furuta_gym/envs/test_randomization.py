@@ -8,8 +8,7 @@ from furuta_gym.envs.randomization import draw_parameters, randomization
 from furuta_gym.envs.streams import normal_pair, uniform
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import EFFECTS, PLANTS, QUBE, TABLE_3, Covariance, Effect
-from furuta_gym.plant.covariance import _shifted
-from furuta_gym.plant.plant import sampled_plants
+from furuta_gym.plant.sampling import _shifted, sampled_plants
 from furuta_gym.plant.sets import SPREAD
 
 from .helpers import SPRING, uncertain

@@ -9,12 +9,11 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from furuta_gym.envs import kernels as k
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.threads import N_BOARD, finish, share, take
 from furuta_gym.envs.vector import FurutaVectorEnv, _blocks
 from furuta_gym.plant import PLANTS
-from furuta_gym.plant.dynamics import _runge_kutta
+from furuta_gym.plant.dynamics import _runge_kutta, plain_steps
 
 from .helpers import OPTION_SETS, uncertain
 
@@ -163,7 +162,7 @@ def test_threads_that_wait_for_the_next_step_find_it_whole():
 @pytest.mark.parametrize("lanes", [1, 5, 64])
 @pytest.mark.parametrize("name", PLANTS)
 def test_lanes_without_effects_move_as_the_plants_own(name, lanes):
-    """`runge_kutta_plain` against the plant's integration: equal bits."""
+    """`plain_steps` against the plant's integration: equal bits."""
     p, codes, rows = PLANTS[name].packed()
     rng = np.random.default_rng(3)
     X = rng.uniform(-3, 3, (4, lanes))
@@ -172,7 +171,7 @@ def test_lanes_without_effects_move_as_the_plants_own(name, lanes):
     P = np.repeat(p[:, None], lanes, axis=1)
     work = np.empty((3 * rows + 16, lanes))
     _runge_kutta(reference, np.zeros(lanes), h, 7, command.copy(), np.zeros((2, lanes)), P, codes, work)
-    k.runge_kutta_plain(X, h, 7, command, P)
+    plain_steps(X, h, 7, command, P)
     np.testing.assert_array_equal(X, reference)
 
 

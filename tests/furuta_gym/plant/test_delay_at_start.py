@@ -7,7 +7,7 @@ from controllers.trials import Starts, run_trials
 from furuta_gym.envs import FurutaEnv
 from furuta_gym.plant import QUBE, Effect
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulate import open_loop, simulate
+from furuta_gym.simulation import open_loop, simulate
 
 LATE = QUBE.with_effects(Effect("input_delay", {"d": 0.04}))
 

@@ -2,16 +2,19 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
-from furuta_gym.plant.dynamics import advance, substep
+from furuta_gym.plant.dynamics import acting_row, advance, plain_steps, shared_steps, substep, until_next
 from tests.furuta_gym.plant.helpers import mechanical_energy, reference_run, run, square_waves
 from tests.oracles import lagrangian
 from tests.oracles.mujoco_model import RigidSet
 
 LOSSLESS = LARGE_RIG.replace(theta=[*LARGE_RIG.theta[:5], 0, 0, 0, 0])
 COUNT = 2 * np.pi / 4096
+NO_EFFECTS = np.empty((0, 3), dtype=np.int64)
 
 
 def test_observed_order_is_four_on_the_smooth_model():
@@ -151,6 +154,37 @@ def test_lanes_with_different_delays_keep_their_own_command():
 def test_a_common_command_serves_all_lanes():
     P = np.column_stack([TABLE_3.packed().p] * 3)
     X, t_u, U = np.zeros((4, 3)), np.array([0.0]), np.array([[1.0]])
-    advance(X, 0.0, 0.05, t_u, U, 0, np.zeros((2, 3)), P, np.empty((0, 3), dtype=np.int64), 1e-3)
+    advance(X, 0.0, 0.05, t_u, U, 0, np.zeros((2, 3)), P, NO_EFFECTS, 1e-3)
     assert X[0, 0] != 0
     np.testing.assert_array_equal(X, X[:, :1] * np.ones(3))
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+def test_plain_steps_are_advance_without_effects(plant):
+    """Bit for bit with a command and a step of each lane; with shared ones, summed otherwise, to rounding."""
+    lanes, n, h, u = 7, 4, 5e-4, 0.07 * plant.u_max
+    start = np.random.default_rng(0).normal(size=(4, lanes))
+    P = np.repeat(plant.packed().p[:, None], lanes, axis=1)
+    whole, plain, shared = start.copy(), start.copy(), start.copy()
+    advance(whole, 0.0, n * h, np.zeros(1), np.full((1, 1), u), 0, np.zeros((2, lanes)), P, NO_EFFECTS, h)
+    plain_steps(plain, np.full(lanes, n * h / n), n, np.full(lanes, u), P)
+    shared_steps(shared, u, n * h / n, n, P)
+    np.testing.assert_array_equal(plain, whole)
+    np.testing.assert_allclose(shared, whole, rtol=0, atol=1e-12)
+    assert np.abs(whole - start).max() > 1e-3
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=8), st.floats(0, 1), st.floats(0, 1))
+def test_the_command_that_acts_is_the_newest_that_has_come(times, delay, t):
+    """Against a search over all rows, for times in rising and in falling order."""
+    given_ = np.sort(times)
+    come = [i for i, x in enumerate(given_) if x + delay <= t]
+    expected, last = max(come, default=0), len(times) - 1
+    assert acting_row(given_, last, 0, delay, t) == expected
+    assert acting_row(given_[::-1].copy(), 0, last, delay, t) == last - expected
+
+
+@given(st.floats(-1, 2), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1))
+def test_a_command_acts_until_the_next_has_come_and_within_the_interval(given_, delay, a, b):
+    start, end = sorted((a, b))
+    assert until_next(given_, delay, start, end) == np.clip(given_ + delay, start, end)

@@ -16,7 +16,7 @@ from furuta_gym.plant import (
     physical_consistency,
 )
 from furuta_gym.plant.dynamics import mass_matrix
-from furuta_gym.plant.parameters import theta_vector
+from furuta_gym.plant.parameters import pendulum_frequency, theta_vector
 from tests.furuta_gym.plant.strategies import thetas
 from tests.oracles.mujoco_model import RigidSet
 
@@ -129,3 +129,10 @@ def test_every_parameter_has_a_meaning_and_a_unit():
     assert tuple(THETA_MEANING) == THETA_NAMES
     assert all(meaning and "{u}" in unit for meaning, unit in THETA_MEANING.values())
     assert set(PLANTS) >= {"table3", "qube"}
+
+
+@given(bodies)
+def test_the_pendulums_frequency_is_that_of_its_small_swings(body):
+    """Of a rod about its joint: √(m g l / J), whatever the unit of the command."""
+    inertia = body.J2 + body.m2 * body.l2**2
+    assert pendulum_frequency(body.theta()) == pytest.approx(np.sqrt(body.m2 * body.gravity * body.l2 / inertia))

@@ -1,0 +1,1 @@
+"""Results taken elsewhere: C for firmware, ONNX for a network runtime, MJCF for MuJoCo."""

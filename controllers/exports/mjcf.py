@@ -1,0 +1,122 @@
+"""An identified plant as a MuJoCo model (MJCF)."""
+
+import os
+from pathlib import Path
+
+from furuta_gym.files import write_whole
+from furuta_gym.plant import Plant
+from furuta_gym.plant.parameters import physical_consistency
+
+GRAVITY = 9.81
+CARRIED = ("arm_spring", "actuator_lag", "input_saturation")
+"""The effects that MJCF has words for."""
+
+_MODEL = """\
+<!--
+  A Furuta pendulum as furuta-gym identified it. theta = {theta} ({unit}).
+
+  Torques are in the command's unit ({unit}), and so are mass and inertia: {unit_note}
+  Lengths are in m. Positions: q1 the arm, q2 the pendulum, zero upright; ctrl is the command.
+
+  Model (5) has J1 in M11 and J2 in M22 alone, which is what `armature` means; the pendulum is a point mass besides.
+  Carried exactly: M, C, g, viscous friction{carried}.
+  Carried closely: Coulomb friction. `frictionloss` is a dry friction that sticks; the plant's is
+  Fc tanh(r v) with r = {sharpness} s/rad, which is the same at speeds well above 1/r and creeps below.
+  Not carried: encoders, and the sampling of the command; hold ctrl for one sample time of the rig.
+-->
+<mujoco model="furuta">
+  <compiler angle="radian" autolimits="true"/>
+  <option timestep="0.0005" gravity="0 0 -{gravity}" integrator="RK4">
+    <flag contact="disable"/>
+  </option>
+  <default>
+    <joint solreffriction="0.002 1" solimpfriction="0.99 0.99 0.001"/>
+  </default>
+  <worldbody>
+    <light pos="0 0 {far:.6g}"/>
+    <body name="arm">
+      <joint name="q1" type="hinge" axis="0 0 1" armature="{J1!r}" damping="{Fv1!r}" frictionloss="{Fc1!r}"{spring}/>
+      <inertial pos="0 0 0" mass="{tiny!r}" diaginertia="{tiny!r} {tiny!r} {tiny!r}"/>
+      <geom type="capsule" fromto="0 0 0 {L1!r} 0 0" size="{thick:.6g}" rgba="0.24 0.26 0.30 1" mass="0"/>
+      <body name="pendulum" pos="{L1!r} 0 0">
+        <joint name="q2" type="hinge" axis="-1 0 0" armature="{J2!r}" damping="{Fv2!r}" frictionloss="{Fc2!r}"/>
+        <inertial pos="0 0 {l2!r}" mass="{m2!r}" diaginertia="{tiny!r} {tiny!r} {tiny!r}"/>
+        <geom type="capsule" fromto="0 0 0 0 0 {rod:.6g}" size="{thin:.6g}" rgba="0.84 0.35 0.19 1" mass="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    {actuator}
+  </actuator>
+  <sensor>
+    <jointpos joint="q1"/>
+    <jointpos joint="q2"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def mjcf(plant: Plant) -> str:
+    """The MJCF text of a physically consistent plant.
+
+    Lengths and masses follow from θ by Table 2: L1 = g θ3/θ5, l2 = g θ2/θ5, m2 = θ2/l2², J1 = θ1 − θ3²/θ2,
+    J2 = θ4 − θ2. A common factor of all θ (volts instead of N·m) scales masses and torques alike and leaves every
+    acceleration as it is. Raises ValueError for a θ that no rigid body has, and for effects that MJCF cannot carry.
+    """
+    check = physical_consistency(plant.theta)
+    if not check.consistent:
+        raise ValueError(
+            f"no rigid body has these parameters: {'; '.join(check.failures)}. MuJoCo needs one; identify the plant "
+            "with `furuta identify … --physical`, best from logs that also hang, or simulate it with FurutaID-v0"
+        )
+    strange = [effect.name for effect in plant.effects if effect.name not in CARRIED]
+    if strange:
+        raise ValueError(
+            f"MJCF cannot carry {', '.join(strange)} (it can: {', '.join(CARRIED)}); export the plant without, or "
+            "simulate it with FurutaID-v0"
+        )
+    saturation = plant.effect("input_saturation")
+    if saturation is not None and saturation.parameters["knee"] > 0:
+        raise ValueError(
+            f"MJCF has no round knee, and this input_saturation has {saturation.parameters['knee']:.2g}; fit it again "
+            "with fixed={'input_saturation.knee': 0}, or simulate it with FurutaID-v0"
+        )
+    th1, th2, th3, th4, th5, Fv1, Fv2, Fc1, Fc2 = (float(v) for v in plant.theta)
+    L1, l2 = GRAVITY * th3 / th5, GRAVITY * th2 / th5
+    J1, J2 = th1 - th3 * th3 / th2, th4 - th2
+    spring, lag = plant.effect("arm_spring"), plant.effect("actuator_lag")
+    limit = min(plant.u_max, saturation.parameters["m"]) if saturation else plant.u_max
+    motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
+    T = lag.parameters["T"] if lag else 0.0
+    return _MODEL.format(
+        theta=", ".join(f"{v:.6g}" for v in plant.theta),
+        unit=plant.unit,
+        unit_note="kg and kg m^2." if plant.unit == "N·m" else "a common factor that no acceleration feels.",
+        carried="".join(f", {effect.name}" for effect in plant.effects),
+        sharpness=" and ".join(f"{r:g}" for r in dict.fromkeys(plant.sharpness)),
+        gravity=GRAVITY,
+        far=4 * (abs(L1) + l2),
+        J1=J1,
+        J2=J2,
+        Fv1=Fv1,
+        Fv2=Fv2,
+        Fc1=Fc1,
+        Fc2=Fc2,
+        spring=f' stiffness="{spring.parameters["k"]!r}" springref="{spring.parameters["q1n"]!r}"' if spring else "",
+        tiny=max(1e-9 * th4, 2e-15),  # MuJoCo wants moving bodies to have some mass and inertia of their own
+        L1=L1,
+        l2=l2,
+        m2=th2 / l2**2,
+        thick=0.06 * abs(L1),
+        thin=0.04 * abs(L1),
+        rod=2 * l2,
+        actuator=f'<general {motor} dyntype="filter" dynprm="{T!r}"/>' if T > 0 else f"<motor {motor}/>",
+    )
+
+
+def export_mjcf(plant: Plant, path: str | os.PathLike[str]) -> Path:
+    """Write a physically consistent plant as MuJoCo XML to `path` and return the path.
+
+    Raises ValueError for what `mjcf` refuses.
+    """
+    return write_whole(path, mjcf(plant))

@@ -1,0 +1,107 @@
+"""A learned policy as an ONNX model: observation in, command out."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furuta_gym.envs.options import SPEED_LIMIT
+from furuta_gym.files import write_whole
+from furuta_gym.plant import Plant
+
+from ..layers import Network, network_in
+from ..learned import LearnedController, load_policy
+from ..policy_file import read_record
+
+OPSET = 17
+
+_OBSERVATION = (
+    "q1, sin q2, cos q2, v1, v2 in rad and rad/s (q2 = 0 upright); v is a filtered difference, "
+    "v += (1 - exp(-velocity_cutoff * sample_time)) * ((y - y_last) / sample_time - v), zero at the first sample"
+)
+
+
+def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, Any]) -> Any:
+    """The network as an `onnx.ModelProto`.
+
+    Input `observation` (N, n) float32. Outputs (N, 1): `action`, as the policy's `predict` gives it, and `command`,
+    scale times the action within ± u_max. about: strings for the model's metadata.
+    """
+    from onnx import TensorProto, helper, numpy_helper
+
+    nodes, constants = [], []
+
+    def constant(name: str, value: Any) -> str:
+        constants.append(numpy_helper.from_array(np.asarray(value, dtype=np.float32), name))
+        return name
+
+    def node(kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
+        nodes.append(helper.make_node(kind, inputs, [output], **attributes))
+        return output
+
+    x = node("Mul", ["observation", constant("scale", network.scale)], "scaled")
+    for i, layer in enumerate(network.layers):
+        parts = [x, constant(f"weight_{i}", layer.weight), constant(f"bias_{i}", layer.bias)]
+        x = node("Gemm", parts, f"layer_{i}", transB=1)
+        if layer.activation:
+            x = node({"ReLU": "Relu"}.get(layer.activation, layer.activation), [x], f"active_{i}")
+    limit = constant("limit", network.limit)
+    if network.squashed:
+        node("Mul", [node("Tanh", [x], "squashed"), limit], "action")
+    else:
+        node("Clip", [x, constant("lowest", -network.limit), limit], "action")
+    node("Mul", ["action", constant("unit", scale)], "unclipped")
+    node("Clip", ["unclipped", constant("least", -u_max), constant("most", u_max)], "command")
+    value = lambda name, n: helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", n])  # noqa: E731
+    graph = helper.make_graph(
+        nodes, "policy", [value("observation", network.size)], [value("action", 1), value("command", 1)], constants
+    )
+    model = helper.make_model(
+        graph, producer_name="furuta-gym", opset_imports=[helper.make_opsetid("", OPSET)], ir_version=9
+    )
+    helper.set_model_props(model, {key: str(text) for key, text in about.items()})
+    return model
+
+
+def export_onnx(
+    policy: str | os.PathLike[str],
+    plant: Plant,
+    path: str | os.PathLike[str],
+    sample_time: float | None = None,
+    *,
+    trust: bool = False,
+) -> Path:
+    """Write the policy file for `plant` as ONNX; its metadata say how an observation is made.
+
+    sample_time [s]: of the controller; default: the plant's or the policy's own. Returns the path.
+
+    Raises ValueError for a policy that `load_policy` refuses (trust: see there), or without the package onnx.
+    """
+    controller = load_policy(policy, plant, sample_time, trust=trust)
+    try:
+        import onnx
+    except ImportError as error:
+        raise ValueError("ONNX needs the package onnx: `pip install onnx`") from error
+    about = _about(controller, plant, Path(policy))
+    model = onnx_model(network_in(controller), controller.scale, plant.u_max, about)
+    onnx.checker.check_model(model)
+    return write_whole(path, model.SerializeToString())
+
+
+def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:
+    more = "; then the last command / trained_u_max" if controller.observe_command else ""
+    clipped = f"; q1 within ±{2 * controller.arm_limit:.6g} rad, speeds within ±{SPEED_LIMIT:g} rad/s"
+    past = f"; {controller.history} of them, oldest first" if controller.history > 1 else ""
+    record = read_record(policy)
+    return {
+        "observation": f"{_OBSERVATION}{clipped}{more}{past}",
+        "sample_time": controller.every * controller.sample_time,
+        "velocity_cutoff": controller.velocity_cutoff,
+        "u_max": plant.u_max,
+        "trained_u_max": controller.trained_u_max,
+        "unit": plant.unit,
+        "task": controller.tasks[-1],
+        "trained": json.dumps({key: record.get(key) for key in ("algorithm", "seed", "steps", "plant_sha256")}),
+    }

@@ -1,0 +1,155 @@
+"""Measured logs of two laboratories: fit, validate on other runs, say what is wrong.
+
+`python -m experiments.studies.real_logs FOLDER`, FOLDER with `qube_darmstadt/` and `qube_mcgill/` (docs/real_logs.md
+says where they come from). Writes real_logs.json and real_logs.md, and prints the latter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from experiments.cli.errors import explained
+from experiments.cli.output import busy, write_json
+from furuta_gym.plant import THETA_NAMES
+from identification.estimation.estimate import Estimate
+from identification.estimation.identify import identify
+from identification.logs.log import Log, read_logs
+from identification.validation.gap import Gap, validate
+
+SCHEMA = "furuta-real-logs/1"
+_MAPPING = {"pendulum_zero": "hanging", "flip": "q2", "encoder_counts": 2048, "input_unit": "V"}
+_FRICTION = THETA_NAMES[5:]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A laboratory's logs: the files fitted, and groups of files held out. skip [s]: left out at each start."""
+
+    name: str
+    folder: str
+    fitted: tuple[str, ...]
+    held_out: dict[str, tuple[str, ...]]
+    skip: float = 0.0
+
+
+RIGS = (
+    Rig(
+        "Darmstadt, hanging chirps",
+        "qube_darmstadt",
+        ("chirp_p1V5_250Hz_00", "chirp_m1V5_250Hz_00"),
+        {
+            "the other chirps": tuple(f"chirp_{s}1V5_250Hz_0{k}" for s in "pm" for k in (1, 2)),
+            "swing-ups, 250 Hz, 10 s": tuple(f"swingup_250Hz_10s_0{k}" for k in range(3)),
+            "swing-ups, 250 Hz, 5 s": tuple(f"swingup_250Hz_5s_0{k}" for k in range(3)),
+            "swing-ups, 500 Hz, 5 s": tuple(f"swingup_500Hz_5s_0{k}" for k in range(3)),
+        },
+    ),
+    Rig(
+        "McGill, upright with PRBS",
+        "qube_mcgill",
+        ("balance_prbs_20230828T161301",),
+        {"another run": ("balance_prbs_20230828T161334",), "a third run": ("balance_prbs_20230828T161408",)},
+        skip=1.0,  # the hand-over to the controller
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came out for a rig: the fit, the same fit with friction free to be negative, and the gaps by name."""
+
+    rig: Rig
+    estimate: Estimate
+    unbounded: Estimate
+    gaps: dict[str, Gap | str]
+
+
+def study(folder: Path, rig: Rig) -> Finding:
+    """Fit and validate one rig. Raises OSError where a file is missing; a log that a plant loses is told in words."""
+    logs = _read(folder, rig, rig.fitted)
+    estimate = identify(logs)
+    unbounded = identify(logs, negative_friction=True)
+    gaps: dict[str, Gap | str] = {}
+    for name, files in rig.held_out.items():
+        try:
+            gaps[name] = validate(estimate.plant, _read(folder, rig, files))
+        except ValueError as error:
+            gaps[name] = str(error)
+    return Finding(rig, estimate, unbounded, gaps)
+
+
+def _read(folder: Path, rig: Rig, files: Sequence[str]) -> tuple[Log, ...]:
+    return read_logs([folder / rig.folder / f"{f}.csv" for f in files], skip=rig.skip, **_MAPPING)
+
+
+def report(found: Sequence[Finding]) -> str:
+    """Markdown: a section a rig."""
+    return "\n\n".join(_section(f) for f in found) + "\n"
+
+
+def _section(found: Finding) -> str:
+    estimate, rig = found.estimate, found.rig
+    lines = [f"### {rig.name}", "", f"Fitted: {', '.join(rig.fitted)}.", "", "```", str(estimate), "```", ""]
+    lines += ["Friction free to be negative:", ""]
+    lines += ["| | θ6 | θ7 | θ8 | θ9 |", "|---|---|---|---|---|"]
+    cells = [_signed(found.unbounded, name) for name in _FRICTION]
+    lines += [f"| value ± 1 sd | {' | '.join(cells)} |", ""]
+    lines += [
+        "| held out | rms q1, q2 [mrad] | floor [mrad] | of readings alone | fit [%] | rms over floor | verdict |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, gap in found.gaps.items():
+        if isinstance(gap, str):
+            lines.append(f"| {name} | — | — | — | — | — | {gap} |")
+            continue
+        pairs = (1e3 * gap.rms, 1e3 * gap.floor, 1e3 * gap.reading_floor, gap.fit_percent)
+        numbers = " | ".join(f"{a:.3g}, {b:.3g}" for a, b in pairs)
+        lines.append(f"| {name} | {numbers} | {gap.ratio_to_floor:.2f} | {gap.verdict} |")
+    return "\n".join(lines)
+
+
+def _signed(estimate: Estimate, name: str) -> str:
+    i = estimate.names.index(name)
+    value, std = float(estimate.values[i]), float(estimate.std[i])
+    return f"{value:+.2g} ± {std:.1g}" + (" (negative)" if value < -2 * std else "")
+
+
+def to_json(found: Sequence[Finding]) -> dict[str, Any]:
+    """Estimates and gaps by rig."""
+    rigs = [
+        {
+            "name": f.rig.name,
+            "fitted": list(f.rig.fitted),
+            "estimate": f.estimate.to_dict(),
+            "negative_friction": f.unbounded.to_dict(),
+            "held_out": {n: g if isinstance(g, str) else g.to_dict()["gap"] for n, g in f.gaps.items()},
+        }
+        for f in found
+    ]
+    return {"schema": SCHEMA, "rigs": rigs}
+
+
+def main(
+    folder: Annotated[Path, typer.Argument(help="Folder that holds qube_darmstadt/ and qube_mcgill/.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")] = Path("out/real_logs"),
+) -> None:
+    """Fit the measured logs, validate on runs that were not fitted, report."""
+    with explained():
+        missing = [str(folder / rig.folder) for rig in RIGS if not (folder / rig.folder).is_dir()]
+        if missing:
+            raise ValueError(f"no such folder: {', '.join(missing)}; expected the measured logs there")
+        with busy("fitting …"):
+            found = [study(folder, rig) for rig in RIGS]
+        text = report(found)
+        write_json(output / "real_logs.json", to_json(found))
+        (output / "real_logs.md").write_text(text, encoding="utf-8")
+        typer.echo(text)
+
+
+if __name__ == "__main__":
+    typer.run(main)

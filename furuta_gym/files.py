@@ -1,0 +1,146 @@
+"""Files that are whole or not there, one writer at a time, and JSON of strangers."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+DEEPEST = 64  # levels of nesting in a file of this project; the real ones have six
+_LARGEST = 1e308
+
+
+def read_json(text: str | bytes) -> Any:
+    """JSON as this project writes it: finite numbers that fit a float, at most `DEEPEST` levels.
+
+    Raises ValueError (json.JSONDecodeError and UnicodeDecodeError are such) with the reason.
+    """
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number of JSON")
+
+    too_deep = f"the file is nested deeper than {DEEPEST} levels"
+    try:
+        data = json.loads(text, parse_constant=refuse)
+    except RecursionError:
+        raise ValueError(too_deep) from None
+    level = [data]
+    for _ in range(DEEPEST):
+        if not level:
+            return data
+        below: list[Any] = []
+        for value in level:
+            if isinstance(value, dict):
+                below += value.values()
+            elif isinstance(value, list):
+                below += value
+            elif isinstance(value, int | float) and not abs(value) <= _LARGEST:
+                raise ValueError("a number of the file is larger than 1e308")
+        level = below
+    raise ValueError(too_deep)
+
+
+def write_whole(path: str | os.PathLike[str], data: bytes | str) -> Path:
+    """Write a file (text as UTF-8) whole or not at all: beside its place, to the disk, then by one rename.
+
+    Folders above it are made. Raises OSError that names `path`, whatever file was in the way.
+    """
+    path = Path(path)
+    raw = data.encode() if isinstance(data, str) else data
+    temporary = temporary_name(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        remove_stale(path)
+        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        with open(handle, "wb") as file:
+            file.write(raw)
+            file.flush()
+            os.fsync(handle)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror or str(error), str(path)) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    sync_folder(path.parent)
+    return path
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk, where the system can."""
+    with suppress(OSError):  # Windows opens no folders
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def temporary_name(path: Path, kind: str = "new") -> Path:
+    """A name beside `path` on the same file system, that tells who writes there."""
+    return path.with_name(f".{path.name}.{_host()}-{os.getpid()}.{kind}")
+
+
+def stale(path: Path, kind: str = "new") -> list[Path]:
+    """What processes of this machine that are gone left beside `path` under `temporary_name`."""
+    pattern = re.compile(rf"\.{re.escape(path.name)}\.{re.escape(_host())}-(\d+)\.{kind}")
+    found = []
+    with suppress(OSError):
+        for entry in os.scandir(path.parent):
+            match = pattern.fullmatch(entry.name)
+            if match and not _alive(int(match[1])):
+                found.append(Path(entry.path))
+    return found
+
+
+def remove_stale(path: Path) -> None:
+    """Remove the files of `stale`."""
+    for left in stale(path):
+        with suppress(OSError):
+            left.unlink()
+
+
+def _host() -> str:
+    return re.sub(r"\W", "_", platform.node(), flags=re.ASCII)[:32]
+
+
+def _alive(process: int) -> bool:
+    if os.name == "nt":  # os.kill would end it there
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        pass
+    return True
+
+
+@contextmanager
+def locked(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Be the only one that writes to `path` (a file or a folder), across processes.
+
+    Raises ValueError at once if another process holds it. A lock ends with its process, however that ends.
+    """
+    from filelock import FileLock, Timeout
+
+    path = Path(path).absolute()
+    room = path if path.is_dir() and not os.access(path.parent, os.W_OK) else path.parent
+    file = room / f".{path.name}.lock"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(file, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise ValueError(
+            f"{path} is being written by another furuta; wait until that ends, or choose another output"
+        ) from None
+    try:
+        yield
+    finally:
+        file.unlink(missing_ok=True)  # while it is held: who waits for the old file sees that it is gone
+        lock.release()

@@ -1,0 +1,91 @@
+"""How much of the gap closes when effects are added, as a value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..logs.log import Log
+from ..validation.gap import ClosedFraction, Gap
+
+AXES = ("arm q1", "pendulum q2")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GapChange:
+    """Prediction errors before and after, on the same windows.
+
+    closed: share of the squared gap above the floor that closed; 0 where nothing was added. tail: share of each
+    fitted log that was held out (both plants fitted anew to the rest), or None where whole logs were. own_tail: the
+    same on such tails, beside whole logs that cannot speak about effects which repeat by the clock of their own log.
+    """
+
+    before: Gap
+    after: Gap
+    closed: ClosedFraction
+    logs: tuple[Log, ...]
+    tail: float | None
+    own_tail: GapChange | None = None
+
+    @property
+    def changed(self) -> bool:
+        return self.after is not self.before
+
+    @property
+    def sides(self) -> tuple[tuple[str, Gap], ...]:
+        """What there is to compare, with names."""
+        return (("before", self.before), ("after", self.after)) if self.changed else (("model (5)", self.before),)
+
+    @property
+    def likelier(self) -> float:
+        """Log-likelihood [nats] that the effects gain on these data, one step ahead. No parameter was fitted to them,
+        so there is no price; finer than `closed`, and what tells where the gap itself is lost in noise."""
+        return float(np.sum(self.before.surprise[:, 2]) - np.sum(self.after.surprise[:, 2]))
+
+    @property
+    def floor(self) -> Array:
+        """(2,) [rad] at the horizon: the lower of the two, as what a wrong plant misses can only raise it."""
+        return np.minimum(self.before.floor, self.after.floor)
+
+    @property
+    def after_over_floor(self) -> float:
+        return self.over_floor(self.after)
+
+    def over_floor(self, side: Gap) -> float:
+        """Root mean square over the axes of a side's error over the floor that both share."""
+        return float(np.sqrt(np.mean((side.rms / self.floor) ** 2)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """As the "gap" of diagnosis.json, and more."""
+        sides = {
+            side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1]), "ratio_to_floor": self.over_floor(gap)}
+            for side, gap in (("before", self.before), ("after", self.after))
+        }
+        return sides | {
+            "noise_floor": {"rms_q1": float(self.floor[0]), "rms_q2": float(self.floor[1])},
+            "closed_fraction": self.closed.value,
+            "closed_interval": list(self.closed.interval),
+            "log_likelihood_gain": self.likelier,
+            "held_out": self.tail is None,
+            "tail": self.tail,
+            "own_tail": self.own_tail.to_dict() if self.own_tail else None,
+            "horizon_s": self.before.horizon,
+            "logs": [log.source for log in self.logs],
+        }
+
+
+def rms_interval(gap: Gap, seed: int = 0, draws: int = 500, block: float = 1.0) -> Array:
+    """95 % interval (2, 2) [rad], axis by low and high, of the rms error, by a bootstrap over blocks of time [s]."""
+    _, group = np.unique(np.stack([gap.log, np.floor(gap.times / block)]), axis=1, return_inverse=True)
+    group = group.ravel()
+    groups = int(group.max()) + 1
+    columns = (*(gap.errors**2).T, np.ones(len(gap.errors)))
+    sums = np.stack([np.bincount(group, x, groups) for x in columns])
+    picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))
+    drawn = sums[:, picked].sum(axis=2)
+    return np.quantile(np.sqrt(drawn[:2] / drawn[2]), [0.025, 0.975], axis=1).T

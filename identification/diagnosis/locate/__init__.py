@@ -1,0 +1,1 @@
+"""Where a model fails: in which row or path, when, and against what."""

@@ -1,0 +1,146 @@
+"""Which family of torques explains what a plant misses, and how strong the evidence is.
+
+Families compete in generalised least squares on the innovations beside free values of θ, at the log's own noise. The
+best is then believed or not by its likelihood with the noise estimated anew, with it and without.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...discrepancy.basis import Family, Signals, parameter_torques
+from ...discrepancy.correction import Flexible, combined
+from ...discrepancy.response import Normal
+from ...kalman.likelihood import innovation_cost
+from ...kalman.noise import likeliest
+from ...kalman.path import FilterPath, refilter
+from ...normal_equations import Gained, ScaledGram
+from ..policy import DecisionPolicy
+from .location import Suspicion
+
+_REFITS = 4
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Look:
+    """A stretch of a log: the corrected plant, and the plain one at its own noise along the same motion.
+
+    start [s]: stamp of the log's first sample, from which the signals' time counts."""
+
+    log: int
+    start: float
+    flexible: Flexible
+    plain: FilterPath
+    signals: Signals
+
+
+def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: tuple[str, str]) -> float:
+    """Log-likelihood [nats] that a family adds beside free θ, less its price (of its directions, and of the search for
+    them), the noise estimated anew on both sides.
+
+    With the noise held at what the plain model needs, a missing torque passes for torque noise and its evidence
+    shrinks tenfold.
+    """
+    own = [[f for f in group if _merged(f) == chosen] for group in columns]
+    with_it, rank = _refit(looks, own)
+    without, _ = _refit(looks, [[] for _ in looks])
+    samples = sum(2 * int(look.plain.used.sum()) for look in looks)
+    return without - with_it - 0.5 * rank * math.log(samples) - sum(f.price for f in own[0])
+
+
+def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> tuple[float, int]:
+    """V of the logs with θ and the added families free and the noise most likely, and the families' directions."""
+    best, rank = math.inf, 0
+    for paths in ([look.plain for look in looks], [look.flexible.uncorrected for look in looks]):
+        value = math.inf
+        for _ in range(_REFITS):
+            columns = [[parameters_of(look), *group] for look, group in zip(looks, added, strict=True)]
+            total = _sum([Normal.of(path, group) for path, group in zip(paths, columns, strict=True)])
+            coefficients = ScaledGram.of(total.gram).solve(total.right, 1e-9).solution
+            rank = _gain(_apart(total, 9), np.arange(len(total.right) - 9))[1] if len(total.right) > 9 else 0
+            filtered = []
+            for path, group in zip(paths, columns, strict=True):
+                torque, misreading = combined(group, coefficients)
+                corrected = refilter(path, path.noise, torque=torque, misreading=misreading)
+                noise, _ = likeliest(corrected)
+                filtered.append(refilter(corrected, noise))
+            before, value = value, sum(innovation_cost(path.e, path.S) for path in filtered)
+            paths = [refilter(path, new.noise) for path, new in zip(paths, filtered, strict=True)]
+            best = min(best, value)
+            if before - value < 0.5:
+                break
+    return best, rank
+
+
+def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy: DecisionPolicy) -> list[Suspicion]:
+    """Families by what they add, at the log's own noise, beside free values of θ."""
+    total = _sum(
+        [
+            Normal.of(look.flexible.uncorrected, [parameters_of(look), *g])
+            for look, g in zip(looks, columns, strict=True)
+        ]
+    )
+    left = _apart(total, 9)
+    whole = max(_gain(left, np.arange(len(left.right)))[0], 1e-12)
+    groups: dict[tuple[str, str], list[int]] = {}
+    searched: dict[tuple[str, str], float] = {}
+    at = 0
+    for family in columns[0]:
+        key = _merged(family)
+        groups.setdefault(key, []).extend(range(at, at + family.size))
+        searched[key] = searched.get(key, 0.0) + family.price
+        at += family.size
+    samples = sum(2 * int(look.plain.used.sum()) for look in looks)
+    found = []
+    for (channel, variable), which in groups.items():
+        gain, rank = _gain(left, np.array(which))
+        price = 0.5 * rank * math.log(samples) + searched[channel, variable]
+        suspicion = Suspicion(channel, variable, gain, gain - price, gain / whole)
+        found.append((rank, suspicion))
+    found.sort(key=lambda item: -item[1].net)
+    top = found[0][1].net
+    equal = [item for item in found if top - item[1].net < max(policy.simpler, policy.simpler_share * top)]
+    first = min(equal, key=lambda item: item[0])
+    return [first[1], *(item[1] for item in found if item is not first)]
+
+
+def _merged(family: Family) -> tuple[str, str]:
+    """Parameters that change in time belong together: friction of each axis, and what the masses make."""
+    if family.channel != "parameters":
+        return family.channel, family.variable
+    number = int(family.variable[5])
+    if number in (6, 8):
+        return "arm", "time (friction)"
+    return "pendulum", "time (friction)" if number in (7, 9) else "time (masses)"
+
+
+def parameters_of(look: Look) -> Family:
+    return Family("parameters", "theta", parameter_torques(look.signals, look.plain.plant))
+
+
+def _sum(normals: Sequence[Normal]) -> Normal:
+    return Normal(sum(n.gram for n in normals), sum(n.right for n in normals), sum(n.square for n in normals))  # type: ignore[arg-type]
+
+
+def _apart(normal: Normal, first: int) -> Normal:
+    """The normal equations of the later columns after the first ones (θ) have taken what they can."""
+    A, B, C = normal.gram[:first, :first], normal.gram[:first, first:], normal.gram[first:, first:]
+    solved = np.linalg.pinv(A, rcond=1e-10, hermitian=True) @ np.column_stack([B, normal.right[:first]])
+    gram = C - B.T @ solved[:, :-1]
+    # what θ imitates altogether must not come back as rounding
+    gone = np.diag(gram) < 1e-8 * np.diag(C)
+    gram[gone], gram[:, gone] = 0.0, 0.0
+    right = np.where(gone, 0.0, normal.right[first:] - B.T @ solved[:, -1])
+    return Normal(gram, right, normal.square)
+
+
+def _gain(normal: Normal, which: NDArray[np.int64]) -> Gained:
+    """Log-likelihood gain [nats] of some columns, and how many directions they really have."""
+    return ScaledGram.of(normal.gram[np.ix_(which, which)]).gain(normal.right[which], 1e-6)

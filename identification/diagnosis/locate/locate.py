@@ -1,0 +1,199 @@
+"""Find where a plant and logs disagree: unknown torques on both rows, smoothed, and what they go with.
+
+The decision is made on the innovations, where the noise model holds: families of torques (functions of each angle,
+speed, the command and its past, time) compete in generalised least squares beside free values of θ. The smoothed
+torques, their maps and their predictability are for the eye and for the leftover tests of naming.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import THETA_NAMES, Plant
+
+from ...discrepancy.basis import ZEROS, Knots, Signals, families
+from ...discrepancy.correction import flexible
+from ...discrepancy.response import answers
+from ...kalman.likelihood import whiten
+from ...kalman.noise import likeliest
+from ...kalman.path import along, follow, refilter, smooth
+from ...kalman.record import Stretch, stretches
+from ...kalman.whiteness import FEWEST, innovations
+from ...logs.checks import LogError
+from ...logs.log import Log
+from ..policy import DecisionPolicy
+from .constancy import Constancy, constancy
+from .evidence import Look, evidence_of, parameters_of, suspicions_of
+from .location import MissingTorque, Suspicion, Where
+from .structure import largest_line, predictable
+from .torque_maps import VARIABLES, torque_map
+
+_BLOCK = 0.25  # s
+
+Array = NDArray[np.float64]
+
+
+def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | None = None) -> Where:
+    """Where the plant fails on these logs, usually those it was fitted to.
+
+    policy: holds the evidence from which something is said to be left (default: `DecisionPolicy()`). Raises
+    ValueError if a log is too short or the filter loses it.
+    """
+    policy = policy or DecisionPolicy()
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    looks = [_look(plant, stretch, float(logs[stretch.log].t[0])) for stretch in long_enough(logs, policy)]
+    knots = Knots.of([look.signals for look in looks])
+    peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
+    columns = [families(look.signals, plant, knots, peaks, (0.0, logs[look.log].duration)) for look in looks]
+    suspicions = suspicions_of(looks, columns, policy)
+    best = suspicions[0]
+    evidence = evidence_of(looks, columns, (best.channel, best.variable))
+    found = evidence > policy.left
+    torques = tuple(_missing(look, logs[look.log].source) for look in looks)
+    spans = tuple(_spans(torque, policy.stands_out) if found else () for torque in torques)
+    longest = max(range(len(looks)), key=lambda i: len(torques[i].t))
+    r2, line, frequencies = _structure(looks[longest], torques[longest])
+    return Where(
+        found=found,
+        sentence=_sentence(best, spans, torques, frequencies, evidence, plant.unit) if found else _nothing(evidence),
+        evidence=evidence,
+        channel=_channel(best) if found else None,
+        variable=best.variable if found else None,
+        intervals_s=spans,
+        suspicions=tuple(suspicions),
+        predictable=r2,
+        line=line,
+        frequencies=frequencies,
+        constancy=_constancy(looks[longest]),
+        innovations=tuple(innovations(look.flexible.plain.path) for look in looks),
+        torques=torques,
+        maps=tuple(
+            torque_map([look.flexible.uncorrected for look in looks], row, name)
+            for row in range(2)
+            for name in VARIABLES
+            if not (row == 1 and name == "command")
+        ),
+        unit=plant.unit,
+    )
+
+
+def long_enough(logs: Sequence[Log], policy: DecisionPolicy) -> list[Stretch]:
+    """The stretches between gaps in which `locate` looks. Raises LogError if there is none."""
+    found = [s for s in stretches(logs) if s.record.duration >= policy.shortest and len(s.piece) >= FEWEST]
+    if not found:
+        raise LogError(
+            f"{', '.join(log.source for log in logs)}: no stretch of {policy.shortest:g} s without a gap of the clock. "
+            "Expected one at least, to say what a model misses; record without dropping samples, or more slowly."
+        )
+    return found
+
+
+def _channel(best: Suspicion) -> str:
+    """As diagnosis.json has it; a constant torque on the pendulum, which nothing drives, is a wrong zero."""
+    return "sensor" if (best.channel, best.variable) == ("pendulum", "constant") else best.channel
+
+
+def _look(plant: Plant, stretch: Stretch, start: float) -> Look:
+    try:
+        found = flexible(plant, stretch.record)
+    except ValueError as error:
+        raise ValueError(f"{stretch.piece.source}: {error}") from error
+    smoothed = smooth(found.plain.path)
+    plain = along(found.plain.path, smoothed.mean, smoothed.variance[:, 2:4]) or found.uncorrected
+    return Look(stretch.log, start, found, plain, Signals.of(found.uncorrected))
+
+
+def _missing(look: Look, source: str) -> MissingTorque:
+    """Unknown torques as random walks beside the log's own noise, their intensities most likely, smoothed."""
+    path = look.flexible.path
+    size = np.maximum(
+        np.var(look.flexible.torque, axis=0), path.noise.torque
+    )  # a first guess, over a tenth of a second
+    walk = follow(path.plant, path.record, path.noise, 10.0 * size)
+    if walk is not None:
+        noise, intensity = likeliest(walk, hold_noise=True)
+        walk = follow(path.plant, path.record, noise, intensity)
+    if walk is None:
+        torque = look.flexible.torque
+        return MissingTorque(
+            source, path.record.t + look.start, torque, np.tile(np.std(torque, axis=0), (len(torque), 1))
+        )
+    smoothed = smooth(refilter(walk, walk.noise, walk.walk))
+    n = walk.states
+    return MissingTorque(
+        source, path.record.t + look.start, smoothed.mean[:, n : n + 2], np.sqrt(smoothed.variance[:, n : n + 2])
+    )
+
+
+def _spans(torque: MissingTorque, stands_out: float) -> tuple[tuple[float, float], ...]:
+    """Stretches of time in which either torque stands out of its band; gaps up to half a second are bridged."""
+    t = torque.t
+    z = np.max(np.abs(torque.mean) / np.maximum(torque.std, 1e-300), axis=1)
+    blocks = ((t - t[0]) / _BLOCK).astype(int)
+    out = np.array([np.mean(z[blocks == b] ** 2) > stands_out**2 for b in range(blocks[-1] + 1)])
+    spans: list[list[float]] = []
+    for b in np.flatnonzero(out):
+        start, stop = float(t[0] + b * _BLOCK), float(min(t[0] + (b + 1) * _BLOCK, t[-1]))
+        if spans and start - spans[-1][1] <= 0.5:
+            spans[-1][1] = stop
+        else:
+            spans.append([start, stop])
+    if sum(b - a for a, b in spans) > 0.7 * (t[-1] - t[0]):
+        return ((float(t[0]), float(t[-1])),)
+    return tuple((a, b) for a, b in spans)
+
+
+def _structure(look: Look, torque: MissingTorque) -> tuple[Array, Array, Array]:
+    """R², Fisher's g and frequency of both rows' torques."""
+    s = look.signals
+    T = float(np.median(np.diff(s.t)))
+    back = lambda lag: s.u[np.maximum(np.arange(len(s.u)) - max(1, round(lag / T)), 0)]  # noqa: E731
+    q2 = s.q[:, 1]
+    inputs = np.column_stack([s.q[:, 0], np.sin(q2), np.cos(q2), s.v, s.u, back(0.01), back(0.03)])
+    r2 = np.array([predictable(torque.mean[:, a], inputs) for a in range(2)])
+    lines = [largest_line(torque.mean[:, a], T) for a in range(2)]
+    return r2, np.array([g for g, _ in lines]), np.array([f for _, f in lines])
+
+
+def _constancy(look: Look) -> Constancy:
+    D = answers(look.plain, parameters_of(look)).reshape(-1, 2, 9)
+    w = whiten(look.plain.e, look.plain.S)
+    free = [i for i in range(9) if np.any(D[:, :, i])]
+    used = look.plain.used
+    return constancy(D[used][:, :, free], w[used], [THETA_NAMES[i] for i in free])
+
+
+def _nothing(evidence: float) -> str:
+    return (
+        "Nothing is left: no torque that is a function of the motion, the command or time makes these logs likelier "
+        f"(evidence {evidence:.1f} nats)."
+    )
+
+
+def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, unit: str) -> str:
+    row = 1 if best.channel == "pendulum" else 0
+    read = ZEROS.get(best.variable, best.variable)
+    places = {"input": "between the command and the motor", "sensor": f"in the reading of the {read}"}
+    place = places.get(best.channel, f"in a torque on the {best.channel}'s row")
+    zero = "is constant, as a wrong zero of its encoder or a tilted base gives"
+    against = {
+        "constant": zero if row == 1 else "is constant, as an offset of the command or a spring gives",
+        "frequency": f"repeats at {line[row]:.3g} Hz",
+        "command": "depends on the command itself",
+        "change of the command": "follows the command's changes, as a delay or a lag would",
+        "memory of the motion": "remembers the way the joint has turned",
+        "time (friction)": "is friction that changes in time",
+        "time (masses)": "is an inertia or a weight that changes in time",
+        **dict.fromkeys(ZEROS, "is a zero that moves in time, as lost counts or a slipping coupling give"),
+    }.get(best.variable, f"depends on the {best.variable}")
+    rms = np.sqrt(np.mean(np.concatenate([t.mean for t in torques]) ** 2, axis=0))
+    lasting = [sum(b - a for a, b in s) > 0.7 * (t.t[-1] - t.t[0]) for s, t in zip(spans, torques, strict=True)]
+    first = [f"{a:.2f} to {b:.2f} s" for s in spans for a, b in s][:3]
+    when = "all along" if all(lasting) or not first else "most at " + ", ".join(first)
+    return (
+        f"The model fails {place}: what is missing {against} ({100 * best.share:.0f} % of what any function could "
+        f"explain), {when}; smoothed, it is {rms[row]:.2g} {unit} rms (evidence {evidence:.0f} nats)."
+    )

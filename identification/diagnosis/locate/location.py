@@ -1,0 +1,95 @@
+"""Where a model fails, as a value: which row or path, when, against what, and the smoothed torque that it lacks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...kalman.whiteness import Innovations
+from .constancy import Constancy
+from .torque_maps import Map
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MissingTorque:
+    """Smoothed torque that one log asks for beyond the model: t (N,) [s], mean and std (N, 2) [{u}] on the arm's and
+    the pendulum's row."""
+
+    source: str
+    t: Array
+    mean: Array
+    std: Array
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """One family of torques. gain [nats]: log-likelihood that it adds beyond other values of θ, and `net` of the price
+    of its parameters; share: of what all families together add."""
+
+    channel: str
+    variable: str
+    gain: float
+    net: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Where:
+    """What `locate` found.
+
+    found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, the noise
+    estimated anew, less the price of its parameters. suspicions: families, the likeliest first. channel, variable:
+    of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
+    stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's
+    g and frequencies (2,) [Hz] of its periodogram.
+    """
+
+    found: bool
+    sentence: str
+    evidence: float
+    channel: str | None
+    variable: str | None
+    intervals_s: tuple[tuple[tuple[float, float], ...], ...]
+    suspicions: tuple[Suspicion, ...]
+    predictable: Array
+    line: Array
+    frequencies: Array
+    constancy: Constancy
+    innovations: tuple[Innovations, ...] = field(repr=False)
+    torques: tuple[MissingTorque, ...] = field(repr=False)
+    maps: tuple[Map, ...] = field(repr=False)
+    unit: str = "V"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As the "where" of diagnosis.json, and more; intervals_s are those of the first log."""
+        first = [
+            spans for t, spans in zip(self.torques, self.intervals_s, strict=True) if t.source == self.torques[0].source
+        ]
+        return {
+            "channel": self.channel,
+            "intervals_s": [list(span) for spans in first for span in spans],
+            "variable": self.variable,
+            "map": self.sentence,
+            "found": self.found,
+            "evidence": self.evidence,
+            "suspicions": [vars(s) for s in self.suspicions[:6]],
+            "predictable_r2": self.predictable.tolist(),
+            "fisher_g": self.line.tolist(),
+            "frequency_hz": self.frequencies.tolist(),
+            "parameters_constant_p": dict(zip(self.constancy.names, self.constancy.p.tolist(), strict=True))
+            | {"all": self.constancy.joint_p},
+            "innovations": [test.to_dict() for test in self.innovations],
+            "maps": [m.to_dict() for m in self.maps],
+        }
+
+    def __str__(self) -> str:
+        rows = [self.sentence]
+        for s in self.suspicions[:4] if self.found else ():
+            share = f"{100 * s.share:3.0f} % of what any could"
+            rows.append(f"  {s.channel:<9} against {s.variable:<24} {s.net:+8.1f} nats, {share}")
+        return "\n".join(rows)

@@ -1,0 +1,1 @@
+"""Which effect of the library is missing: score tests, multi-start fits, forward selection."""

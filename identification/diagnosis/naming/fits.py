@@ -1,0 +1,151 @@
+"""One structure fitted to the records of a rig: θ, the parameters of its effects and the noise, together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from furuta_gym.plant import EFFECTS, Effect, Plant
+
+from ...estimation.optimise import Optimum, minimise
+from ...estimation.pool import shared_pool
+from ...estimation.prediction_error import PredictionError, quietest
+from ...kalman.coordinates import (
+    Coordinate,
+    Zeros,
+    filled_noise,
+    filled_plant,
+    noise_coordinates,
+    plant_coordinates,
+    zero_coordinates,
+)
+from ...kalman.noise_model import Noise
+from ...kalman.record import Record
+from ..policy import DecisionPolicy
+
+COARSER = 2.0  # times the integration step
+_TOLERANCE = 0.05  # nats, of the optimum
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A plant fitted to records: the structure, where the optimiser ended, and V there."""
+
+    plant: Plant
+    noise: Noise
+    coordinates: tuple[Coordinate, ...]
+    optimum: Optimum
+    records: tuple[Record, ...]
+    zeros: Zeros = field(default_factory=dict)
+
+    @property
+    def value(self) -> float:
+        """V [nats], the negative log-likelihood with the priors."""
+        return self.optimum.value
+
+    @property
+    def size(self) -> int:
+        """Number of estimated coordinates."""
+        return len(self.coordinates)
+
+    @property
+    def samples(self) -> int:
+        """Number of readings."""
+        return sum(2 * len(r.t) for r in self.records)
+
+    def problem(self) -> PredictionError:
+        """The objective whose optimum this is."""
+        return PredictionError(self.plant, self.records, self.coordinates, self.noise, zeros=self.zeros)
+
+    @property
+    def moved(self) -> tuple[Record, ...]:
+        """The records with the zeros of their encoders taken off."""
+        return tuple(r.moved(self.zeros[r.log]) if r.log in self.zeros else r for r in self.records)
+
+
+class Fitter(Protocol):
+    """What fits a structure: `fit`, or a stand-in in tests."""
+
+    def __call__(
+        self,
+        plant: Plant,
+        noise: Noise,
+        records: Sequence[Record],
+        *,
+        anchor: Plant | None = None,
+        policy: DecisionPolicy = ...,
+        iterations: int = ...,
+        coarse: bool = ...,
+        zeros: Zeros | None = ...,
+    ) -> Fit: ...
+
+
+def fit(
+    plant: Plant,
+    noise: Noise,
+    records: Sequence[Record],
+    *,
+    anchor: Plant | None = None,
+    policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
+    iterations: int = 40,
+    coarse: bool = False,
+    zeros: Zeros | None = None,
+) -> Fit:
+    """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
+
+    anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). coarse: with longer integration steps and frozen gains,
+    on one thread: within a nat or so, for a multi-start. zeros: of the encoders, to start from.
+    """
+    coordinates = plant_coordinates(plant, free_sharpness=False)
+    coordinates += noise_coordinates(quietest(anchor or plant, records))
+    coordinates += zero_coordinates(plant, records)
+    if anchor is not None:
+        coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
+    coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
+    step = COARSER if coarse else 1.0
+    problem = PredictionError(plant, records, coordinates, noise, step, None if coarse else shared_pool(), zeros=zeros)
+    optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
+    noise = filled_noise(coordinates, optimum.z, problem.noise)
+    return Fit(
+        filled_plant(plant, coordinates, optimum.z),
+        noise,
+        tuple(coordinates),
+        optimum,
+        tuple(records),
+        problem.zeros_at(optimum.z),
+    )
+
+
+def anchored(c: Coordinate, anchor: Plant, std: float) -> Coordinate:
+    """θ1 … θ5 with a weak log-normal prior (a factor e^std) around the anchor's.
+
+    The pendulum's row has no input: θ3, θ4, θ5, θ7, θ9 share a scale that only the reaction on the arm fixes, and a
+    missing effect leaks into that direction until nothing can be named any more.
+    """
+    if not c.of_plant or c.row > 4 or not c.log:
+        return c
+    return replace(c, weak_prior=(math.log(anchor.theta[c.row]), std))
+
+
+def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:
+    """A frequency [Hz] kept to `periods` within a log of some duration [s]; any other coordinate as it is.
+
+    Slower than that is a drift, of which no log can say that it repeats."""
+    effect, _, parameter = c.name.partition(".")
+    declared = EFFECTS[effect].parameters if effect in EFFECTS else ()
+    repeats = any(p.name == parameter and p.grid == "frequencies" for p in declared)
+    return replace(c, low=max(c.low, periods / duration)) if repeats else c
+
+
+def added(fitted: Fit, current: Fit) -> Effect:
+    """The effect of `fitted` that `current` does not have (a plant keeps its effects in the library's order)."""
+    had = {e.name for e in current.plant.effects}
+    return next(e for e in fitted.plant.effects if e.name not in had)
+
+
+def without(fitted: Fit, current: Fit) -> Plant:
+    """The plant of `fitted` with only the effects of `current`."""
+    keep = {e.name for e in current.plant.effects}
+    return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))

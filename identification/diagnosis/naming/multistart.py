@@ -1,0 +1,196 @@
+"""Multi-start: coarse fits from several starts, a few iterations at a time; those that cannot catch up are pruned.
+
+A fit of an effect descends from the θ of the model without it, which the missing effect has dragged away; some get
+stuck there. So the best suspect starts again from other sizes, and the others from the best fit's θ, until the best
+stays the best.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from furuta_gym.plant import Effect, Plant
+
+from ...estimation.pool import shared_pool
+from ...kalman.coordinates import Zeros
+from ...kalman.noise_model import Noise
+from ..policy import DecisionPolicy
+from .fits import Fit, Fitter, added, without
+from .suspects import alike
+
+
+class Setting(Protocol):
+    """What stays the same in a search: the anchor of the weak prior, the thresholds, and what fits."""
+
+    @property
+    def anchor(self) -> Plant: ...
+
+    @property
+    def policy(self) -> DecisionPolicy: ...
+
+    @property
+    def fitter(self) -> Fitter: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where one fit starts: the effects it stands for, a plant with them, its noise, and the zeros of the
+    encoders in each log."""
+
+    effects: tuple[str, ...]
+    plant: Plant
+    noise: Noise
+    zeros: Zeros = field(default_factory=dict)
+
+    @property
+    def effect(self) -> str:
+        """The effect, where there is one only."""
+        (name,) = self.effects
+        return name
+
+
+def multi_start(
+    starts: Sequence[Start], current: Fit, setting: Setting, ahead: float = math.inf, halve: bool | None = None
+) -> dict[Start, Fit]:
+    """Coarse fits from several starts, a few iterations at a time; a start that cannot catch up is pruned.
+
+    ahead: value [nats] of a fit that is there already. halve: keep half of the starts after each round (default: only
+    without `ahead`).
+    """
+    policy = setting.policy
+    halve = math.isinf(ahead) if halve is None else halve
+    fits: dict[Start, Fit] = {}
+    running = [(start, start) for start in starts]
+    for turn in range(policy.rounds):
+        if not running:
+            break
+        results = shared_pool().map(lambda entry: _round(current, entry[1], setting), running)
+        pace = {}
+        for (start, _), result in zip(running, results, strict=True):
+            pace[start] = fits[start].value - result.value if start in fits else math.inf
+            fits[start] = result
+        best = min(ahead, *(f.value for f in fits.values()))
+        order = sorted((start for start, _ in running), key=lambda start: fits[start].value)
+        on = [start for start in order if not fits[start].optimum.converged]
+        if halve:
+            on = on[: max(2, len(fits) >> (turn + 1))]
+        running = [
+            (start, fits[start])
+            for start in on
+            if fits[start].value - policy.catches_up * pace[start] < best + policy.reach
+        ]
+    return fits
+
+
+def _round(current: Fit, at: Start | Fit, setting: Setting) -> Fit:
+    return setting.fitter(
+        at.plant,
+        at.noise,
+        current.records,
+        anchor=setting.anchor,
+        policy=setting.policy,
+        iterations=setting.policy.round_iterations,
+        coarse=True,
+        zeros=at.zeros,
+    )
+
+
+def best_of(found: Mapping[Start, Fit], so_far: Mapping[str, Fit] | None = None) -> dict[str, Fit]:
+    """The best fit of each effect, from fits by their starts and from those known so far."""
+    best = dict(so_far or {})
+    for start, fitted in found.items():
+        if start.effect not in best or fitted.value < best[start.effect].value:
+            best[start.effect] = fitted
+    return best
+
+
+def from_other_sizes(
+    names: Sequence[str], suggested: Mapping[str, Effect], fits: Mapping[str, Fit], current: Fit, setting: Setting
+) -> dict[str, Fit]:
+    """Fits, better where some effects started from other sizes. A score is taken where θ and the noise have absorbed
+    most of an effect: it suggests too small a size, at times of the wrong sign, and the descent from there may not
+    find the way."""
+    policy, starts = setting.policy, []
+    for name in names:
+        larger, mirrored = resized(suggested[name], policy.larger), resized(suggested[name], -1.0)
+        if larger is not None:
+            fresh = _afresh(current, larger, setting)
+            starts += [with_effect(current, larger, setting), fresh]
+            if current.plant.effects:  # what was found before has taken this one's part as well
+                smaller = [resized(e, policy.smaller) or e for e in current.plant.effects]
+                starts.append(replace(fresh, plant=fresh.plant.with_effects(*smaller)))
+        if mirrored is not None:
+            starts.append(with_effect(current, mirrored, setting))
+    ahead = min(f.value for f in fits.values())
+    return best_of(multi_start(starts, current, setting, ahead, halve=True), fits)
+
+
+def resized(effect: Effect, factor: float) -> Effect | None:
+    """The effect with `factor` times its size, None where its bounds forbid that or no size can be scaled."""
+    values = dict(effect.parameters)
+    for p in effect.type.parameters:
+        if p.role == "size" and not p.integer:
+            # where no effect is an infinite value (a stiffness, a limit), a smaller value is more of it
+            values[p.name] = values[p.name] * factor if math.isfinite(p.neutral) else values[p.name] / factor
+            if not p.lower <= values[p.name] <= p.upper:
+                return None
+    return Effect(effect.name, values) if values != dict(effect.parameters) else None
+
+
+def from_best(
+    best: str, rivals: Sequence[str], fits: Mapping[str, Fit], current: Fit, setting: Setting
+) -> dict[str, Fit]:
+    """Fits, better where rivals started from the best one's θ, which is near the truth if its name is nearly right:
+    there the others soon find their own optimum. One of them may be the best then."""
+    noise = between(fits[best], current)
+    plant = without(fits[best], current)
+    zeros = fits[best].zeros
+    starts = [Start((n,), plant.with_effects(added(fits[n], current)), noise, zeros) for n in rivals if n != best]
+    return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
+
+
+def best_and_look_alike(fits: Mapping[str, Fit]) -> list[str]:
+    """The best effect and the best one that it is mistaken for."""
+    best = min(fits, key=lambda name: fits[name].value)
+    return [best, *look_alikes(best, fits)[:1]]
+
+
+def rivals_of(best: str, fits: Mapping[str, Fit], policy: DecisionPolicy) -> list[str]:
+    """What might be mistaken for the best: its look-alikes, and the next in order."""
+    same = look_alikes(best, fits)
+    others = [n for n in sorted(fits, key=lambda n: fits[n].value) if n not in same]
+    return [*same, *others[: 1 + policy.rivals]]
+
+
+def look_alikes(name: str, fits: Mapping[str, Fit]) -> list[str]:
+    """Declared look-alikes among fitted effects, the best first."""
+    return sorted((n for n in fits if alike(n, name)), key=lambda n: fits[n].value)
+
+
+def between(best: Fit, current: Fit) -> Noise:
+    """Noise for a rival at the best fit's θ: half way, in the logarithm, back to what the model without it needs."""
+    own, other = best.noise.packed(), current.noise.packed()
+    return Noise.unpacked(np.sqrt(own * np.maximum(other, own)))
+
+
+def with_effect(current: Fit, start: Effect, setting: Setting) -> Start:
+    """Where to start with an effect added.
+
+    Where the first missing effect has dragged the scale of the pendulum's row away, the way back leads along a narrow
+    valley: starting at the anchor's θ is shorter. Once an effect has been found, the anchor, which has none, is the
+    one that is far away."""
+    scale = np.maximum(current.plant.theta[2:5], 1e-12) / setting.anchor.theta[2:5]
+    if np.abs(np.log(scale)).max() > setting.policy.dragged and not current.plant.effects:
+        return _afresh(current, start, setting)
+    return Start((start.name,), current.plant.with_effects(start), current.noise, current.zeros)
+
+
+def _afresh(current: Fit, start: Effect, setting: Setting) -> Start:
+    """From the anchor's θ, with noise enough to find the way."""
+    plant = current.plant.replace(theta=setting.anchor.theta).with_effects(start)
+    return Start((start.name,), plant, current.noise.louder(setting.policy.restart_noise), current.zeros)

@@ -1,0 +1,74 @@
+"""Suspects: effects that are fitted, the price of their parameters, and when a small one counts beside a large one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from furuta_gym.plant import EFFECTS
+
+from ..policy import DecisionPolicy
+from .fits import Fit
+from .scores import Score
+
+_POWERS = {"frequencies": 1.5, "times": 1.0}
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A fitted effect. `gain` [nats]: log-likelihood over the model without it; `net`: minus its price."""
+
+    name: str
+    gain: float
+    net: float
+    fit: Fit = field(repr=False)
+    score: float = 0.0
+
+
+Ranking = tuple[Suspect, ...]
+"""Suspects of one step, the best first."""
+
+
+def price(name: str, samples: int) -> float:
+    """What an effect's parameters cost [nats]: half ln N each (the Bayesian information criterion), but 3/2 ln N for a
+    frequency and ln N for an instant, which N samples determine so well that more of them can be told apart (Djurić
+    1998, "Asymptotic MAP criteria for model selection")."""
+    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in EFFECTS[name].parameters]
+    return sum(powers) * math.log(samples)
+
+
+def alike(one: str, other: str) -> bool:
+    """Whether one of two effects is declared to be mistaken for the other."""
+    return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
+
+
+def shortlist(table: dict[str, Score], samples: int, least: float, policy: DecisionPolicy) -> list[str]:
+    """Effects worth a fit, the best score first.
+
+    An effect is worth it if its score is `least` times its price and near the best one's, or if one of the best is
+    mistaken for it (equal to first order, apart in a fit)."""
+    promising = {n: s for n, s in table.items() if s.start is not None and s.gain > least * price(n, samples)}
+    ranked = sorted(promising, key=lambda name: -promising[name].gain)
+    near = [n for n in ranked[: policy.shortlist] if promising[n].gain > policy.near_best_score * _best(promising)]
+    names = list(near)
+    for name in near[: policy.look_alikes_of]:
+        names += [n for n in EFFECTS[name].mistaken_for if n in promising and n not in names]
+    return names
+
+
+def _best(promising: dict[str, Score]) -> float:
+    return max(score.gain for score in promising.values())
+
+
+def slight(
+    name: str, gain: float, others: Sequence[Ranking], policy: DecisionPolicy, share: float | None = None
+) -> bool:
+    """Whether an effect may only mend the form of another: it explains far less, or, if it is a look-alike, not even
+    half.
+
+    No rig has an effect in the library's very words, and what the words miss of a large effect looks like a small
+    one of another name, of one that is mistaken for it most of all. share: of the other's gain; default `own_share`.
+    """
+    least = policy.own_share if share is None else share
+    return any(gain < (policy.alike_share if alike(name, other.name) else least) * other.gain for other, *_ in others)

@@ -1,0 +1,172 @@
+"""What a diagnosis found, as a value: the verdict in a sentence, the plants without and with the effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from furuta_gym.plant import EFFECTS, EffectType, Plant
+
+from ..estimation.estimate import Estimate
+from .gap_change import GapChange
+from .locate.location import Where
+from .naming.forward import Naming
+from .naming.suspects import Suspect
+from .policy import DecisionPolicy
+
+SCHEMA = "furuta-diagnosis/1"
+ABSORBED = {
+    "back_emf": "adds to θ6",
+    "amplifier_gain": "scales every θ",
+    "arm_encoder_offset": "changes nothing in model (5)",
+}
+"""What no log can tell from the parameters of model (5), and what becomes of it: never named, always reported."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in a sentence.
+
+    before, after: estimates without and with the effects found (after is before where none was). naming: the search.
+    rest: where the final model fails. left_over: rms of the torque [{u}] that it does not explain, over a tenth of a
+    second, and `command_rms` to compare it with. policy: the thresholds that were used.
+
+    gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
+    confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
+    error over the noise floor that the effects leave on such data, where that is much; 1 otherwise.
+    """
+
+    verdict: str
+    summary: str
+    before: Estimate | None = field(repr=False)
+    after: Estimate | None = field(repr=False)
+    naming: Naming | None = field(repr=False)
+    rest: Where | None = field(repr=False)
+    left_over: float
+    command_rms: float
+    runtime_s: float
+    policy: DecisionPolicy = field(default_factory=DecisionPolicy, repr=False)
+    gap: GapChange | None = None
+    gap_remark: str = ""
+    confirmed: bool = True
+    still_off: float = 1.0
+
+    @property
+    def leftover(self) -> bool:
+        """Whether the final model leaves structure that no effect found explains."""
+        refused = self.naming is not None and self.naming.refused is not None
+        return refused or self.still_off > 1.0 or (self.rest is not None and structured(self.rest, self.policy))
+
+    @property
+    def added(self) -> bool:
+        """Whether the plant after the search has effects that the one before lacks."""
+        if self.before is None or self.after is None:
+            return False
+        return {e.name for e in self.after.plant.effects} != {e.name for e in self.before.plant.effects}
+
+    @property
+    def plant(self) -> Plant | None:
+        """The plant to use: with the effects found, unless held-out data speak against them."""
+        best = self.after if self.confirmed else self.before
+        return best.plant if best else None
+
+    @property
+    def timed(self) -> bool:
+        """Whether an effect found follows the clock of its log, and so cannot be looked for in another."""
+        return bool(self._timed)
+
+    @property
+    def repeating(self) -> bool:
+        """Whether every such effect repeats, so that a later part of the same log can speak about it."""
+        return self.timed and all(any(p.grid == "frequencies" for p in effect.parameters) for effect in self._timed)
+
+    @property
+    def _timed(self) -> list[EffectType]:
+        found = [EFFECTS[suspect.name] for suspect in self.found]
+        return [effect for effect in found if any("t" in a for a in effect.arguments.values())]
+
+    @property
+    def found(self) -> tuple[Suspect, ...]:
+        return self.naming.accepted if self.naming else ()
+
+    @property
+    def not_visible(self) -> list[str]:
+        """Effects that θ imitates on these logs, so that nothing can be said about them."""
+        shares = self.naming.absorbed if self.naming else {}
+        return sorted(name for name, share in shares.items() if share > self.policy.absorbed)
+
+    def vetoed(self) -> Diagnosis:
+        """The same once held-out data have shown no gain from the effects: what is missing is something else."""
+        names = " and ".join(suspect.name for suspect in self.found)
+        one = len(self.found) == 1
+        brings, is_not = ("brings", "it is not the name") if one else ("bring", "they are not the names")
+        summary = f"{names} would explain these logs, but {brings} nothing on data that no fit saw: {is_not}"
+        return replace(self, verdict="unknown", summary=summary, confirmed=False)
+
+    def falling_short(self, ratio: float) -> Diagnosis:
+        """The same once data that no fit saw are still predicted with `ratio` times the error that noise leaves."""
+        summary = f"{self.summary}; data that no fit saw are still {ratio:.1f} times as far off as noise alone would be"
+        return replace(self, summary=summary, still_off=ratio)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        naming = self.naming
+        effects = [self._effect(i, suspect) for i, suspect in enumerate(naming.accepted)] if naming else []
+        first = naming.rankings[0] if naming and naming.rankings else ()
+        return {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "summary": self.summary,
+            "effects": effects,
+            "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
+            "not_visible": self.not_visible,
+            "absorbed": dict(ABSORBED),
+            "leftover": self.leftover,
+            "rest": self.rest.to_dict() if self.rest else None,
+            "left_over_torque": self.left_over,
+            "command_rms": self.command_rms,
+            "gap": self.gap.to_dict() if self.gap else None,
+            "policy": self.policy.to_dict(),
+            "runtime_s": self.runtime_s,
+        }
+
+    def _effect(self, i: int, suspect: Suspect) -> dict[str, Any]:
+        assert self.naming is not None
+        assert self.after is not None
+        found = self.after.plant.effect(suspect.name)
+        assert found is not None
+        return found.to_dict(self.after.plant.unit) | {
+            "equation": EFFECTS[suspect.name].equation,
+            "place": EFFECTS[suspect.name].place,
+            "log_likelihood_gain": suspect.gain,
+            "confused_with": list(self.naming.equals[i]),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{self.verdict.upper()}: {self.summary}"]
+        if self.naming:
+            for step, ranking in enumerate(self.naming.rankings, 1):
+                shown = ", ".join(f"{s.name} {s.net:+.0f}" for s in ranking[:4])
+                lines.append(f"  step {step}, nats gained net of the price: {shown or 'no suspect'}")
+            for suspect, equals in zip(self.naming.accepted, self.naming.equals, strict=True):
+                found = self.after.plant.effect(suspect.name) if self.after else None
+                lines.append(f"  + {found}   [{EFFECTS[suspect.name].equation}]")
+                lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
+                if equals:
+                    lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
+        if self.leftover and self.rest:
+            lines.append(f"  left over: {self.rest.sentence}")
+            if self.found:
+                lines.append("  the standard deviations above hold where nothing is left: here they are too small")
+        lines.append(
+            f"  torque that passes for noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
+        )
+        taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
+        lines.append(f"  no log can tell from θ: {taken}")
+        return "\n".join(lines)
+
+
+def structured(rest: Where, policy: DecisionPolicy) -> bool:
+    """Whether what a plant leaves of its logs is more than noise: torques that go with the motion, the command or
+    time, or parameters that are not the same all along."""
+    return rest.found or rest.constancy.joint_p < policy.constant

@@ -1,0 +1,1 @@
+"""What free functions of the motion explain of a log that a plant does not."""

@@ -1,0 +1,107 @@
+"""How the innovations of a filter answer to torques and reading errors, and what combination of them explains most.
+
+Along a kept path the answer is linear: regressing the whitened innovations on the answers of a family of functions is
+generalised least squares with the noise model in place, so that the residuals are white and the χ² is honest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant.compiled import compiled
+
+from ..kalman.likelihood import whiten
+from ..kalman.path import FilterPath
+from ..normal_equations import ScaledGram
+from .basis import Family
+
+Array = NDArray[np.float64]
+
+_PRIORS = 10.0 ** np.arange(-6.0, 4.0, 0.5)  # precisions of normalised coefficients that are tried
+
+
+def answers(path: FilterPath, family: Family) -> Array:
+    """Whitened answer (2 N, m) of the innovations to each column of a family."""
+    n = path.states
+    family_rows = np.zeros((0, 2, family.size))
+    torque = family_rows if family.torque is None else np.ascontiguousarray(family.torque)
+    misreading = family_rows if family.misreading is None else np.ascontiguousarray(family.misreading)
+    out = np.zeros((len(path.e), 2, family.size))
+    kept = (path.transition[:, :n, :n], path.push[:, :n], path.reading[:, :, :n], path.gain[:, :n])
+    _answers(*(np.ascontiguousarray(a) for a in kept), path.used, torque, misreading, out)
+    return whiten(out, path.S).reshape(-1, family.size)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of a regression of whitened innovations: gram (m, m), right (m,), and Σ w²."""
+
+    gram: Array
+    right: Array
+    square: float
+
+    @classmethod
+    def of(cls, path: FilterPath, found: Sequence[Family]) -> Normal:
+        D = np.concatenate([answers(path, family) for family in found], axis=1)
+        w = whiten(path.e, path.S).ravel()
+        return cls(D.T @ D, -D.T @ w, float(w @ w))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients (m,) under a common prior on the normalised columns, the precision of which the data chose.
+
+    evidence [nats]: log of how much more likely the data are than with nothing added, the freedom paid for.
+    leverage (m,): share of each coefficient that the data decided; its sum is the number of parameters used.
+    """
+
+    coefficients: Array
+    evidence: float
+    leverage: Array
+
+
+def solve(normal: Normal) -> Solution:
+    """The most likely combination: ridge regression with the precision of largest evidence (MacKay 1992)."""
+    scaled = ScaledGram.of(normal.gram)
+    g = np.maximum(scaled.values, 0.0)
+    along = scaled.along(normal.right)
+    evidence = [0.5 * float(np.sum(along**2 / (g + p) - np.log1p(g / p))) for p in _PRIORS * len(g)]
+    best = int(np.argmax(evidence))
+    precision = _PRIORS[best] * len(g)
+    return Solution(scaled.back(along / (g + precision)), evidence[best], scaled.vectors**2 @ (g / (g + precision)))
+
+
+@compiled(nogil=True)
+def _answers(Phi, push, H, K, used, torque, misreading, out):
+    N, n, m = Phi.shape[0], Phi.shape[1], out.shape[2]
+    s, moved = np.zeros((n, m)), np.zeros((n, m))
+    for k in range(N):
+        if used[k]:
+            for a in range(2):
+                for j in range(m):
+                    out[k, a, j] = -misreading[k, a, j] if misreading.shape[0] == N else 0.0
+                for i in range(n):
+                    h = H[k, a, i]
+                    if h != 0.0:
+                        for j in range(m):
+                            out[k, a, j] -= h * s[i, j]
+            for i in range(n):
+                for j in range(m):
+                    s[i, j] += K[k, i, 0] * out[k, 0, j] + K[k, i, 1] * out[k, 1, j]
+        for i in range(n):
+            for j in range(m):
+                moved[i, j] = 0.0
+            for r in range(n):
+                p = Phi[k, i, r]
+                for j in range(m):
+                    moved[i, j] += p * s[r, j]
+            if torque.shape[0] == N:
+                for a in range(2):
+                    b = push[k, i, a]
+                    for j in range(m):
+                        moved[i, j] += b * torque[k, a, j]
+        s, moved = moved, s

@@ -1,0 +1,207 @@
+"""Estimate: what an identification found, how sure it is, and what to do next."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
+
+from ..kalman.coordinates import Zeros
+from .identifiability import Identifiability, spoken
+from .optimise import Optimum
+from .prediction_error import PredictionError
+from .uncertainty import Profile, profile
+
+
+@dataclass(frozen=True)
+class NoiseReport:
+    """What a fit says about the noise: torque intensities on the rows [{u}² s], reading noise [rad] of each log."""
+
+    torque: tuple[float, float]
+    reading_std: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Parameters from logs. Printing it gives the table and the verdict.
+
+    plant: ready to use and to save, with covariance, provenance and checks. names, values (n,): what was estimated,
+    in the units of `unit_of`.
+    classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
+    innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
+    zeros: of the encoders in each log after the first, whose zeros are the plant's.
+    u_max_guessed: whether the plant's u_max was guessed from the largest command.
+    problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
+    """
+
+    plant: Plant
+    method: str
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    identifiability: Identifiability
+    classical: NDArray[np.float64] | None = None
+    sandwich: NDArray[np.float64] | None = None
+    noise: NoiseReport | None = None
+    log_likelihood: float = math.nan
+    samples: int = 0
+    converged: bool = True
+    message: str = ""
+    iterations: int = 0
+    at_bound: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    u_max_guessed: bool = False
+    zeros: Zeros = field(default_factory=dict)
+    problem: PredictionError | None = field(default=None, repr=False)
+    optimum: Optimum | None = field(default=None, repr=False)
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def correlation(self) -> NDArray[np.float64]:
+        std = np.where(self.std > 0, self.std, 1.0)
+        return self.covariance / np.outer(std, std)
+
+    @property
+    def valid(self) -> bool:
+        """Converged, everything identified, nothing at a bound."""
+        return self.converged and self.identifiability.level != "not identifiable" and not self.at_bound
+
+    def value(self, name: str) -> float:
+        """An estimated or fixed value by name. Raises KeyError with the names there are."""
+        if name in self.names:
+            return float(self.values[self.names.index(name)])
+        if name in self.fixed:
+            return float(self.fixed[name])
+        raise KeyError(f"{name} is neither estimated ({', '.join(self.names)}) nor fixed ({', '.join(self.fixed)})")
+
+    def profile(self, name: str) -> Profile:
+        """Profile likelihood of one estimated parameter: an interval that need not be symmetric.
+
+        Everything else is fitted anew at each value tried, some dozens of short fits. Raises ValueError for a name
+        that was not estimated, or a method without a likelihood.
+        """
+        if self.problem is None or self.optimum is None:
+            raise ValueError(f"{self.method} has no likelihood to profile; use --method prediction-error")
+        if name not in self.names:
+            raise ValueError(f"{name} was not estimated; a profile can be had of {', '.join(self.names)}")
+        i = [c.name for c in self.problem.coordinates].index(name)
+        slope = self.problem.coordinates[i].slope(self.optimum.z[i])
+        return profile(self.problem, self.optimum.z, name, float(self.std[self.names.index(name)] / abs(slope)))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the plant file."""
+        return self.plant.save(path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For machines (`--json`): everything but the arrays of the fit."""
+        noise = self.noise
+        return {
+            "method": self.method,
+            "parameters": {
+                n: {"value": float(v), "std": _finite(s), "unit": unit_of(n, self.plant)}
+                for n, v, s in zip(self.names, self.values, self.std, strict=True)
+            },
+            "fixed": dict(self.fixed),
+            "noise": noise and {"torque_intensity": noise.torque, "reading_std": noise.reading_std},
+            "log_likelihood": _finite(self.log_likelihood),
+            "samples": self.samples,
+            "converged": self.converged,
+            "message": self.message,
+            "at_bound": list(self.at_bound),
+            "valid": self.valid,
+            "identifiability": self.identifiability.to_dict(),
+            "physical_consistency": physical_consistency(self.plant.theta).to_dict(),
+            "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
+            "warnings": list(self.warnings),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"Estimate ({self.method}, {self.samples} samples): {self.message}"]
+        width = max(len(n) for n in (*self.names, *self.fixed))
+        for n, v, s in zip(self.names, self.values, self.std, strict=True):
+            relative = f"{100 * s / abs(v):6.2g} %" if v and math.isfinite(s) else ""
+            remark = "at its bound" if n in self.at_bound else ""
+            if n in self.identifiability.unidentified:
+                remark = "NOT IDENTIFIED"
+            elif n in self.identifiability.weak:
+                remark = "weak"
+            row = f"  {n:<{width}}  {rounded(v, s):<24} {unit_of(n, self.plant):<10}{relative:>9}  {remark}"
+            lines.append(row.rstrip())
+        lines += [f"  {n:<{width}}  {v:.6g} (fixed)" for n, v in self.fixed.items()]
+        if self.noise is not None:
+            q, unit = self.noise.torque, self.plant.unit
+            lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
+        for i, (arm, pendulum) in self.zeros.items():
+            lines.append(f"  log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)")
+        if self.u_max_guessed:
+            limit = f"{self.plant.u_max:g} {self.plant.unit}"
+            lines.append(
+                f"  u_max = {limit}, guessed from the largest command; say --u-max if the amplifier gives more"
+            )
+        lines.append(f"Verdict: {self.verdict}")
+        lines += [f"  ! {w}" for w in (*self.identifiability.advice, *self.warnings)]
+        return "\n".join(lines)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: what is good, what is not."""
+        if not self.converged:
+            return "did not converge; the numbers are not an optimum"
+        parts = [self.identifiability.level if self.identifiability.level != "good" else "all parameters identified"]
+        if self.identifiability.weak or self.identifiability.unidentified:
+            lost, weak = self.identifiability.unidentified, self.identifiability.weak
+            said = f", not {spoken(lost)}" if lost else ""
+            said += f", only weakly {spoken(weak)}" if weak else ""
+            parts = [f"{len(self.names) - len(lost)} of {len(self.names)} parameters identified{said}"]
+        if self.at_bound:
+            parts.append(f"{spoken(self.at_bound)} at the bound")
+        consistent = physical_consistency(self.plant.theta).consistent
+        parts.append("physically consistent" if consistent else "not a possible rigid body")
+        return "; ".join(parts)
+
+
+_MOST_READINGS = 6  # pieces of logs whose reading noise is shown
+
+
+def rounded(value: float, std: float) -> str:
+    """ "value ± std" with the deviation to two digits and the value to the same place."""
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:.5g} ± ?"
+    digits = 1 - math.floor(math.log10(std))
+    if digits > 12 or digits < -6:
+        return f"{value:.6g} ± {std:.2g}"
+    return f"{value:.{max(digits, 0)}f} ± {std:.{max(digits, 0)}f}"
+
+
+def unit_of(name: str, plant: Plant) -> str:
+    """The unit of a parameter by its name, with the command's unit in it."""
+    if name in THETA_MEANING:
+        return THETA_MEANING[name][1].format(u=plant.unit)
+    if name in ("r", "r1", "r2"):
+        return "s/rad"
+    effect = plant.effect(name.partition(".")[0])
+    if effect is None:
+        return ""
+    return next(p.unit.format(u=plant.unit) for p in effect.type.parameters if p.name == name.partition(".")[2])
+
+
+def _readings(stds: Sequence[tuple[float, float]]) -> str:
+    shown = " | ".join(f"{1e3 * a:.3g}, {1e3 * b:.3g}" for a, b in stds[:_MOST_READINGS])
+    return f"reading noise {shown} mrad" + (f" and {n} more pieces" if (n := len(stds) - _MOST_READINGS) > 0 else "")
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None

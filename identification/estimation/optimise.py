@@ -1,0 +1,141 @@
+"""Levenberg–Marquardt (Fisher scoring) within bounds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..normal_equations import ScaledGram
+
+_POLISH = 1.0  # nats: gain below which frozen gains give way to exact derivatives
+
+
+@dataclass
+class Expansion:
+    """V at z, its gradient (n,) and Fisher information (n, n); per-sample scores (N, n) of every record if asked."""
+
+    value: float
+    gradient: NDArray[np.float64]
+    information: NDArray[np.float64]
+    scores: list[NDArray[np.float64]] | None = None
+
+
+class Problem(Protocol):
+    """An objective V(z) in nats, within bounds. noisy (n,): which coordinates are logarithms of variances."""
+
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    noisy: NDArray[np.bool_]
+
+    def value(self, z: NDArray[np.float64]) -> float: ...
+
+    def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion: ...
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where a minimisation ended: z, V there, its expansion, iterations, and whether and why it stopped."""
+
+    z: NDArray[np.float64]
+    value: float
+    expansion: Expansion
+    iterations: int
+    converged: bool
+    message: str
+
+
+def minimise(
+    problem: Problem,
+    z: NDArray[np.float64],
+    iterations: int = 40,
+    tolerance: float = 0.01,
+    free=None,
+    exact: bool = True,
+) -> Optimum:
+    """Levenberg–Marquardt on V from z, within the bounds. `free`: indices that move (default all).
+
+    Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum. Stops
+    when the decrease of V that the quadratic model promises (a log-likelihood: absolute, in nats) is below
+    `tolerance`, or two steps in a row brought less. With `exact` the expansion returned is exact and holds the scores.
+    """
+    free = np.arange(len(z)) if free is None else np.asarray(free)
+    z = np.clip(z, problem.low, problem.high)
+    damping, polishing, small = 1e-3, False, 0
+    expansion = problem.expand(z)
+    if not math.isfinite(expansion.value):
+        return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
+    for iteration in range(1, iterations + 1):
+        trial, there, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance, polishing)
+        if trial is None:  # nothing lower on the way the derivatives show
+            done = predicted < 10.0 * tolerance  # closer than that the quadratic model itself is not
+            if polishing or not exact:
+                message = "converged" if done else "no further descent"
+                return Optimum(z, expansion.value, expansion, iteration, done, message)
+            polishing, damping = True, 1e-3
+        else:
+            z = trial
+            assert there is not None
+            small = small + 1 if expansion.value - there.value < tolerance else 0
+            polishing = exact and (polishing or expansion.value - there.value < _POLISH)
+        if polishing or there is None:
+            there = problem.expand(z, exact=polishing, scores=polishing)
+        expansion = there
+        if small >= 2 and (polishing or not exact):
+            return Optimum(z, expansion.value, expansion, iteration, True, "converged")
+    return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
+
+
+_RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
+
+
+def _descend(problem, z, expansion, free, damping, tolerance, polishing):
+    """One step that lowers V: (trial, expansion there, promised decrease, damping); trial is None if there is none.
+
+    Most steps with frozen gains succeed, and their expansion costs little more than V alone; exact ones are dear, so
+    V alone decides there (`expansion.information` of such a trial is not to be used).
+    """
+    g, H = expansion.gradient, expansion.information
+    held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
+    move = np.array([i for i in free if not held[i]], dtype=int)
+    hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
+    if hoped < tolerance:
+        return None, None, hoped, damping
+    for tries in range(12):
+        moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high)
+        predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
+        # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
+        # it aims at is the logarithm of that ratio
+        largest = np.abs(moved[~problem.noisy]).max(initial=1.0)
+        moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
+        trial = np.clip(z + moved, problem.low, problem.high)
+        there = replace(expansion, value=problem.value(trial)) if polishing else problem.expand(trial)
+        if there.value < expansion.value:
+            gained = expansion.value - there.value > 0.5 * predicted
+            easier = 1.0 if tries else 0.1  # not at once back to what has just failed
+            return trial, there, hoped, damping * easier if gained else damping * 2.0
+        damping = max(10.0 * damping, 1e-4)
+    return None, None, hoped, damping
+
+
+def _bounded_step(z, g, H, move, damping, low, high):
+    """The damped Gauss–Newton step of the coordinates `move`; those that would pass a bound go to it, and the others
+    make the best of that."""
+    step = np.zeros_like(z)
+    while len(move):
+        A = H[np.ix_(move, move)]
+        right = g[move] + H[move] @ step
+        scaled = ScaledGram.of(A, 1e-12)
+        scale = scaled.scale
+        damped = scaled.matrix + damping * np.eye(len(move)) + _RIDGE * np.diag(scale**-2.0)
+        wanted = -np.linalg.solve(damped, right / scale) / scale
+        out = (z[move] + wanted < low[move]) | (z[move] + wanted > high[move])
+        if not out.any():
+            step[move] = wanted
+            break
+        step[move[out]] = np.clip(z[move] + wanted, low[move], high[move])[out] - z[move[out]]
+        move = move[~out]
+    return step

@@ -1,0 +1,255 @@
+"""Maximum likelihood through the Kalman filter's innovations (the prediction-error method).
+
+Minimises V(z) = −log L = ½ Σ (eᵀ S⁻¹ e + ln det S), for rounded readings its counterpart (`bank.counted`), over
+θ, r, effect parameters and noise intensities together, for any number of logs (Kristensen, Madsen & Jørgensen 2004;
+Ljung 1999, ch. 7). Works on closed-loop data of the unstable plant and needs no velocities. Derivatives come from a
+bank of filters; `optimise` does the descent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+from furuta_gym.plant.effects.dispatch import read_sensors
+from furuta_gym.plant.layout import N_BASE
+
+from ..kalman.arguments import BankResult, Gaussian, Model
+from ..kalman.bank import innovations, sharpness_rows
+from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_parameters, filled_zeros
+from ..kalman.likelihood import differentiate
+from ..kalman.noise_model import READING, Noise
+from ..kalman.record import Record
+from .optimise import Expansion
+from .pool import mapped
+
+_VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
+_BANDWIDTH = 3.0  # rad/s
+_EXACT_STEP = 0.1  # of a coordinate's step: differences of V itself are one-sided, and V is sharp
+_SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
+_STIFF = 1e-4  # relative tolerance of the rigid-body limits
+
+
+class PredictionError:
+    """The objective V over the free `coordinates` of a plant and the noise, on `records`.
+
+    plant: supplies the structure (effects) and the values of everything that is not free.
+    noise: where it is not free.
+    coarser: factor on the integration step that the friction's sharpness allows, for a first look. pool: where filters
+    run side by side (None: in the caller's own thread, as inside a task of a pool they must). physical: penalise what
+    no rigid body has. zeros: of the logs' encoders, where they are not free.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        records: Sequence[Record],
+        coordinates: Sequence[Coordinate],
+        noise: Noise,
+        coarser: float = 1.0,
+        pool: Executor | None = None,
+        physical: bool = False,
+        zeros: Zeros | None = None,
+    ) -> None:
+        packed = plant.packed()
+        self.p, self.codes, self.rows = packed.p, packed.codes, packed.rows
+        self.records, self.coordinates, self.noise = list(records), list(coordinates), noise
+        self.coarser, self.zeros = coarser, dict(zeros or {})
+        self.sharp = sharpness_rows(plant.layout)
+        self.physical, self.pool = physical, pool
+        bounds = np.array([c.z_bounds for c in self.coordinates])
+        self.low, self.high = bounds[:, 0], bounds[:, 1]
+        for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
+            axis = c.row - READING.start
+            if c.noise and axis >= 0 and all(r.quantum[axis] > 0 for r in self.records):
+                self.low[i] = max(self.low[i], 0.0)
+        self.noisy = np.array([c.noise for c in self.coordinates])
+
+    def start(self) -> NDArray[np.float64]:
+        """The coordinates of the plant and noise given."""
+        z = [c.to_z(self._given(c)) for c in self.coordinates]
+        return np.clip(np.array(z), self.low, self.high)
+
+    def _given(self, c: Coordinate) -> float:
+        if c.zero_of is not None:
+            return self.zeros.get(c.zero_of, (0.0, 0.0))[c.row]
+        return float((self.noise.packed() if c.noise else self.p)[c.row])
+
+    def run(
+        self, record: Record, bank: NDArray[np.float64], leaders: int, states: bool = False, exact: int | None = None
+    ):
+        """Innovations e (N, 2, B) and covariances S (N, 3, leaders) of the coordinate vectors bank (B, n).
+
+        The first `leaders` have gains of their own, the others share those of bank[0]; of the leaders the first
+        `exact` (default all) have state Jacobians of their own. Third: the filtered states (N, rows) of bank[0], if
+        `states`. None if a filter diverged.
+        """
+        result = self._filter(record, bank, leaders, leaders if exact is None else exact, states)
+        if result is None:
+            return None
+        e, S, direct = result.e, result.S, result.direct
+        # the plain innovations of rounded readings, with rounding as a variance: their size is what S says
+        e += (direct[:, :2] - e[:, :, 0])[:, :, None]
+        rounding = np.where(record.quantum > 0, record.quantum**2 / 12.0, 0.0)
+        S[:, [0, 2]] += (rounding - direct[:, 2:])[:, :, None]
+        return e, S, result.states
+
+    def _filter(
+        self, record: Record, bank: NDArray[np.float64], leaders: int, exact: int, states: bool = False
+    ) -> BankResult | None:
+        """What `innovations` makes of a record, None if a filter diverged."""
+        P = np.ascontiguousarray(np.array([filled_parameters(self.coordinates, z, self.p) for z in bank]).T)
+        found = [filled_noise(self.coordinates, z, self.noise).on(record).packed() for z in bank]
+        noise = np.ascontiguousarray(np.array(found).T)
+        noise[READING] = _before_rounding(noise[READING], record.quantum[:, None])
+        B, N = len(bank), len(record.t)
+        if not np.isfinite(P[:N_BASE]).all() or np.any(P[0] * P[3] <= P[2] ** 2):
+            return None
+        x0 = np.zeros((self.rows, B))
+        zeros = np.ascontiguousarray(
+            np.array([filled_zeros(self.coordinates, z, record.log, self.zeros) for z in bank]).T
+        )
+        x0[:2] = record.y[0][:, None] - zeros
+        reading = x0[:2].copy()
+        read_sensors(x0, P, self.codes, reading)
+        x0[:2] -= reading - x0[:2]
+        x0[2:4] = record.velocity[:, None]
+        C0 = np.zeros((self.rows, self.rows))
+        C0[[0, 1], [0, 1]] = _VAGUE * record.variance
+        C0[[2, 3], [2, 3]] = record.velocity_std**2
+        result = BankResult(
+            e=np.empty((N, 2, B)),
+            S=np.empty((N, 3, leaders)),
+            cost=np.empty((N, leaders)),
+            direct=np.empty((N, 4)),
+            states=np.empty((N if states else 0, self.rows)),
+        )
+        model, first = Model(P, self.codes, self.sharp), Gaussian(x0, C0)
+        ok = innovations(record.readings, model, first, noise, zeros, exact, leaders, self.coarser, result)
+        return result if ok and np.isfinite(result.cost).all() and np.isfinite(result.e).all() else None
+
+    def zeros_at(self, z: NDArray[np.float64]) -> dict[int, tuple[float, float]]:
+        """Zeros of the encoders in every log, at z."""
+        logs = sorted({r.log for r in self.records})
+        found = {i: filled_zeros(self.coordinates, z, i, self.zeros) for i in logs}
+        return {i: (float(x[0]), float(x[1])) for i, x in found.items() if x.any()}
+
+    def value(self, z: NDArray[np.float64]) -> float:
+        """V(z), prior included; inf where the filter diverges or M is not positive definite."""
+        total = self._prior(z)[0]
+        for result in mapped(self.pool, lambda r: self._filter(r, z[None], 1, 1), self.records):
+            if result is None:
+                return math.inf
+            total += float(np.sum(result.cost))
+        return total
+
+    def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion:
+        """V, gradient and Fisher information at z.
+
+        `exact` lets the gains follow every parameter; else they follow the noise only, which is half the cost. The
+        gradient is then that of a predictor with frozen gains: it vanishes at the truth, but under a wrong model not
+        quite at the minimum of V.
+        """
+        n = len(z)
+        noisy = [i for i, c in enumerate(self.coordinates) if exact or c.noise]
+        order = np.array(noisy + [i for i in range(n) if i not in noisy], dtype=np.int64)
+        steps = np.array([c.step for c in self.coordinates]) * (_EXACT_STEP if exact else 1.0)
+        steps = np.where(z + steps > self.high, -steps, steps)
+        bank = np.repeat(z[None], n + 1, axis=0)
+        bank[np.arange(1, n + 1), order] += steps[order]
+        rows = [np.empty((len(r.t), 5, n)) for r in self.records]
+        all_scores = [np.empty((len(r.t), n)) for r in self.records]
+        parts = _halves(len(noisy), n) if self.pool is not None and len(self.records) == 1 else [np.arange(n)]
+        jobs = [(i, part) for i in range(len(self.records)) for part in parts]
+
+        def work(job: tuple[int, NDArray[np.int64]]) -> float:
+            i, part = job
+            leaders = 1 + int(np.sum(part < len(noisy)))
+            positions = np.concatenate([[0], part + 1])
+            result = self._filter(self.records[i], bank[positions], leaders, leaders if exact else 1)
+            if result is None:
+                return math.inf
+            return differentiate(*result[:3], steps[order[part]], order[part], rows[i], all_scores[i])
+
+        values = list(mapped(self.pool, work, jobs))
+        value, gradient, information = self._prior(z)
+        if not all(map(math.isfinite, values)):
+            return Expansion(math.inf, gradient, information)
+        for (_, part), v in zip(jobs, values, strict=True):
+            value += v if part[0] == 0 else 0.0
+        for F, g in zip(rows, all_scores, strict=True):
+            flat = F.reshape(-1, n)
+            gradient = gradient + g.sum(axis=0)
+            information = information + flat.T @ flat
+        return Expansion(value, gradient, information, all_scores if scores else None)
+
+    def prior_cost(self, z: NDArray[np.float64]) -> float:
+        """What priors, and the rigid body if asked for, add to V at z."""
+        return self._prior(z)[0]
+
+    def _prior(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        value, gradient, information = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
+        for i, (c, zi) in enumerate(zip(self.coordinates, z, strict=True)):
+            residuals = []
+            if c.prior is not None:
+                residuals.append(((c.to_value(zi) - c.prior[0]) / c.prior[1], c.slope(zi) / c.prior[1]))
+            if c.weak_prior is not None:
+                residuals.append(((zi - c.weak_prior[0]) / c.weak_prior[1], 1.0 / c.weak_prior[1]))
+            for r, slope in residuals:
+                value += 0.5 * r * r
+                gradient[i] += r * slope
+                information[i, i] += slope * slope
+        if self.physical:
+            for r, slopes in self._rigid_body(z):
+                value += 0.5 * r * r
+                gradient += r * slopes
+                information += np.outer(slopes, slopes)
+        return value, gradient, information
+
+    def _rigid_body(self, z: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
+        """Residuals and slopes that hold J1 = θ1 − θ3²/θ2 and J2 = θ4 − θ2 above a thousandth of θ1 and θ4."""
+
+        def lacks(z: NDArray[np.float64]) -> NDArray[np.float64]:
+            th = filled_parameters(self.coordinates, z, self.p)
+            return np.array([1.001 * th[2] ** 2 / (th[0] * th[1]) - 1.0, 1.001 * th[1] / th[3] - 1.0]) / _STIFF
+
+        r = lacks(z)
+        if (r <= 0).all():
+            return []
+        slopes = np.zeros((2, len(z)))
+        for i, c in enumerate(self.coordinates):
+            if c.of_plant and c.row < 4:
+                step = np.zeros(len(z))
+                step[i] = 1e-7
+                slopes[:, i] = (lacks(z + step) - lacks(z - step)) / 2e-7
+        return [(float(r[k]), slopes[k]) for k in range(2) if r[k] > 0]
+
+
+def quietest(plant: Plant, records: Sequence[Record]) -> NDArray[np.float64]:
+    """(2,) torque noise [{u}² s] below which none is told from some: what keeps a filter's bandwidth at `_BANDWIDTH`.
+
+    Without torque noise the filter forgets nothing, and V is as rough as a free run of the unstable plant over the
+    whole log: no descent gets through. With this much it forgets within a fraction of a second, which costs next to
+    no precision.
+    """
+    density = np.max([r.variance * float(np.median(np.diff(r.t))) for r in records], axis=0)
+    return (plant.theta[[0, 3]] * _BANDWIDTH**2) ** 2 * density
+
+
+def _before_rounding(total: NDArray[np.float64], quantum: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance of readings before they are rounded, from the total one: less quantum²/12, softly above zero."""
+    rounding = quantum**2 / 12.0
+    rest = total - rounding
+    return 0.5 * (rest + np.sqrt(rest**2 + (_SOFT * rounding) ** 2))
+
+
+def _halves(leaders: int, n: int) -> list[NDArray[np.int64]]:
+    """Positions of a bank dealt to two threads, as one record alone would leave a core idle."""
+    cost = np.cumsum(np.where(np.arange(n) < leaders, 2.0, 1.0))
+    cut = max(1, int(np.searchsorted(cost, cost[-1] / 2.0)))
+    return [part for part in (np.arange(cut), np.arange(cut, n)) if part.size]

@@ -1,0 +1,177 @@
+"""Start values from the log alone: smoothed regression for the ratios, a short race for what it cannot tell.
+
+The pendulum's row of (5) over θ4 has no scale, so a regression on smoothed derivatives gives the ratios θ3/θ4, θ5/θ4
+and the pendulum's friction over θ4; the arm's row gives θ1, θ6, θ8 in units of the command. The scale θ4 itself is
+only in the pendulum's weak reaction on the arm. So several scales, and generic ratios beside the regressed ones, run
+a short race of prediction-error fits on a reduced log at high process noise; the winner starts the full fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import nnls
+
+from furuta_gym.plant import Plant
+
+from ..kalman.coordinates import Coordinate, filled_noise, filled_plant
+from ..kalman.noise_model import Noise
+from ..kalman.record import Record
+from ..logs.log import Log
+from .optimise import Optimum, minimise
+from .pool import mapped
+from .prediction_error import PredictionError
+
+_SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
+_ROD = 0.75  # θ2/θ4 of a thin rod
+_RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a palm-sized pendulum and an arm-sized one
+_SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
+_SHARPNESS = 60.0
+_REDUCED = (4.0, 4e-3)  # s: duration and sample time of the log that the race runs on
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start of the fit."""
+
+    plant: Plant
+    noise: Noise
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Smoothed angles, rates and accelerations (n, 2) and command (n,), all through one linear filter."""
+
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
+    a: NDArray[np.float64]
+    u: NDArray[np.float64]
+
+
+def _smoothed(logs: Sequence[Log]) -> _Motion:
+    parts = []
+    for log in logs:
+        even = log if log.regular else log.resampled()
+        T = even.sample_time
+        width = max(_SMOOTHING / T, 1.5)
+        margin = int(4 * width)
+        if len(even) <= 3 * margin:
+            continue
+        y, held = even.angles, np.concatenate([even.u[:1], 0.5 * (even.u[1:] + even.u[:-1])])
+        smooth = [gaussian_filter1d(y, width, axis=0, order=k, mode="nearest") / T**k for k in range(3)]
+        parts.append([x[margin:-margin] for x in (*smooth, gaussian_filter1d(held, width))])
+    if not parts:
+        parts = [[np.zeros((2, 2))] * 3 + [np.zeros(2)]]
+    q, v, a, u = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return _Motion(q, v, a, u)
+
+
+def _nonnegative(columns: Sequence[NDArray[np.float64]], output: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coefficients ≥ 0 of the least-squares fit, with columns scaled to unit length."""
+    A = np.column_stack(columns)
+    scale = np.linalg.norm(A, axis=0)
+    scale[scale == 0] = 1.0
+    return nnls(A / scale, output)[0] / scale
+
+
+def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | None = None) -> list[Start]:
+    """Start plants for `logs`, the most likely first; `plant` gives unit, effects and whatever is not θ or r.
+
+    known: values (fixed, or means of priors) that settle the pendulum's scale where they hold θ2 … θ5.
+    """
+    known = known or {}
+    m = _smoothed(logs)
+    q2, (v1, v2), (a1, a2) = m.q[:, 1], m.v.T, m.a.T
+    s, c = np.sin(q2), np.cos(q2)
+    soft = [np.tanh(_SHARPNESS * v) for v in (v1, v2)]
+    row2 = _nonnegative([-c * a1, s, v1 * v1 * s * c, -v2, -soft[1]], a2)
+    regressed = (float(np.clip(row2[0], 0.1, 8.0)), float(np.clip(row2[1], 8.0, 500.0)))
+    starts = []
+    for ratio3, ratio5 in (regressed, *_RATIOS):
+        reaction = ratio3 * (c * a2 - s * v2 * v2) + _ROD * (s * s * a1 + 2 * s * c * v1 * v2)
+        arm = [a1, reaction, v1, soft[0]]
+        measured = _nonnegative(arm, m.u)
+        guessed = [f * measured[0] / ratio3**2 for f in _SCALES]
+        scales = guessed if ratio3 == regressed[0] else guessed[1:2]
+        if ratio3 == regressed[0] and guessed[0] / 3 < measured[1] < 0.9 * measured[0] / ratio3**2:
+            scales = [measured[1], *scales]
+        weights = {"theta4": 1.0, "theta5": ratio5, "theta3": ratio3, "theta2": _ROD}
+        if told := [known[n] / w for n, w in weights.items() if known.get(n, 0.0) > 0]:
+            scales = told[:1]
+        for scale in (s for s in scales if s > 0):
+            rest = _nonnegative([a1, v1, soft[0]], m.u - scale * reaction)
+            th1 = max(rest[0], 1.3 * scale * ratio3**2, 1e-6)
+            level = 0.02 * float(np.std(m.u)) + 1e-9
+            th6, th8 = max(rest[1], level / (np.std(v1) + 0.1)), max(rest[2], level)
+            friction2 = [max(row2[3], 0.01), max(row2[4], 0.01)] if ratio3 == regressed[0] else [0.1, 0.1]
+            theta = [th1, _ROD * scale, ratio3 * scale, scale, ratio5 * scale, th6, scale * friction2[0], th8]
+            theta.append(scale * friction2[1])
+            # accelerations wrong by a third of what they are, for 10 ms
+            restless = 0.01 * (0.3 * np.std(m.a, axis=0) + 0.1) ** 2 * np.array([th1, scale]) ** 2
+            sharpness = (_SHARPNESS, _SHARPNESS) if isinstance(plant.friction_sharpness, tuple) else _SHARPNESS
+            start = plant.replace(theta=np.array(theta), friction_sharpness=sharpness)
+            starts.append(Start(start, Noise(restless)))
+    if not starts:
+        raise ValueError(
+            f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive "
+            "side: no inertia explains that. Check the signs (--flip u, q1 or q2), the column mapping and the units"
+        )
+    return starts
+
+
+def reduced(
+    record: Record, duration: float = _REDUCED[0], sample_time: float = _REDUCED[1], clock: bool = False
+) -> Record:
+    """The liveliest `duration` seconds of a record at about `sample_time`, the command averaged over each sample.
+
+    clock: keep the time of the record, which an effect that follows time needs; else it starts at zero."""
+    T = float(np.median(np.diff(record.t)))
+    n, m = len(record.t), max(1, int(sample_time / T + 0.5))
+    length = min(n, max(int(duration / T), 50))
+    speed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(record.y, axis=0)).sum(axis=1))])
+    first = int(np.argmax(speed[length - 1 :: 1] - speed[: n - length + 1])) if length < n else 0
+    index = np.arange(first, first + length, m)
+    width = np.diff(record.t, append=record.t[-1] + T)
+    charge = np.concatenate([[0.0], np.cumsum(width * record.u[:, 0])])
+    held = np.diff(charge[np.append(index, min(index[-1] + m, n))])
+    spans = np.diff(record.t[index], append=record.t[index[-1]] + float(np.sum(width[index[-1] : index[-1] + m])))
+    start = float(record.t[first]) if clock else 0.0
+    short = Record.from_arrays(record.t[index], record.y[index], held / spans, record.variance, record.quantum, start)
+    return replace(short, log=record.log)
+
+
+def race(
+    records: Sequence[Record],
+    starts: Sequence[Start],
+    coordinates: Sequence[Coordinate],
+    rounds: int = 5,
+    physical: bool = False,
+    pool: Executor | None = None,
+) -> tuple[Start, Optimum | None]:
+    """Run short fits from all starts on reduced records; returns the start whose fit got furthest, refined.
+
+    pool: where the fits run side by side, each in one thread (None: one after the other). The Optimum is that of the
+    winner (None if every fit diverged: then the first start is returned).
+    """
+    clock = any("t" in names for e in starts[0].plant.effects for names in e.type.arguments.values())
+    coordinates = [c for c in coordinates if c.zero_of is None]  # too few seconds to tell them
+    short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2), clock=clock) for r in records]
+
+    def run(start: Start, iterations: int, z: NDArray[np.float64] | None = None) -> tuple[PredictionError, Optimum]:
+        problem = PredictionError(start.plant, short, coordinates, start.noise, coarser=2.0, physical=physical)
+        return problem, minimise(problem, problem.start() if z is None else z, iterations, tolerance=0.1)
+
+    results = list(mapped(pool, lambda s: run(s, rounds), starts))
+    order = np.argsort([o.value for _, o in results])
+    if not np.isfinite(results[order[0]][1].value):
+        return starts[0], None
+    finalists = [order[0]] + [i for i in order[1:2] if np.isfinite(results[i][1].value)]
+    finished = list(mapped(pool, lambda i: run(starts[i], 25, results[i][1].z), finalists))
+    _, best = min(finished, key=lambda r: r[1].value)
+    noise = filled_noise(coordinates, best.z, starts[0].noise)
+    return Start(filled_plant(starts[0].plant, coordinates, best.z), noise), best

@@ -1,0 +1,123 @@
+"""Uncertainty of a prediction-error fit: classical and sandwich covariance, profile likelihood."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..normal_equations import ScaledGram
+from .optimise import Expansion, minimise
+from .prediction_error import PredictionError
+
+_BLOCK = 0.5  # s; scores are summed over blocks at least this long, so that correlation inside them counts
+_MOST_BLOCKS = 80
+
+
+@dataclass(frozen=True)
+class FitCovariance:
+    """Covariances (n, n) of all coordinates z of a fit, noise included."""
+
+    classical: NDArray[np.float64]
+    sandwich: NDArray[np.float64]
+
+
+def fit_covariance(problem: PredictionError, expansion: Expansion) -> FitCovariance:
+    """Classical H⁻¹ and sandwich H⁻¹ J H⁻¹, J from block sums of the scores (`expansion` must hold them)."""
+    if expansion.scores is None:
+        raise ValueError("the expansion holds no scores; make it with expand(z, exact=True, scores=True)")
+    inverse = inverse_information(expansion.information)
+    total = sum(r.duration for r in problem.records)
+    block = max(_BLOCK, total / _MOST_BLOCKS)
+    blocks = []
+    for record, scores in zip(problem.records, expansion.scores, strict=True):
+        edges = np.searchsorted(record.t, record.t[0] + np.arange(0.0, record.duration + 1e-9, block))
+        blocks.append(np.add.reduceat(scores, edges[edges < len(record.t)], axis=0))
+    sums = np.concatenate(blocks)
+    sums = sums - sums.mean(axis=0)
+    meat = sums.T @ sums * (len(sums) / max(len(sums) - 1, 1))
+    return FitCovariance(inverse, inverse @ meat @ inverse)
+
+
+def recommended(classical: NDArray[np.float64], sandwich: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The classical covariance with each deviation raised to the sandwich's where that is larger.
+
+    The classical one is right and steady for white innovations; where they are not white it is too small. The
+    sandwich says by how much, but rests on some dozens of blocks of time: it may widen an interval, never narrow it.
+    The correlations stay the classical ones, so the matrix stays positive definite.
+    """
+    ratio = np.diag(sandwich) / np.maximum(np.diag(classical), 1e-300)
+    factor = np.sqrt(np.maximum(ratio, 1.0))
+    return classical * np.outer(factor, factor)
+
+
+def inverse_information(H: NDArray[np.float64]) -> NDArray[np.float64]:
+    """H⁻¹ through a scaled eigendecomposition; directions without information get a huge, finite variance."""
+    return ScaledGram.of(H, 1e-30).inverse(1e-13)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Profile likelihood of one coordinate: values (m,), twice the loss of log-likelihood (m,), 95 % interval."""
+
+    name: str
+    values: NDArray[np.float64]
+    deviance: NDArray[np.float64]
+    interval: tuple[float, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "interval": list(self.interval),
+            "values": self.values.tolist(),
+            "deviance": self.deviance.tolist(),
+        }
+
+    def __str__(self) -> str:
+        return f"Profile of {self.name}: 95 % interval {self.interval[0]:.4g} to {self.interval[1]:.4g}"
+
+
+def profile(
+    problem: PredictionError, z: NDArray[np.float64], name: str, std: float, points: int = 4, iterations: int = 15
+) -> Profile:
+    """Refit everything else with `name` held at `points` values on either side, one standard deviation `std`
+    (of the coordinate) apart, widened until the deviance passes 3.84 or a bound is met.
+    """
+    names = [c.name for c in problem.coordinates]
+    if name not in names:
+        raise ValueError(f"no free parameter {name!r} to profile; there are {', '.join(names)}")
+    i = names.index(name)
+    free = [k for k in range(len(z)) if k != i]
+    best = problem.value(z)
+    found: list[tuple[float, float]] = [(float(z[i]), 0.0)]
+    for side in (-1.0, 1.0):
+        at = z.copy()
+        for k in range(1, 3 * points + 1):
+            at[i] = np.clip(z[i] + side * k * std * 3.0 / points, problem.low[i], problem.high[i])
+            fit = minimise(problem, at, iterations, free=free)
+            if not math.isfinite(fit.value):
+                break
+            at = fit.z.copy()
+            found.append((float(at[i]), 2.0 * (fit.value - best)))
+            if found[-1][1] > 6.0 or at[i] in (problem.low[i], problem.high[i]):
+                break
+    found.sort()
+    zs, deviance = np.array(found).T
+    to_value = problem.coordinates[i].to_value
+    interval = (to_value(_crossing(zs, deviance, -1)), to_value(_crossing(zs, deviance, 1)))
+    return Profile(name, np.array([to_value(x) for x in zs]), deviance, interval)
+
+
+def _crossing(z: NDArray[np.float64], deviance: NDArray[np.float64], side: int, level: float = 3.84) -> float:
+    """Where the signed root of the deviance passes the level on one side; the last point if it does not."""
+    low = int(np.argmin(deviance))
+    zs, roots = (z[low:], deviance[low:]) if side > 0 else (z[: low + 1][::-1], deviance[: low + 1][::-1])
+    roots = np.sqrt(np.maximum(roots - deviance[low], 0.0))
+    past = np.flatnonzero(roots >= math.sqrt(level))
+    if not past.size:
+        return float(zs[-1])
+    k = int(past[0])
+    w = (math.sqrt(level) - roots[k - 1]) / (roots[k] - roots[k - 1])
+    return float(zs[k - 1] + w * (zs[k] - zs[k - 1]))

@@ -1,0 +1,71 @@
+"""The zeros of the encoders in each log: logs of one rig need not count from the same place.
+
+An incremental encoder counts from where it stood when it was switched on. The arm's zero matters as soon as anything on
+the rig depends on the arm's angle, as a cable does; the pendulum's is set at rest and may be a count or two off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from furuta_gym.plant import Plant
+
+from ..kalman.coordinates import Zeros, noise_coordinates, placed, zero_coordinates
+from ..kalman.noise_model import Noise
+from ..kalman.record import stretches
+from ..logs.checks import warn
+from ..logs.log import Log
+from .optimise import minimise
+from .prediction_error import PredictionError, quietest
+
+_RESTLESS = 100.0  # times the least torque noise, from which the fit of the zeros starts
+_ITERATIONS, _TOLERANCE = 20, 0.05
+_PLAIN_COUNTS = 5.0  # a zero that lies further off than so many counts is worth a warning
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """Logs with the zeros of their encoders taken off, and these zeros [rad] by number of the log."""
+
+    logs: tuple[Log, ...]
+    zeros: Zeros
+
+
+def moved(logs: Sequence[Log], zeros: Zeros) -> tuple[Log, ...]:
+    """The logs with zeros of their encoders taken off."""
+    return tuple(log.moved(*zeros[i]) if i in zeros else log for i, log in enumerate(logs))
+
+
+def aligned(plant: Plant, logs: Sequence[Log]) -> Aligned:
+    """Logs of a plant that was identified on others, with the most likely zeros of their encoders taken off.
+
+    Two numbers a log are estimated, nothing of the plant: the arm's zero, where an effect depends on its angle, and the
+    pendulum's within a count or two. A log on which the filter diverges keeps its zeros.
+    """
+    zeros: dict[int, tuple[float, float]] = {}
+    for i, log in enumerate(logs):
+        records = [stretch.record for stretch in stretches([log])]
+        least = quietest(plant, records)
+        coordinates = [*zero_coordinates(plant, records, free=(0,)), *noise_coordinates(least)]
+        problem = PredictionError(plant, records, coordinates, Noise(_RESTLESS * least))
+        optimum = minimise(problem, problem.start(), _ITERATIONS, _TOLERANCE, exact=False)
+        if np.isfinite(optimum.value):
+            zeros[i] = problem.zeros_at(optimum.z).get(0, (0.0, 0.0))
+    return Aligned(moved(logs, zeros), zeros)
+
+
+def warn_about_zeros(plant: Plant, logs: Sequence[Log], zeros: Zeros) -> None:
+    """Warn where the arm of a log plainly starts to count from another place than in the first log."""
+    if not placed(plant):
+        return
+    for i, (zero, _) in zeros.items():
+        step = logs[i].encoder_steps[0] or 1e-3
+        if abs(zero) > _PLAIN_COUNTS * step:
+            warn(
+                f"{logs[i].source}: the arm's angle is counted from a zero that lies {zero:+.3g} rad "
+                f"({zero / step:+.0f} counts) from the first log's. That is allowed for. To have one zero, start every "
+                "recording with the arm at the same place."
+            )

@@ -1,0 +1,144 @@
+"""A log as the Kalman filter takes it: stretches without gaps, and what their encoders are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..logs.checks import LogError, warn
+from ..logs.encoders import FEWEST_STEPS
+from ..logs.log import Log
+from .arguments import Readings
+
+SHORTEST = 20
+"""Samples between two gaps below which a stretch is not used."""
+
+_SAME_STEP = 0.1  # an encoder step that the samples show differs from the declared one beyond this fraction
+_LOST = 0.05  # share of a log's samples in short stretches from which it is told
+_LEAST = 1e-14  # rad², of a reading's variance
+
+
+@dataclass(frozen=True)
+class Record:
+    """t (N,) [s] from the log's first sample, y (N, 2) readings [rad], u (N, 1) commands, held from their sample on.
+
+    quantum (2,): one count of each encoder [rad], 0 where the reading is not rounded. variance (2,): of a reading
+    taken as noise, rounding included [rad²]. velocity (2,) and velocity_std: of the first state [rad/s].
+    log: number of the log among those of its rig.
+    """
+
+    t: NDArray[np.float64]
+    y: NDArray[np.float64]
+    u: NDArray[np.float64]
+    quantum: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    velocity_std: float
+    log: int = 0
+
+    @property
+    def readings(self) -> Readings:
+        """As the compiled filters take them."""
+        return Readings(self.t, self.y, self.u, self.quantum)
+
+    def moved(self, zeros: ArrayLike) -> Record:
+        """The readings less zeros (2,) [rad]."""
+        return replace(self, y=self.y - np.asarray(zeros, dtype=float))
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @classmethod
+    def from_log(cls, log: Log) -> Record:
+        """Of a log without gaps; counts as declared, or as the samples show them."""
+        return _record(log, log, *_encoders([log])[0])
+
+    @classmethod
+    def from_arrays(
+        cls,
+        t: ArrayLike,
+        y: ArrayLike,
+        u: ArrayLike,
+        variance: ArrayLike,
+        quantum: ArrayLike = (0.0, 0.0),
+        start: float = 0.0,
+    ) -> Record:
+        """t (N,), y (N, 2), u (N,), variance and quantum (2,); the first velocity comes from the first readings.
+
+        start [s]: of the first sample, after the log's own."""
+        stamps, readings = np.array(t, dtype=float), np.array(y, dtype=float)
+        stamps -= stamps[0]
+        m = min(len(stamps), max(6, int(np.searchsorted(stamps, 0.02))))
+        slope = np.polyfit(stamps[:m], readings[:m], 1 if m < 12 else 2)[-2]
+        spread = 3.0 * math.sqrt(12.0 * float(np.max(variance)) / m) / max(stamps[m - 1], 1e-6)
+        commands = np.array(u, dtype=float).reshape(-1, 1)
+        known = np.array(quantum, dtype=float), np.array(variance, dtype=float)
+        return cls(stamps + start, readings, commands, *known, slope, 0.1 + spread)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a log without gaps: the log's index, its samples, and the same as the filter takes them."""
+
+    log: int
+    piece: Log
+    record: Record
+
+
+def stretches(logs: Sequence[Log]) -> list[Stretch]:
+    """The logs of one rig, cut at the gaps of their clocks; what is shorter than SHORTEST samples is left out.
+
+    Step and noise of the encoders are those of a whole log. An axis that rests in it shows none: then another log
+    of the rig tells, or the other encoder. Warns where much is left out; raises LogError where nothing is left.
+    """
+    found = []
+    for i, (log, known) in enumerate(zip(logs, _encoders(logs), strict=True)):
+        pieces = [piece for piece in log.pieces() if len(piece) >= SHORTEST]
+        kept = sum(map(len, pieces))
+        if kept < (1.0 - _LOST) * len(log):
+            warn(
+                f"{log.source}: {len(log) - kept} of {len(log)} samples stand in stretches of fewer than {SHORTEST} "
+                "between gaps of the clock, and are not used. Record without dropping samples where that can be done."
+            )
+        found += [Stretch(i, piece, replace(_record(piece, log, *known), log=i)) for piece in pieces]
+    if not found:
+        raise LogError(
+            f"{', '.join(log.source for log in logs)}: no stretch of {SHORTEST} samples without a gap of the clock. "
+            "Expected spacings that rarely exceed one and a half times their median; check the time column."
+        )
+    return found
+
+
+def _record(piece: Log, log: Log, quantum: NDArray[np.float64], variance: NDArray[np.float64]) -> Record:
+    return Record.from_arrays(piece.t, piece.angles, piece.u, variance, quantum, float(piece.t[0] - log.t[0]))
+
+
+def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """quantum and variance (2,) of each log: counts as declared, or as the samples show them; noise not below a
+    quarter of what the log shows."""
+    known, silent = [], []
+    for log in logs:
+        declared = [2 * math.pi / c if c > 0 else 0.0 for c in log.encoder_counts or (0.0, 0.0)]
+        quantum = np.array([_step(seen, step) for seen, step in zip(log.encoder_steps, declared, strict=True)])
+        measured = np.asarray(log.noise_std)
+        known.append((quantum, np.maximum(np.maximum(quantum**2 / 12.0, 0.25 * measured**2), _LEAST)))
+        changes = np.count_nonzero(np.diff(log.angles, axis=0), axis=0)
+        silent.append((quantum == 0.0) & (changes < FEWEST_STEPS))
+    told = [(i, a) for a in range(2) for i in range(len(logs)) if not silent[i][a]]
+    for i, axis in [(i, a) for i in range(len(logs)) for a in range(2) if silent[i][a]]:
+        same, other = [j for j in told if j[1] == axis], [j for j in told if j[1] != axis]
+        for k, a in (same or sorted(other, key=lambda j: j[0] != i))[:1]:
+            known[i][0][axis] = known[k][0][a]
+            known[i][1][axis] = max(known[i][1][axis], known[k][1][a])
+    return known
+
+
+def _step(seen: float | None, declared: float) -> float:
+    """The encoder's step that counts: the samples' own where it contradicts the declared one."""
+    return seen if seen is not None and abs(seen - declared) > _SAME_STEP * seen else declared

@@ -1,0 +1,188 @@
+"""What a log must satisfy before anything is estimated from it: errors stop, warnings say what to do next.
+
+The functions take plain arrays, so that they can be called from a reader or from a value that validates itself.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+
+from .encoders import encoder_step
+
+MIN_SAMPLES = 50
+"""Shortest log that a file may hold; a tenth of a second at 500 Hz tells nothing about a pendulum."""
+
+GAP = 1.5
+"""A spacing beyond this many median spacings counts as dropped samples."""
+
+_MAX_STEP_RAD = 0.02  # encoders below 314 counts per revolution are not built into such rigs
+_MIN_STEP_DEG = 0.0126  # nor above 28 600 as a rule; as radians, this is an encoder of 500
+_SLOWEST = 0.5  # s between samples; slower is no log of a swinging pendulum
+_MAX_SPEED = 60.0  # rad/s; a pendulum of 5 cm that falls from upright reaches about 30
+
+
+class LogError(ValueError):
+    """A log that cannot be used. The message says what was found, what is expected, and how to mend it."""
+
+
+class LogWarning(UserWarning):
+    """A log that can be used, with something in it that the user should look at first."""
+
+
+def warn(message: str) -> None:
+    """Warn, pointing at the caller of the reader rather than here."""
+    warnings.warn(message, LogWarning, stacklevel=5)
+
+
+def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[int], str]) -> None:
+    """Raise `LogError` at the first NaN or infinity of a column."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        kind = "NaN (or an empty cell)" if np.isnan(values[bad[0]]) else "infinity"
+        more = f", and {bad.size - 1} more like it" if bad.size > 1 else ""
+        raise LogError(
+            f"{name}: {kind} in column {column} at {where(int(bad[0]))}{more}. Expected finite numbers. Delete those "
+            "rows rather than invent values: the log is cut where stamps are missing, and prediction starts anew."
+        )
+
+
+def check_clock(name: str, t: np.ndarray, where: Callable[[int], str]) -> None:
+    """Raise `LogError` unless time increases strictly."""
+    steps = np.diff(t)
+    bad = np.flatnonzero(steps <= 0)
+    if not bad.size:
+        return
+    k = int(bad[0]) + 1
+    if steps[k - 1] == 0:
+        raise LogError(
+            f"{name}: time stands still at {where(k)} (t = {t[k]:g} s twice; {bad.size} such rows). Expected "
+            "strictly increasing time. Write the stamps with more digits, or delete the repeated rows."
+        )
+    raise LogError(
+        f"{name}: time runs backwards at {where(k)} (from {t[k - 1]:g} s to {t[k]:g} s; {bad.size} such rows). "
+        "Expected strictly increasing time. If two recordings were joined, split the file there and pass both; "
+        "if the clock wrapped, unwrap it first."
+    )
+
+
+def check_length(name: str, n: int) -> None:
+    """Raise `LogError` below `MIN_SAMPLES`."""
+    if n < MIN_SAMPLES:
+        raise LogError(
+            f"{name}: {n} samples. Expected at least {MIN_SAMPLES}, and for a useful estimate some seconds of "
+            "motion. Record longer, or check that the file was written to its end."
+        )
+
+
+def check_command(name: str, u: np.ndarray, severity: str) -> None:
+    """A command that never changes: `LogError`, or a warning if `severity` is "warn"; "ignore" passes free decays."""
+    if np.ptp(u) > 0 or (severity == "ignore" and u[0] == 0):
+        return
+    message = (
+        f"{name}: the command u is {u[0]:g} in every sample. Expected a command that moves the arm: without it "
+        "the parameters have no scale. Check the column mapping (--columns u=...), or excite the rig, for "
+        "example with the paper's d(t). A free decay (u = 0) can only be used together with a driven log."
+    )
+    if severity in ("warn", "ignore"):
+        warn(message)
+    else:
+        raise LogError(message)
+
+
+def check_motion(name: str, q1: np.ndarray, q2: np.ndarray) -> None:
+    """Warn about an angle that never changes."""
+    for column, q, part in (("q1", q1, "arm"), ("q2", q2, "pendulum")):
+        if np.ptp(q) == 0:
+            warn(
+                f"{name}: {column} is {q[0]:g} rad in every sample. Was the {part} held, or its encoder not "
+                "connected? What concerns it cannot be identified from this log."
+            )
+
+
+def warn_about_clock(name: str, t: np.ndarray) -> None:
+    """Warn about dropped samples, and about stamps that look like milliseconds. `LogError` where nothing else they
+    can be."""
+    steps = np.diff(t)
+    typical = float(np.median(steps))
+    if typical > _SLOWEST:
+        raise LogError(
+            f"{name}: the samples are {typical:g} s apart. Expected less than {_SLOWEST:g} s, as a pendulum swings. "
+            "If the time column is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python."
+        )
+    gaps = np.flatnonzero(steps > GAP * typical)
+    if gaps.size:
+        missing = int(np.sum(np.round(steps[gaps] / typical) - 1))
+        longest = int(gaps[np.argmax(steps[gaps])])
+        warn(
+            f"{name}: {gaps.size} gaps in the clock, about {max(missing, 1)} samples dropped; the longest lasts "
+            f"{steps[longest]:.3g} s, after t = {t[longest]:g} s. The log is cut there, and prediction starts anew "
+            "after each gap. If samples are dropped often, record with a longer sample time."
+        )
+    if typical > 0.2:
+        warn(
+            f"{name}: the samples are {typical:g} s apart, which is very long for this plant. If the time column "
+            "is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python."
+        )
+
+
+def unwrap(name: str, column: str, q: np.ndarray) -> np.ndarray:
+    """Undo encoder wrap (jumps of more than half a turn between two samples), with a warning."""
+    jumps = np.flatnonzero(np.abs(np.diff(q)) > np.pi)
+    if not jumps.size:
+        return q
+    warn(
+        f"{name}: {column} jumps by more than half a turn {jumps.size} times (first from {q[jumps[0]]:.3g} to "
+        f"{q[jumps[0] + 1]:.3g} rad). Taken as a wrapped encoder and unwrapped. If these are spikes, or the "
+        "angles are in degrees (--unit deg), mend that instead."
+    )
+    return np.unwrap(q)
+
+
+def check_angle_unit(
+    name: str, column: str, t: np.ndarray, raw: np.ndarray, unit: str, counts: float | None = None
+) -> bool:
+    """Warn about angles that do not look like the declared unit; `raw` is in that unit. True if it warned.
+
+    An encoder's smallest step tells: 0.04 to 0.7 in degrees, 0.0006 to 0.013 in radians for 500 to 10 000
+    counts; or the declared counts per revolution, if it is theirs. Angles that do not move in steps are judged by
+    their speed.
+    """
+    step = encoder_step(raw)
+    if step is not None and counts and abs(step * counts / (360.0 if unit == "deg" else 2 * np.pi) - 1) < 0.1:
+        return False
+    if step == 1.0 and np.array_equal(raw, np.round(raw)):
+        warn(
+            f"{name}: {column} holds whole numbers, which looks like encoder counts, but {unit} was declared. If so: "
+            "--unit counts with --encoder-counts."
+        )
+        return True
+    if unit == "rad":
+        speed = float(np.quantile(np.abs(np.diff(raw)) / np.diff(t), 0.99))
+        if (step is not None and step > _MAX_STEP_RAD) or (step is None and speed > _MAX_SPEED):
+            seen = f"moves in steps of {step:.3g}" if step is not None else f"reaches a speed of {speed:.3g} /s"
+            warn(f"{name}: {column} {seen}, which looks like degrees, but radians were declared. If so: --unit deg.")
+            return True
+    elif step is not None and step < _MIN_STEP_DEG:
+        warn(
+            f"{name}: {column} moves in steps of {step:.3g}, which looks like radians ({2 * np.pi / step:.0f} "
+            f"counts per revolution), but degrees were declared ({360 / step:.0f} counts). If so: --unit rad."
+        )
+        return True
+    return False
+
+
+def check_counts(name: str, column: str, q: np.ndarray, counts: float) -> None:
+    """Warn if the angle moves in steps that are not a whole multiple of the declared encoder's."""
+    step, declared = encoder_step(q), 2 * np.pi / counts
+    if step is None:
+        return
+    ratio = step / declared
+    if abs(ratio - max(round(ratio), 1)) > 0.1 or ratio > 1.5:
+        warn(
+            f"{name}: {column} moves in steps of {step:.4g} rad, as an encoder of {2 * np.pi / step:.0f} counts "
+            f"per revolution would, but {counts:g} were declared. Count all four edges of a quadrature encoder, "
+            "or leave encoder_counts out: the noise is then estimated from the data."
+        )

@@ -1,0 +1,301 @@
+"""File formats: each reader returns a `Table` of named columns and text metadata, each writer takes one.
+
+CSV (also .txt, .tsv, .dat), Parquet, NPZ and MAT version 5. `register` adds a format by the ending of its files; every
+command and `read_log` then take it. Nothing here knows what a pendulum is.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .checks import LogError
+
+_MAX_MATRIX_COLUMNS = 32  # a wider matrix is not a table of samples
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns by name (1-D arrays, of text where a cell is not a number), metadata, and where a row came from."""
+
+    name: str
+    columns: dict[str, np.ndarray]
+    metadata: dict[str, str] = field(default_factory=dict)
+    lines: np.ndarray | None = None  # line of the file for each row, in text files
+
+    def where(self, row: int) -> str:
+        """The place of a row as a person would look for it."""
+        return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
+
+    def numbers(self, column: str) -> np.ndarray:
+        """A column as float64. Raises LogError, naming the row, where a cell holds text."""
+        values = self.columns[column]
+        if values.dtype.kind in "fiub":
+            return values.astype(np.float64)
+        if values.dtype.kind in "OUS":
+            for row, cell in enumerate(values):
+                if _number(cell) is None:
+                    shown = "an empty cell" if str(cell).strip() == "" else f"the text {str(cell)[:40]!r}"
+                    raise LogError(
+                        f"{self.name}: {shown} in column {column} at {self.where(row)}. Expected a number. "
+                        "Delete or mend that row (the log is cut where a stamp is missing, and prediction starts anew)."
+                    )
+            return np.array([_number(cell) for cell in values], dtype=np.float64)
+        kind = {"M": "dates", "m": "durations", "c": "complex numbers"}.get(values.dtype.kind, "no numbers")
+        raise LogError(f"{self.name}: column {column} holds {kind}. Expected real numbers (time in seconds).")
+
+
+Reader = Callable[[Path], Table]
+"""Reads a file that exists. Raises LogError for one that is not of its format."""
+Writer = Callable[[Path, Mapping[str, np.ndarray], Mapping[str, str]], None]
+"""Writes columns of equal length and metadata of one line each to a path."""
+
+
+def register(ending: str, reader: Reader, writer: Writer | None = None) -> None:
+    """Add a format: how files with this ending (as ".tdms") are read and, where given, written.
+
+    Raises ValueError for an ending without its dot or with capitals, or one that is taken.
+    """
+    if not re.fullmatch(r"\.[a-z0-9]+", ending):
+        raise ValueError(f"ending {ending!r}: expected a dot and small letters or digits, as .tdms")
+    if ending in READERS:
+        raise ValueError(f"ending {ending!r} is taken; there are {', '.join(READERS)}")
+    READERS[ending] = reader
+    if writer is not None:
+        WRITERS[ending] = writer
+
+
+def read_table(path: str | os.PathLike[str]) -> Table:
+    """Read a file in the format that its ending names. Raises LogError for anything that is not such a file."""
+    path = Path(path)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "does not exist"
+        nearby = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))[:5] if path.parent.is_dir() else []
+        hint = f" In that folder: {', '.join(nearby)}." if nearby else ""
+        raise LogError(f"{path}: this log {what}. Expected a file.{hint}")
+    return reader(path)
+
+
+def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
+    """Write a table whole or not at all: into a file beside it that then takes its name."""
+    path = Path(path)
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise LogError(f"{path.name}: cannot write {path.suffix!r}. Expected one of {', '.join(WRITERS)}.")
+    part = path.with_name(f".{path.stem}.part{path.suffix}")  # keeps the ending: some writers would add it
+    try:
+        writer(part, columns, metadata)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+# --- text -------------------------------------------------------------------------------------------------
+
+
+def _read_csv(path: Path) -> Table:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path.name}: not a text file in UTF-8 ({error.reason}). Save it as CSV in UTF-8.") from None
+    if "\0" in text:
+        raise LogError(f"{path.name}: holds zero bytes, so it is not a text file. Save it as CSV in UTF-8.")
+    numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+    comments = [line.lstrip()[1:].strip() for _, line in numbered if line.lstrip().startswith("#")]
+    body = [(i, line) for i, line in numbered if not line.lstrip().startswith("#")]
+    if not body:
+        raise LogError(f"{path.name}: the file holds no rows. Expected a header t,q1,q2,u and one row per sample.")
+    body = _from_header(body)
+    delimiter = max(",;\t", key=body[0][1].count)
+    if delimiter in body[0][1]:
+        split = _csv_rows(path.name, [line for _, line in body], delimiter)
+    else:
+        split = [line.split() for _, line in body]
+    header, rows, lines = split[0], split[1:], [i for i, _ in body[1:]]
+    if all(_number(cell) is not None for cell in header):
+        header, rows, lines = _commented_header(path.name, comments, len(header)), split, [i for i, _ in body]
+    while header and not header[-1]:  # a delimiter at the end of each line
+        header = header[:-1]
+    columns = _columns(path.name, header, rows, lines)
+    pairs = (comment.split(":", 1) for comment in comments if ":" in comment)
+    return Table(path.name, columns, {k.strip(): v.strip() for k, v in pairs}, np.array(lines, dtype=int))
+
+
+def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Without a title, or Excel's `sep=;`, above the header: lines before it that have fewer separators than it.
+
+    Rows of numbers are no header, though they may have a separator more, at their end."""
+    separators = [max(map(line.count, ",;\t")) for _, line in body[:10]]
+    start = separators.index(max(separators))
+    cells = [cell.strip() for cell in re.split(r"[,;\t]", body[start][1])]
+    return body if all(_number(cell) is not None for cell in cells if cell) else body[start:]
+
+
+def _csv_rows(name: str, lines: list[str], delimiter: str) -> list[list[str]]:
+    try:
+        rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True)]
+    except csv.Error as error:
+        raise LogError(f"{name}: not a CSV file ({error}).") from None
+    if len(rows) != len(lines):
+        raise LogError(f"{name}: a quotation mark is opened and not closed. Expected numbers without quotes.")
+    return rows
+
+
+def _commented_header(name: str, comments: list[str], width: int) -> list[str]:
+    """Column names from the last comment, as numpy.savetxt writes them."""
+    for comment in reversed(comments):
+        cells = [cell.strip() for cell in comment.replace(";", ",").replace("\t", ",").split(",")]
+        cells = cells if len(cells) == width else comment.split()
+        if len(cells) == width and ":" not in comment:
+            return cells
+    raise LogError(f"{name}: the first line holds numbers only. Expected a header; put t,q1,q2,u above them.")
+
+
+def _columns(name: str, header: list[str], rows: list[list[str]], lines: list[int]) -> dict[str, np.ndarray]:
+    width = len(header)
+    repeated = {h for h in header if header.count(h) > 1}
+    if repeated:
+        raise LogError(f"{name}: the header names {', '.join(sorted(repeated))} twice. Expected each name once.")
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) < width or any(row[width:]):
+            raise LogError(
+                f"{name}: line {line} has {len(row)} cells. Expected {width}, as in the header "
+                f"({', '.join(header)}). Was the recording cut off there? Then delete that line."
+            )
+    columns = {}
+    for j, column in enumerate(header):
+        cells = [row[j] for row in rows]
+        try:
+            columns[column] = np.array([float(cell) for cell in cells], dtype=np.float64)
+        except ValueError:
+            columns[column] = np.array(cells, dtype=object)
+    return columns
+
+
+def _number(cell: Any) -> float | None:
+    """A cell as a number, also with a decimal comma; None if it is none."""
+    text = cell.decode(errors="replace") if isinstance(cell, bytes) else str(cell)
+    try:
+        return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
+    except ValueError:
+        return None
+
+
+def _write_csv(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
+    lines = [f"# {key}: {value}" for key, value in metadata.items()]
+    lines.append(",".join(columns))
+    # repr is the shortest text that reads back as the same number
+    lines += [",".join(map(repr, row)) for row in zip(*(c.tolist() for c in columns.values()), strict=True)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+# --- binary -----------------------------------------------------------------------------------------------
+
+
+def _read_parquet(path: Path) -> Table:
+    pyarrow, parquet = _pyarrow()
+    try:
+        table = parquet.read_table(path)
+    except (pyarrow.ArrowException, OSError) as error:
+        raise LogError(f"{path.name}: not a readable Parquet file ({error}).") from None
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    stored = table.schema.metadata or {}
+    text = {k.decode(): v.decode() for k, v in stored.items() if k not in (b"pandas", b"ARROW:schema")}
+    return Table(path.name, columns, text)
+
+
+def _write_parquet(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
+    pyarrow, parquet = _pyarrow()
+    parquet.write_table(pyarrow.table(dict(columns)).replace_schema_metadata(dict(metadata)), path)
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise LogError("Parquet files need the package pyarrow. Install it (pip install pyarrow) or use CSV.") from None
+    return pyarrow, pyarrow.parquet
+
+
+def _read_npz(path: Path) -> Table:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return _from_variables(path.name, {name: archive[name] for name in archive.files})
+    except LogError:
+        raise
+    except Exception as error:  # zipfile, zlib, numpy and the header parser each raise their own
+        raise LogError(f"{path.name}: not a readable NPZ file of plain arrays ({error}).") from None
+
+
+def _write_npz(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
+    np.savez_compressed(path, **columns, **{key: np.array(value) for key, value in metadata.items()})  # type: ignore[arg-type]
+
+
+def _read_mat(path: Path) -> Table:
+    from scipy.io import loadmat
+
+    try:
+        variables = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise LogError(f"{path.name}: a MAT file of version 7.3. Save it with save(..., '-v7') instead.") from None
+    except Exception as error:  # scipy's reader raises whatever a broken file leads it to
+        raise LogError(f"{path.name}: not a readable MAT file ({error}).") from None
+    flat: dict[str, Any] = {}
+    for name, value in variables.items():
+        if hasattr(value, "_fieldnames"):  # a struct: one level is opened
+            flat |= {f"{name}.{sub}": getattr(value, sub) for sub in value._fieldnames}
+        elif not name.startswith("__"):
+            flat[name] = value
+    return _from_variables(path.name, flat)
+
+
+def _write_mat(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
+    from scipy.io import savemat
+
+    long = [key for key in metadata if len(key) > 31]
+    if long:
+        raise LogError(f"{path.name}: metadata key {long[0]!r} is too long for MAT (31 letters). Use CSV.")
+    savemat(path, {**columns, **metadata}, oned_as="column")
+
+
+def _from_variables(name: str, variables: Mapping[str, Any]) -> Table:
+    """Columns are the vectors and the columns of matrices (`data.1`, …); scalars and text are metadata."""
+    columns: dict[str, np.ndarray] = {}
+    metadata: dict[str, str] = {}
+    longest = max((np.asarray(value).shape[0] for value in variables.values() if np.ndim(value)), default=0)
+    for key, value in variables.items():
+        array = np.asarray(value)
+        if array.ndim == 0 or (array.ndim == 1 and array.size <= 4 < longest):
+            metadata[key] = " ".join(str(item) for item in np.atleast_1d(array))
+        elif array.ndim == 1:
+            columns[key] = array
+        elif array.ndim == 2 and 1 in array.shape:
+            columns[key] = array.ravel()
+        elif array.ndim == 2 and array.shape[1] <= _MAX_MATRIX_COLUMNS:
+            columns |= {f"{key}.{j + 1}": array[:, j] for j in range(array.shape[1])}
+    return Table(name, columns, metadata)
+
+
+READERS: dict[str, Reader] = {
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _read_csv),
+    ".parquet": _read_parquet,
+    ".npz": _read_npz,
+    ".mat": _read_mat,
+}
+WRITERS: dict[str, Writer] = {
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".npz": _write_npz,
+    ".mat": _write_mat,
+}

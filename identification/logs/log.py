@@ -1,0 +1,306 @@
+"""Log: what a rig recorded, in the paper's convention, whatever the file looked like.
+
+`read_log` turns a file into a `Log` and checks it at this border, once; everything behind it relies on that.
+A `Log` is in seconds, radians (q2 = 0 upright) and the command's own unit. The angles y[k] are sampled at t[k],
+and the command u[k] is held from t[k] to t[k+1].
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+
+from .checks import GAP, LogError, LogWarning
+from .encoders import encoder_step, noise_std, shortest_for_noise
+from .formats import read_table, write_table
+from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
+
+__all__ = ["Log", "LogError", "LogWarning", "read_log", "read_logs", "write_log"]
+
+_OFF_GRID = 0.01  # stamps within this fraction of a sample of an even grid count as regular
+
+
+class Run(Protocol):
+    """What a simulator made: t (n,) [s], readings (n, 2) of q1, q2 [rad], the command (n,) held from t on."""
+
+    @property
+    def t(self) -> np.ndarray: ...
+
+    @property
+    def measured(self) -> np.ndarray: ...
+
+    @property
+    def command(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One recording. Arrays are read-only float64 of equal length n ≥ 2, finite, t strictly increasing.
+
+    t [s], q1, q2 [rad], u [input_unit]. encoder_counts: counts per revolution of (q1, q2), None if unknown.
+    controller_gain: K of u = −K (q1, q̇1, q2, q̇2) + d, None if unknown. source, sha256: the file it came from.
+    read_as: what the mapping did to the file's columns, as formulas. skipped: seconds left out at its start.
+    metadata: further `# key: value` pairs of that file. Raises LogError if any of this does not hold.
+    """
+
+    t: np.ndarray
+    q1: np.ndarray
+    q2: np.ndarray
+    u: np.ndarray
+    input_unit: str = "V"
+    encoder_counts: tuple[float, float] | None = None
+    device: str | None = None
+    controller_gain: tuple[float, float, float, float] | None = None
+    source: str = "log"
+    sha256: str | None = None
+    read_as: str = ""
+    skipped: float = 0.0
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in COLUMNS:
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if values.ndim != 1 or len(values) != np.size(self.t) or len(values) < 2:
+                raise LogError(
+                    f"{self.source}: {name} has shape {values.shape}, t has {np.size(self.t)} samples. Expected "
+                    "four vectors of equal length, at least 2."
+                )
+            if not np.isfinite(values).all():
+                raise LogError(f"{self.source}: {name} holds NaN or infinity. Expected finite numbers.")
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        if not (np.diff(self.t) > 0).all():
+            raise LogError(f"{self.source}: t does not increase strictly. Sort the samples, drop repeated ones.")
+        object.__setattr__(self, "input_unit", parse_unit(self.input_unit))
+        if self.encoder_counts is not None:
+            object.__setattr__(self, "encoder_counts", parse_counts(self.encoder_counts))
+        if self.controller_gain is not None:
+            object.__setattr__(self, "controller_gain", parse_gain(self.controller_gain))
+        if self.device is not None:
+            object.__setattr__(self, "device", self.device.strip() or None)
+            if len((self.device or "").splitlines()) > 1:
+                raise LogError(f"{self.source}: device {self.device!r}: expected one line of text")
+        for key, value in self.metadata.items():
+            storable = isinstance(value, str) and len(value.splitlines()) <= 1 and key.isidentifier()
+            if key in KNOWN_KEYS or key in COLUMNS or not storable:
+                raise LogError(
+                    f"{self.source}: metadata {key!r} cannot be stored. Expected a name of letters, digits and _ "
+                    f"that is none of {', '.join((*COLUMNS, *KNOWN_KEYS))}, and a value of one line."
+                )
+        object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+
+    @classmethod
+    def from_run(
+        cls,
+        run: Run,
+        unit: str = "V",
+        counts: float | Sequence[float] | None = None,
+        source: str = "simulated",
+        **facts: Any,
+    ) -> Log:
+        """The readings and commands of a run, such as one of `furuta_gym.simulate`.
+
+        unit: of the command. counts: per revolution, one number or (q1, q2), None for sensors without steps.
+        facts: further fields of Log, such as controller_gain. Raises LogError as Log does."""
+        pair = None if counts is None else parse_counts(counts)
+        q1, q2 = run.measured.T
+        return cls(run.t, q1, q2, run.command, unit, encoder_counts=pair, source=source, **facts)
+
+    def __reduce__(self) -> tuple[Any, ...]:  # by construction, so that a copy in a worker is read-only too
+        values = [getattr(self, f.name) for f in fields(self)]
+        return Log, (*values[:-1], dict(self.metadata))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def angles(self) -> np.ndarray:
+        """(q1, q2) [rad] as one array, shape (n, 2)."""
+        return np.column_stack([self.q1, self.q2])
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def sample_time(self) -> float:
+        """Median spacing of the stamps [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def regular(self) -> bool:
+        """True if every stamp lies on an even grid (within 1 % of a sample), so that T is one number."""
+        grid = np.linspace(self.t[0], self.t[-1], len(self))
+        return bool(np.max(np.abs(self.t - grid)) <= _OFF_GRID * self.sample_time)
+
+    @property
+    def encoder_steps(self) -> tuple[float | None, float | None]:
+        """Smallest step of q1 and q2 that the samples show [rad], None where they do not move in steps."""
+        return encoder_step(self.q1), encoder_step(self.q2)
+
+    @property
+    def noise_std(self) -> tuple[float, float]:
+        """Measurement noise of q1 and q2 [rad], quantisation included, estimated without a model.
+
+        Raises ValueError for a log that is too short."""
+        T = self.sample_time
+        parts = [piece for piece in self.pieces() if len(piece) >= shortest_for_noise(T)] or [self]
+        each = np.array([(noise_std(part.q1, T), noise_std(part.q2, T)) for part in parts])
+        if len(parts) == 1:
+            return float(each[0, 0]), float(each[0, 1])
+        q1, q2 = np.sqrt(np.average(each**2, axis=0, weights=[len(part) for part in parts]))
+        return float(q1), float(q2)
+
+    def slice(self, start: float = -np.inf, stop: float = np.inf) -> Log:
+        """The samples with start ≤ t < stop [s, as in the stamps]. Raises LogError if fewer than 2 are left."""
+        inside = (self.t >= start) & (self.t < stop)
+        if inside.sum() < 2:
+            raise LogError(
+                f"{self.source}: {inside.sum()} samples between {start:g} and {stop:g} s. Expected at least 2; "
+                f"the log runs from {self.t[0]:g} to {self.t[-1]:g} s."
+            )
+        return self._where(inside)
+
+    def moved(self, zero1: float, zero2: float) -> Log:
+        """The same with zeros [rad] of the arm's and the pendulum's encoder taken off."""
+        return replace(self, q1=self.q1 - zero1, q2=self.q2 - zero2)
+
+    def split(self, fraction: float) -> tuple[Log, Log]:
+        """The first part (that fraction of the time) and the rest, for example to hold out the tail."""
+        if not 0 < fraction < 1:
+            raise LogError(f"fraction = {fraction}: expected a number between 0 and 1")
+        at = float(self.t[0]) + fraction * self.duration
+        return self.slice(stop=at), self.slice(at)
+
+    def pieces(self) -> tuple[Log, ...]:
+        """The log cut at gaps of its clock (dropped samples); lone samples between two gaps are left out."""
+        cuts = np.flatnonzero(np.diff(self.t) > GAP * self.sample_time) + 1
+        groups = np.split(np.arange(len(self)), cuts)
+        return tuple(self._where(group) for group in groups if len(group) >= 2)
+
+    def resampled(self, sample_time: float | None = None) -> Log:
+        """On an even grid (default: the mean spacing): angles interpolated linearly, the command held.
+
+        For methods that need one T. Methods that can use the stamps should use them instead.
+        """
+        if sample_time is None:
+            t = np.linspace(self.t[0], self.t[-1], len(self))
+        elif 0 < sample_time <= self.duration:
+            t = self.t[0] + sample_time * np.arange(np.floor(self.duration / sample_time + 1e-9) + 1)
+        else:
+            raise LogError(f"sample_time = {sample_time}: expected seconds, at most the {self.duration:g} recorded")
+        held = np.searchsorted(self.t, t + 1e-9 * self.sample_time, side="right") - 1
+        q1, q2 = np.interp(t, self.t, self.q1), np.interp(t, self.t, self.q2)
+        return replace(self, t=t, q1=q1, q2=q2, u=self.u[held])
+
+    def _where(self, index: np.ndarray) -> Log:
+        return replace(self, t=self.t[index], q1=self.q1[index], q2=self.q2[index], u=self.u[index])
+
+    def __str__(self) -> str:
+        clock = "even clock" if self.regular else "uneven clock, stamps are used"
+        lines = [
+            f"Log {self.source}" + (f" ({self.device})" if self.device else ""),
+            f"  {len(self)} samples, {self.duration:.4g} s at {1e3 * self.sample_time:.4g} ms, {clock}",
+        ]
+        for name, q, step in (("q1", self.q1, self.encoder_steps[0]), ("q2", self.q2, self.encoder_steps[1])):
+            seen = f", steps of 2π/{2 * np.pi / step:.0f}" if step else ""
+            lines.append(f"  {name}  {q.min():+.3f} to {q.max():+.3f} rad{seen}")
+        lines.append(f"  u   {self.u.min():+.3g} to {self.u.max():+.3g} {self.input_unit}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    columns: str | Mapping[str, str] | None = None,
+    *,
+    unit: str | Mapping[str, str] | None = None,
+    pendulum_zero: str | None = None,
+    flip: str | Iterable[str] = (),
+    encoder_counts: float | str | Sequence[float] | None = None,
+    input_unit: str | None = None,
+    device: str | None = None,
+    controller_gain: str | Sequence[float] | None = None,
+    time_unit: str = "s",
+    constant_command: str = "error",
+    skip: float = 0.0,
+) -> Log:
+    """Read a CSV, Parquet, NPZ or MAT (version 5) file, map it to the paper's convention, and check it.
+
+    columns: names in the file by our names, `{"t": "Time", "q1": "theta"}` or `"t=Time,q1=theta"`.
+    unit: of the angles, "rad" (default), "deg" or "counts", or one per column, `{"q2": "deg"}`.
+    pendulum_zero: "upright" (default) or "hanging", the position where the file's q2 is 0.
+    flip: of "q1", "q2", "u", the ones whose sign is turned. The order is: unit, then zero, then sign, so that
+    hanging with q2 flipped gives q2 = −(q2_file − π); then whole turns are taken off q2 if it starts more
+    than three quarters of a turn from upright.
+    encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
+    controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
+    time_unit: "s", "ms" or "us". constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
+    skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
+
+    What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
+    Raises LogError (a ValueError) for anything that would make an estimate from this file meaningless.
+    """
+    if not 0.0 <= skip < np.inf:
+        raise LogError(f"skip {skip:g} (--skip): expected seconds, not negative")
+    table = read_table(path)
+    mapped = map_table(
+        table,
+        columns=columns,
+        unit=unit,
+        pendulum_zero=pendulum_zero,
+        flip=flip,
+        encoder_counts=encoder_counts,
+        input_unit=input_unit,
+        device=device,
+        controller_gain=controller_gain,
+        time_unit=time_unit,
+        constant_command=constant_command,
+    )
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    log = Log(**mapped.signals, **mapped.facts, source=table.name, sha256=digest, metadata=mapped.metadata)
+    return replace(log.slice(float(log.t[0]) + skip), skipped=float(skip)) if skip else log
+
+
+def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: Any) -> tuple[Log, ...]:
+    """Several logs of one rig, all with the same mapping (see `read_log`); sample times may differ.
+
+    A log whose command is constant (a free decay) is accepted beside one that is driven, never alone. Raises LogError
+    as `read_log` does, for no logs, and for logs whose commands differ in unit.
+    """
+    paths = list(paths)
+    if not paths:
+        raise LogError("no log was given. Expected at least one file.")
+    severity = mapping.pop("constant_command", "warn" if len(paths) > 1 else "error")
+    logs = tuple(read_log(path, constant_command=severity, **mapping) for path in paths)
+    if severity == "warn" and len(logs) > 1 and all(np.ptp(log.u) == 0 for log in logs):
+        raise LogError(f"the command is constant in all {len(logs)} logs. Expected at least one that is driven.")
+    units = {log.input_unit for log in logs}
+    if len(units) > 1:
+        raise LogError(f"logs of one rig with commands in {' and '.join(sorted(units))}. Expected one unit.")
+    return logs
+
+
+def write_log(path: str | os.PathLike[str], log: Log) -> None:
+    """Write a log as .csv, .parquet, .npz or .mat, whole or not at all; `read_log` gives the same log back.
+
+    (The same but for whole turns of q2, and the hash. A finite float is written with all its digits.) Raises LogError
+    for an ending that has no writer.
+    """
+    facts: dict[str, str] = {"input_unit": log.input_unit, "pendulum_zero": "upright"}
+    if log.encoder_counts is not None:
+        facts["encoder_counts"] = " ".join(map(repr, log.encoder_counts))
+    if log.device is not None:
+        facts["device"] = log.device
+    if log.controller_gain is not None:
+        facts["controller_gain"] = " ".join(map(repr, log.controller_gain))
+    write_table(path, {name: getattr(log, name) for name in COLUMNS}, facts | dict(log.metadata))

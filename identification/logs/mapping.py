@@ -1,0 +1,298 @@
+"""From a file's own columns, units, zeros and signs to the paper's convention, with the border checks."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import checks as log_checks
+from .checks import LogError
+from .formats import Table
+from .signs import motion_signs
+
+COLUMNS = ("t", "q1", "q2", "u")
+KNOWN_KEYS = ("input_unit", "pendulum_zero", "encoder_counts", "device", "controller_gain", "angle_unit")
+"""Metadata that a file may declare about itself; any other key is kept as it is."""
+
+_SYNONYMS = {
+    "t": ("t", "time", "timestamp", "seconds", "sec", "clock"),
+    "q1": ("q1", "theta", "arm", "theta1", "motor", "rotor", "servo", "phi"),
+    "q2": ("q2", "alpha", "pendulum", "theta2", "pend", "pole", "beta"),
+    "u": ("u", "voltage", "volts", "command", "input", "tau", "torque", "vm", "motor_voltage"),
+}
+_UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_TURN = 2 * np.pi
+_UNIT_ENDING = re.compile(r"_(s|sec|ms|us|rad|deg|degrees|counts|v|volts?)$")
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What `map_table` found: the four signals, the known facts, and the metadata that is none of these."""
+
+    signals: dict[str, np.ndarray]
+    facts: dict[str, Any]
+    metadata: dict[str, str]
+
+
+def parse_columns(columns: str | Mapping[str, str] | None) -> dict[str, str]:
+    """Names in the file by our names, from "t=Time,q1=theta" or a mapping. Raises LogError."""
+    if columns is None:
+        return {}
+    if isinstance(columns, str):
+        pairs = [pair.split("=", 1) for pair in columns.split(",") if pair.strip()]
+        if any(len(pair) != 2 or not pair[1].strip() for pair in pairs):
+            raise LogError(f"columns {columns!r}: expected pairs such as t=Time,q1=theta,q2=alpha,u=volts")
+        names = [pair[0].strip() for pair in pairs]
+        if len(set(names)) < len(names):
+            raise LogError(f"columns {columns!r}: one of {', '.join(COLUMNS)} is given twice. Expected each once.")
+        columns = {ours.strip(): theirs.strip() for ours, theirs in pairs}
+    unknown = [ours for ours in columns if ours not in COLUMNS]
+    if unknown:
+        raise LogError(f"columns: {unknown[0]!r} on the left. Expected one of {', '.join(COLUMNS)} (ours=theirs).")
+    return dict(columns)
+
+
+def parse_flip(flip: str | Iterable[str]) -> tuple[str, ...]:
+    """Axes whose sign is turned, from "q1,q2" or a sequence. Raises LogError."""
+    names = tuple(n for n in re.split(r"[,\s]+", flip) if n) if isinstance(flip, str) else tuple(flip)
+    names = tuple(part for name in names for part in name.split(","))
+    for name in names:
+        if name not in ("q1", "q2", "u"):
+            raise LogError(f"flip {name!r}: expected q1, q2 or u")
+    if len(set(names)) < len(names):
+        raise LogError(f"flip {','.join(names)}: an axis is given twice, which would change nothing")
+    return names
+
+
+def parse_unit(value: str) -> str:
+    """The command's unit, "V" or "N·m", from any common spelling. Raises LogError."""
+    plain = re.sub(r"[\s·*.⋅-]", "", value).lower()
+    if plain not in _UNITS:
+        raise LogError(f"input_unit {value!r}: expected V or N·m (scale the command first if it is anything else)")
+    return _UNITS[plain]
+
+
+def parse_counts(value: float | str | Sequence[float]) -> tuple[float, float]:
+    """Counts per revolution of both encoders, from one number or two. Raises LogError."""
+    counts = _floats("encoder_counts", value)
+    if len(counts) not in (1, 2) or not all(np.isfinite(c) and c >= 2 for c in counts):
+        raise LogError(f"encoder_counts {value!r}: expected one or two numbers above 2, as 2048 or 2048,4096")
+    return counts[0], counts[-1]
+
+
+def parse_zero(value: str) -> str:
+    """Where the file's q2 is 0: "upright" or "hanging". Raises LogError."""
+    if str(value).strip().lower() not in ("upright", "hanging"):
+        raise LogError(f"pendulum_zero {value!r}: expected upright or hanging (the position where q2 is 0)")
+    return value.strip().lower()
+
+
+def parse_angle_units(value: str | Mapping[str, str]) -> dict[str, str]:
+    """Units of q1 and q2, "rad", "deg" or "counts", from one word or one for each. Raises LogError."""
+    units = dict(value) if isinstance(value, Mapping) else dict.fromkeys(("q1", "q2"), str(value).strip())
+    for column, unit in units.items():
+        if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
+            raise LogError(f"unit {column}={unit!r}: expected rad, deg or counts, for q1 and q2")
+    return {"q1": "rad", "q2": "rad"} | units
+
+
+def parse_gain(value: str | Sequence[float]) -> tuple[float, float, float, float]:
+    """K of u = −K (q1, q̇1, q2, q̇2), four numbers. Raises LogError."""
+    gain = _floats("controller_gain", value)
+    if len(gain) != 4 or not np.isfinite(gain).all():
+        raise LogError(f"controller_gain {value!r}: expected four numbers, for q1, q1', q2, q2'")
+    return gain[0], gain[1], gain[2], gain[3]
+
+
+def map_table(
+    table: Table,
+    *,
+    columns: str | Mapping[str, str] | None,
+    unit: str | Mapping[str, str] | None,
+    pendulum_zero: str | None,
+    flip: str | Iterable[str],
+    encoder_counts: float | str | Sequence[float] | None,
+    input_unit: str | None,
+    device: str | None,
+    controller_gain: str | Sequence[float] | None,
+    time_unit: str,
+    constant_command: str,
+) -> Mapped:
+    """Map and check; the arguments are those of `identification.logs.read_log`."""
+    name = table.name
+    if constant_command not in ("error", "warn", "ignore"):
+        raise LogError(f"constant_command {constant_command!r}: expected error, warn or ignore")
+    if time_unit not in _SECONDS:
+        raise LogError(f"time_unit {time_unit!r}: expected one of {', '.join(_SECONDS)}")
+    names = _find_columns(table, parse_columns(columns))
+    metadata = _named(table.metadata)
+    stored = metadata.get
+    units = _prefer(name, "angle unit", unit, stored("angle_unit"), parse_angle_units) or parse_angle_units("rad")
+    zero = _prefer(name, "pendulum_zero", pendulum_zero, stored("pendulum_zero"), parse_zero) or "upright"
+    flips = parse_flip(flip)
+    sign = dict.fromkeys(("q1", "q2", "u"), 1.0) | dict.fromkeys(flips, -1.0)
+
+    raw = {ours: table.numbers(theirs) for ours, theirs in names.items()}
+    lengths = {names[ours]: len(values) for ours, values in raw.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{theirs} {n}" for theirs, n in lengths.items())
+        raise LogError(f"{name}: columns of different length ({shown}). Expected one value per sample in each.")
+    for ours, values in raw.items():
+        log_checks.check_numbers(name, names[ours], values, table.where)
+    t = raw["t"] * _SECONDS[time_unit]
+    log_checks.check_clock(name, t, table.where)
+    log_checks.check_length(name, len(t))
+    log_checks.check_command(name, raw["u"], constant_command)
+
+    counts = _prefer(name, "encoder_counts", encoder_counts, stored("encoder_counts"), parse_counts)
+    known: dict[str, float | None] = dict(zip(("q1", "q2"), counts or (None, None), strict=True))
+    scale = {q: _radians(name, units[q], known[q]) for q in ("q1", "q2")}
+    odd_unit = [
+        units[q] != "counts" and log_checks.check_angle_unit(name, names[q], t, raw[q], units[q], known[q])
+        for q in known
+    ]
+    q1, q2 = (raw[q] * scale[q] for q in ("q1", "q2"))
+    if not any(odd_unit):
+        q1, q2 = log_checks.unwrap(name, names["q1"], q1), log_checks.unwrap(name, names["q2"], q2)
+    q1 = sign["q1"] * q1
+    q2 = sign["q2"] * (q2 - (np.pi if zero == "hanging" else 0.0))
+    if abs(q2[0]) > 0.75 * _TURN:
+        q2 = q2 - _TURN * np.round(q2[0] / _TURN)
+    u = sign["u"] * raw["u"]
+
+    facts: dict[str, Any] = {}
+    chosen = _prefer(name, "input_unit", input_unit, stored("input_unit"), parse_unit)
+    facts["input_unit"] = chosen or "V"
+    facts["device"] = _prefer(name, "device", device, stored("device"))
+    facts["encoder_counts"] = counts
+    gain = _prefer(name, "controller_gain", controller_gain, stored("controller_gain"), parse_gain)
+    if gain is not None:
+        factors = (sign[q] * sign["u"] / scale[q] for q in ("q1", "q1", "q2", "q2"))
+        gain = tuple(k * factor for k, factor in zip(gain, factors, strict=True))
+    facts["controller_gain"] = gain
+    facts["read_as"] = _read_as(names, units, zero, sign, known)
+
+    log_checks.warn_about_clock(name, t)
+    log_checks.check_motion(name, q1, q2)
+    if not any(odd_unit):
+        if counts is not None:
+            log_checks.check_counts(name, names["q1"], q1, counts[0])
+            log_checks.check_counts(name, names["q2"], q2, counts[1])
+        advice = motion_signs(t, q1, q2, u).advice(zero, flips)
+        if advice:
+            log_checks.warn(f"{name}: zero or signs look wrong: {advice}")
+    rest = {k: v for k, v in metadata.items() if k not in KNOWN_KEYS and k not in COLUMNS}
+    return Mapped({"t": t, "q1": q1, "q2": q2, "u": u}, facts, rest)
+
+
+def _radians(name: str, unit: str, counts: float | None) -> float:
+    """What one unit of an angle is in rad. Raises LogError where counts have no number per revolution."""
+    if unit == "counts" and not counts:
+        raise LogError(
+            f"{name}: angles in counts need the counts per revolution: --encoder-counts 4096 (or two numbers)"
+        )
+    return {"rad": 1.0, "deg": np.pi / 180, "counts": _TURN / (counts or 1.0)}[unit]
+
+
+def _read_as(
+    names: Mapping[str, str],
+    units: Mapping[str, str],
+    zero: str,
+    sign: Mapping[str, float],
+    counts: Mapping[str, float | None],
+) -> str:
+    """What the mapping does to the file's columns, as formulas; "" where it does nothing."""
+    said = {}
+    for ours in ("q1", "q2", "u"):
+        unit = units.get(ours, "")
+        text = names[ours] + {"deg": "*pi/180", "counts": f"*2*pi/{counts.get(ours) or 1:g}"}.get(unit, "")
+        if ours == "q2" and zero == "hanging":
+            text = f"{text} - pi" if sign[ours] > 0 else f"({text} - pi)"
+        said[ours] = text if sign[ours] > 0 else f"-{text}"
+    return "" if all(ours == text for ours, text in said.items()) else ", ".join(f"{a} = {b}" for a, b in said.items())
+
+
+def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
+    """The file's name for each of ours. Raises LogError with what is there and a mapping that may be meant."""
+    found: dict[str, str] = {}
+    missing: list[str] = []
+    for ours in COLUMNS:
+        theirs = wanted.get(ours, ours)
+        inside = [c for c in table.columns if c.endswith(f".{theirs}")]  # a field of a struct in a MAT file
+        if theirs in table.columns:
+            found[ours] = theirs
+        elif len(inside) == 1:
+            found[ours] = inside[0]
+        else:
+            missing.append(ours)
+    if missing:
+        free = [c for c in table.columns if c not in found.values()]
+        guesses = [f"{ours}={guess}" for ours in missing if (guess := _guess(ours, free))]
+        absent = ", ".join(wanted.get(ours, ours) for ours in missing)
+        hint = ",".join(guesses) if guesses else ",".join(f"{ours}=..." for ours in missing)
+        hint = shlex.quote(hint) if guesses else hint
+        endings = " ".join(c.lower() for c in free)
+        hint += " --unit deg" if re.search(r"[_ (\[]deg", endings) else ""
+        hint += " --time-unit ms" if re.search(r"[_ (\[]ms\b", endings) else ""
+        raise LogError(
+            f"{table.name}: no column {absent}. Found: {', '.join(table.columns) or 'none'}. Expected t, q1 (arm), "
+            f"q2 (pendulum), u; map names that differ, {'perhaps ' if guesses else ''}--columns {hint}"
+        )
+    used = list(found.values())
+    if len(set(used)) < len(used):
+        raise LogError(f"{table.name}: one column is mapped to two of t, q1, q2, u. Expected four different ones.")
+    return found
+
+
+def _guess(ours: str, free: Sequence[str]) -> str | None:
+    """The column that is most likely meant, with a unit at the end of its name or without; None if none is near."""
+    whole = {re.sub(r"[\[(].*", "", c).strip().lower(): c for c in reversed(free)}
+    for plain in (whole, {_UNIT_ENDING.sub("", name): c for name, c in whole.items()}):
+        for synonym in _SYNONYMS[ours]:
+            if synonym in plain:
+                return plain[synonym]
+        near = [m for s in _SYNONYMS[ours] if len(s) > 2 for m in difflib.get_close_matches(s, plain, n=1, cutoff=0.75)]
+        if near:
+            return plain[near[0]]
+    return None
+
+
+def _prefer(name: str, key: str, explicit: Any, stored: str | None, parse: Any = None) -> Any:
+    """What the user says, else what the file says; a warning where they differ."""
+    try:
+        said = parse(explicit) if parse and explicit is not None else explicit
+        held = parse(stored) if parse and stored is not None else stored
+    except LogError as error:
+        raise LogError(f"{name}: {error}") from None
+    if said is not None and held is not None and said != held:
+        log_checks.warn(f"{name}: {key} is {held} in the file and {said} as given. Using what was given.")
+    return held if said is None else said
+
+
+def _floats(key: str, value: float | str | Sequence[float]) -> tuple[float, ...]:
+    try:
+        if isinstance(value, str):
+            return tuple(float(part) for part in re.split(r"[,;\s]+", value.strip(" []()")) if part)
+        return tuple(float(part) for part in np.atleast_1d(np.asarray(value, dtype=float)))
+    except (TypeError, ValueError):
+        raise LogError(f"{key} {value!r}: expected numbers") from None
+
+
+def _named(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Metadata by names of letters, digits and underscores, each on one line.
+
+    A comment that only looks like `key: value`, such as one that starts with a date, is no metadata."""
+    found: dict[str, str] = {}
+    for key in sorted(metadata, key=str.isidentifier):  # exact names have the last word
+        value = metadata[key]
+        name = re.sub(r"\W+", "_", key).strip("_")
+        if name.isidentifier():
+            found[name] = " ".join(value.splitlines())
+    return found

@@ -1,0 +1,273 @@
+"""How far a plant predicts logs that it was not fitted to, against what noise leaves.
+
+The plant runs freely from its Kalman filter's state over a horizon of a few tenths of a second, again and again along
+the log, and is compared with the reading at the end. (A free run of the upright plant over seconds diverges for any
+model, the true one included, and says nothing.) The filter's noise intensities are fitted to the log, so that a wrong
+plant starts as near to the truth as it can; the floor is computed without trusting the plant (`noise_floor`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+
+from ..estimation.zeros import aligned
+from ..kalman.coordinates import Zeros
+from ..kalman.likelihood import sample_costs
+from ..kalman.noise import fit_noise
+from ..kalman.path import FilterPath
+from ..kalman.record import Record, Stretch, stretches
+from ..kalman.whiteness import FEWEST, Innovations, innovations
+from ..logs.log import Log
+from .free_run import Windows, free_run
+from .noise_floor import Floor, noise_floor, repeats, spread
+
+HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
+SETTLE = 0.5  # s that the filter gets before the first prediction
+_DOUBTFUL = 0.75  # ratio to the floor below which it is the floor that is wrong
+_MOSTLY_TORQUE = 0.95  # share of the floor from which torque noise is all of it: with known noise it stays below 0.85
+_CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Prediction errors of a plant on one log or several.
+
+    rms, floor (2,) [rad] and fit_percent (2,): at the horizon, for q1 and q2. reading_floor (2,): the part of the
+    floor that the readings alone leave; the rest is torque noise. curve (J, 5): horizon [s], rms and floor of q1 and
+    q2 at shorter horizons. counts (2,): one encoder count [rad], 0 where unknown. repeats: whether all logs
+    were repeated, and the floor is their spread. whiteness: largest correlation of an innovation with the one before.
+    errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
+    surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
+    zeros: of the encoders [rad] in each log, estimated before it was predicted.
+    """
+
+    horizon: float
+    rms: Array
+    floor: Array
+    reading_floor: Array
+    fit_percent: Array
+    whiteness: float
+    counts: Array
+    repeats: bool
+    curve: Array
+    tests: tuple[Innovations, ...] = field(repr=False)
+    errors: Array = field(repr=False)
+    times: Array = field(repr=False)
+    log: NDArray[np.int64] = field(repr=False)
+    surprise: Array = field(repr=False)
+    zeros: Zeros = field(default_factory=dict, repr=False)
+
+    @property
+    def ratio_to_floor(self) -> float:
+        """Root mean square over the axes of rms / floor: 1 is as good as the noise allows."""
+        return float(np.sqrt(np.mean((self.rms / self.floor) ** 2)))
+
+    @property
+    def torque_share(self) -> Array:
+        """Share (2,) of the floor's variance that is torque noise fitted to the log; 0 where runs were repeated."""
+        return np.zeros(2) if self.repeats else 1.0 - (self.reading_floor / self.floor) ** 2
+
+    def to_dict(self) -> dict[str, Any]:
+        numbers = {
+            "rms_q1": self.rms[0],
+            "rms_q2": self.rms[1],
+            "fit_percent_q1": self.fit_percent[0],
+            "fit_percent_q2": self.fit_percent[1],
+            "horizon_s": self.horizon,
+            "noise_floor_q1": self.floor[0],
+            "noise_floor_q2": self.floor[1],
+            "ratio_to_floor": self.ratio_to_floor,
+            "reading_floor_q1": self.reading_floor[0],
+            "reading_floor_q2": self.reading_floor[1],
+            "torque_noise_share_q1": self.torque_share[0],
+            "torque_noise_share_q2": self.torque_share[1],
+            "innovation_correlation": self.whiteness,
+        }
+        counts = np.divide(self.rms, self.counts, out=np.full(2, np.nan), where=self.counts > 0)
+        more = {
+            "rms_counts_q1": float(counts[0]) if self.counts[0] > 0 else None,
+            "rms_counts_q2": float(counts[1]) if self.counts[1] > 0 else None,
+            "windows": len(self.errors),
+            "floor": "spread of repeated runs" if self.repeats else "reading and torque noise",
+            "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
+            "innovations": [test.to_dict() for test in self.tests],
+        }
+        return {"gap": {k: float(v) for k, v in numbers.items()} | more}
+
+    def __str__(self) -> str:
+        rows = [f"Prediction {self.horizon:g} s ahead, {len(self.errors)} windows, on logs the plant was not fitted to"]
+        for axis, name in enumerate(("q1", "q2")):
+            count = self.counts[axis]
+            inside = f" = {self.rms[axis] / count:.1f} counts" if count > 0 else ""
+            rows.append(
+                f"  {name}  rms {1e3 * self.rms[axis]:.3g} mrad{inside}, floor {1e3 * self.floor[axis]:.3g} mrad "
+                f"(readings alone {1e3 * self.reading_floor[axis]:.3g}), fit {self.fit_percent[axis]:.1f} %"
+            )
+        floor = "the spread of the repeated runs" if self.repeats else "noise alone"
+        rows.append(f"  {self.ratio_to_floor:.2f} times what {floor} would leave: {self.verdict}")
+        return "\n".join(rows)
+
+    @property
+    def verdict(self) -> str:
+        """What the ratio to the floor means, and what to do next."""
+        ratio = self.ratio_to_floor
+        if (share := float(self.torque_share.max())) > _MOSTLY_TORQUE:
+            axis = int(np.argmax(self.torque_share))
+            doubt = (
+                f"{100 * share:.0f} % of q{axis + 1}'s floor is what passes for torque noise on these logs, and "
+                "torques that the plant misses pass for it too; against the readings alone the error is "
+                f"{self.rms[axis] / self.reading_floor[axis]:.0f} times too large"
+            )
+            if ratio < 2.0:
+                return f"this says little: {doubt}. Repeat a run, or let `furuta diagnose` look for what is missing"
+            seen = "the plant misses something; `furuta diagnose` looks for it"
+            return f"{seen}. The gap is larger than it seems: {doubt}"
+        if ratio < _DOUBTFUL:
+            return (
+                "below the floor, which no plant can be: what this one misses looks like torque noise and has raised "
+                "the floor; compare with a better plant, or repeat a run"
+            )
+        if ratio < 1.1:
+            return "nothing of size is missing on these logs"
+        if ratio < 2.0:
+            return "something small is missing; `furuta diagnose` looks for it"
+        return "the plant misses something; `furuta diagnose` looks for it"
+
+
+def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, *, own_zeros: bool = True) -> Gap:
+    """The gap of a plant on logs that it was not fitted to, at a horizon [s].
+
+    own_zeros: estimate the zeros of the encoders in each log first, as logs of one rig need not count from the same
+    place; off for logs that the plant was fitted to. Of logs that repeat one command the floor is their spread.
+    Raises ValueError for logs that are too short or that the filter cannot follow with this plant.
+    """
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    if not logs:
+        raise ValueError("validate needs at least one log, got none")
+    if not (math.isfinite(horizon) and 0 < horizon <= 5):
+        raise ValueError(f"the horizon must lie in (0, 5] s, got {horizon!r}")
+    zeros: Zeros = {}
+    if own_zeros:
+        found = aligned(plant, logs)
+        logs, zeros = list(found.logs), found.zeros
+    long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon and len(s.piece) >= FEWEST]
+    kept = [_Piece.of(plant, stretch, horizon) for stretch in long]
+    if not kept:
+        raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")
+    error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    by_log = {p.log: p for p in kept}
+    own = {i: p.floor.variance for i, p in enumerate(kept)}
+    groups = [g for g in repeats(logs) if all(sum(p.log == i for p in kept) == 1 for i in g)]
+    for group in groups:
+        between = spread([by_log[i].errors for i in group])
+        own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
+    floor = np.sqrt(np.mean(np.concatenate(list(own.values())), axis=0))
+    only = np.sqrt(np.mean(np.concatenate([p.floor.readings_only for p in kept]), axis=0))
+    last = error[:, -1], reading
+    centred = last[1] - last[1].mean(axis=0)
+    size = np.maximum(np.linalg.norm(centred, axis=0), 1e-12)
+    counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
+    return Gap(
+        horizon=horizon,
+        rms=rms[-1],
+        floor=floor[-1],
+        reading_floor=np.minimum(only[-1], floor[-1]),
+        fit_percent=100.0 * (1.0 - np.linalg.norm(last[0], axis=0) / size),
+        whiteness=max(float(np.abs(p.tests.correlation[0]).max()) for p in kept),
+        counts=np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0),
+        repeats=sum(map(len, groups)) == len(by_log),
+        curve=np.column_stack([[f * horizon for f in _CURVE], rms, floor]),
+        tests=tuple(p.tests for p in kept),
+        errors=last[0],
+        times=np.concatenate([p.times for p in kept]),
+        log=np.concatenate([np.full(len(p.errors), p.log) for p in kept]),
+        surprise=np.concatenate([p.surprise for p in kept]),
+        zeros=dict(zeros),
+    )
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A stretch of a log: errors (M, J, 2), readings (M, 2) and times (M,) at the horizon, its floor, and the
+    surprise (K, 3) of its readings."""
+
+    log: int
+    errors: Array
+    readings: Array
+    times: Array
+    floor: Floor
+    tests: Innovations
+    surprise: Array
+
+    @classmethod
+    def of(cls, plant: Plant, stretch: Stretch, horizon: float) -> _Piece:
+        piece, record = stretch.piece, stretch.record
+        windows = Windows.over(record.t, tuple(f * horizon for f in _CURVE), SETTLE)
+        try:
+            floor = noise_floor(plant, record, windows)
+        except ValueError as error:
+            raise ValueError(f"{piece.source}: {error}") from error
+        errors = free_run(floor.path, windows)
+        if not np.isfinite(errors).all():
+            raise ValueError(f"{piece.source}: the plant's free run over {horizon:g} s leaves all bounds")
+        at = windows.targets[:, -1]
+        costs = sample_costs(floor.path.e, floor.path.S)
+        surprise = np.column_stack([np.full(len(costs), stretch.log), piece.t, costs])[floor.path.used]
+        return cls(stretch.log, errors, record.y[at], piece.t[at], floor, innovations(floor.path), surprise)
+
+
+def filtered(plant: Plant, log: Log) -> FilterPath:
+    """The plant's Kalman filter along a log, its noise intensities fitted to it. ValueError if it loses the log."""
+    try:
+        return fit_noise(plant, Record.from_log(log)).path
+    except ValueError as error:
+        raise ValueError(f"{log.source}: {error}") from error
+
+
+@dataclass(frozen=True)
+class ClosedFraction:
+    """Share of the squared gap above the floor that one plant closes against another, with a 95 % interval."""
+
+    value: float
+    interval: tuple[float, float]
+
+
+def closed_fraction(before: Gap, after: Gap, seed: int = 0, draws: int = 1000, block: float = 1.0) -> ClosedFraction:
+    """(before − after) / (before − floor), squared and over both axes, each in units of its floor.
+
+    The floor is the lower of the two, because what a wrong plant does not explain can only raise it. The interval is
+    a bootstrap over blocks of `block` seconds, because neighbouring windows overlap. Raises ValueError if the two
+    gaps are not of the same logs and horizon.
+    """
+    if before.errors.shape != after.errors.shape or before.horizon != after.horizon:
+        raise ValueError("the two gaps must be of the same logs and the same horizon")
+    floor = np.minimum(before.floor, after.floor)
+    b = np.sum((before.errors / floor) ** 2, axis=1)
+    a = np.sum((after.errors / floor) ** 2, axis=1)
+    _, group = np.unique(np.stack([before.log, np.floor(before.times / block)]), axis=1, return_inverse=True)
+    group = group.ravel()
+    groups = int(group.max()) + 1
+    sums = np.stack([np.bincount(group, x, groups) for x in (b, a, np.full(len(a), 2.0))])
+    rng = np.random.default_rng(seed)
+    picked = rng.integers(0, groups, (draws, groups))
+    fractions = [_fraction(s) for s in np.moveaxis(sums[:, picked].sum(axis=2), 1, 0)]
+    if not np.isfinite(fractions).any():
+        return ClosedFraction(math.nan, (math.nan, math.nan))
+    low, high = np.nanquantile(fractions, [0.025, 0.975])
+    return ClosedFraction(float(_fraction(sums.sum(axis=1))), (float(low), float(high)))
+
+
+def _fraction(sums: Array) -> float:
+    before, after, floor = sums
+    return float((before - after) / (before - floor)) if before > floor else math.nan

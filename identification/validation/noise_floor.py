@@ -1,0 +1,78 @@
+"""The noise floor of predictions: what would be left if the plant were right.
+
+From one log: the error of the filtered state at a window's start carried over the horizon, the torque noise on the way
+and the noise of the reading at its end, with intensities that no model error inflates (`flexible`). From repeated runs
+of one input: what their prediction errors do not share, a floor that asks for no noise model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+
+from ..discrepancy.correction import flexible
+from ..kalman.noise_model import RecordNoise
+from ..kalman.path import FilterPath
+from ..kalman.record import Record
+from ..logs.log import Log
+from .free_run import Windows, floor_covariance
+
+_SAME_PLACE = 0.1  # of the range of an angle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Of one log: variance (M, J, 2) [rad²] of the errors of every window and horizon under the right plant, the part
+    that comes from readings alone, the plant's own filter path, and the log's noise."""
+
+    variance: Array
+    readings_only: Array
+    path: FilterPath
+    noise: RecordNoise
+
+
+def noise_floor(plant: Plant, record: Record, windows: Windows) -> Floor:
+    """The floor of a record's windows. The plant serves to follow the motion; it may be wrong."""
+    found = flexible(plant, record)
+    noise = found.path.noise
+    quiet = noise.louder(1e-6)
+    both = floor_covariance(found.path, windows, noise)[:, :, [0, 2]]
+    readings = floor_covariance(found.path, windows, quiet)[:, :, [0, 2]]
+    return Floor(both, readings, found.plain.path, noise)
+
+
+def repeats(logs: Sequence[Log]) -> list[list[int]]:
+    """Groups of two or more logs that ran the same command at the same times from the same place.
+
+    Free decays from different places have their command in common too, but not their motion: what a plant misses in
+    them would pass for the spread of repeated runs.
+    """
+    groups: list[list[int]] = []
+    for i, log in enumerate(logs):
+        for group in groups:
+            other = logs[group[0]]
+            same = len(log) == len(other) and np.allclose(log.t - log.t[0], other.t - other.t[0], atol=1e-9)
+            if same and np.allclose(log.u, other.u, atol=1e-9) and _same_start(log, other):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return [group for group in groups if len(group) > 1]
+
+
+def _same_start(log: Log, other: Log) -> bool:
+    """Whether first readings differ by no more than a small part of how far the axes go, or by their noise."""
+    reach = np.maximum(_SAME_PLACE * np.ptp(log.angles, axis=0), 5.0 * np.asarray(log.noise_std))
+    return bool(np.all(np.abs(log.angles[0] - other.angles[0]) <= reach))
+
+
+def spread(errors: Sequence[Array]) -> Array:
+    """Variance (J, 2) of prediction errors (M, J, 2) around what the runs of one input have in common."""
+    return np.mean(np.var(np.stack(errors), axis=0, ddof=1), axis=0)

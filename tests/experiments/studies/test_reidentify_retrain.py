@@ -1,0 +1,145 @@
+"""Controllers on the bench, and the experiment that makes them anew once the missing effect is found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers.statistics import success_rate
+from experiments.bench import Rig
+from experiments.bench.control import Balance, lqr_gain
+from experiments.studies.bench_runs import Contrast, Run, contrast, run_on_bench, summary
+
+
+class Own:
+    """The bench's own controller as a policy."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig, self.loop = rig, Balance(lqr_gain(rig.kind))
+
+    def reset(self) -> None:
+        self.loop.reset()
+
+    def __call__(self, y: tuple[float, float]) -> float:
+        return self.loop.command(y, self.rig.period)
+
+
+def test_a_run_is_reproduced_and_differs_by_seed() -> None:
+    rig = Rig("workshop")
+    first, again, other = (run_on_bench(rig, Own(rig), seed, 2.0) for seed in (5, 5, 6))
+    assert first.success
+    assert first == again
+    assert first.rms_q2 != other.rms_q2
+    assert 0 < first.rms_q2 < 0.1
+
+
+def test_figures_of_a_run_are_those_of_the_rig() -> None:
+    """Recomputed from the angles and commands of a loop of its own."""
+    rig, seen, sent = Rig("workshop"), [], []
+    own = Own(rig)
+
+    def policy(y: tuple[float, float]) -> float:
+        seen.append(y)
+        sent.append(own(y))
+        return sent[-1]
+
+    policy.reset = own.reset  # type: ignore[attr-defined]
+    found = run_on_bench(rig, policy, 5, 2.0)
+    readings = np.array(seen[1:])  # a count of 4096 is far below the motion
+    assert found.rms_q1 == pytest.approx(np.sqrt(np.mean(readings[:, 0] ** 2)), rel=0.02)
+    assert found.rms_q2 == pytest.approx(np.sqrt(np.mean(readings[:, 1] ** 2)), rel=0.05)
+    commands = np.clip(sent, -rig.kind.u_max, rig.kind.u_max)
+    assert found.energy == pytest.approx(np.sum(commands**2) * rig.period, rel=1e-9)
+
+
+def test_too_few_pairs_say_nothing() -> None:
+    before, after = runs([True] * 5, [1.0, 1.1, 1.2, 1.3, 1.4]), runs([True] * 5, [0.9, 1.0, 1.1, 1.2, 1.3])
+    assert contrast(before, after).verdict == "no difference shown"
+    assert np.isnan(contrast(before, after).ratios["energy"].low)
+
+
+def test_a_rig_without_control_is_lost() -> None:
+    rig = Rig("workshop")
+    policy = Own(rig)
+    policy.loop = Balance(np.zeros(4))
+    lost = run_on_bench(rig, policy, 5, 5.0)
+    assert not lost.success
+    assert np.isnan(lost.rms_q2)
+
+
+def runs(success: list[bool], rms: list[float]) -> list[Run]:
+    return [
+        Run(i, ok, r, r, r) if ok else Run(i, False, np.nan, np.nan, np.nan)
+        for i, (ok, r) in enumerate(zip(success, rms, strict=True))
+    ]
+
+
+def test_summary_leaves_lost_runs_out() -> None:
+    found = summary(runs([True, True, False], [1.0, 3.0, 9.0]))
+    assert found["success"].value == pytest.approx(2 / 3)
+    assert found["rms_q1"].n == 2
+    assert found["rms_q1"].value == pytest.approx(2.0)
+
+
+def test_contrast_says_either_way() -> None:
+    n = 20
+    base = np.linspace(1.0, 2.0, n)
+    before = runs([True] * n, list(base))
+    half = contrast(before, runs([True] * n, list(0.5 * base)))
+    assert half.ratios["rms_q2"].value == pytest.approx(0.5)
+    assert half.verdict == "rms_q1 -50 %, rms_q2 -50 %, energy -50 %"
+    assert contrast(before, runs([True] * n, list(1.2 * base))).verdict.startswith("rms_q1 +20 %")
+    noise = np.exp(0.2 * np.random.default_rng(1).standard_normal(n))
+    assert (
+        contrast(before, runs([True] * n, list(base * noise / np.exp(np.log(noise).mean())))).verdict
+        == "no difference shown"
+    )
+    fell = runs([False] * n, list(base))
+    assert contrast(before, fell).verdict == "worse: it falls now"
+    assert contrast(fell, before).verdict == "better: it holds now"
+    with pytest.raises(ValueError, match="same seeds"):
+        contrast(before, before[1:])
+
+
+def test_verdict_counts_only_what_intervals_allow() -> None:
+    some, more = success_rate([True] * 3 + [False]), success_rate([True] * 4)
+    assert "better" not in Contrast(some, more, {}).verdict
+
+
+@pytest.mark.timeout(300)
+def test_the_experiment_in_small(tmp_path: Path) -> None:
+    from experiments.studies.reidentify_retrain import Arguments, run, table
+
+    pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    (story,) = run(Arguments.quick(), tmp_path, say=lambda text: None)
+    assert story.verdict == "named"
+    assert [text.split("(")[0] for text in story.found] == ["input_delay"]
+    assert set(story.runs) == {"lqr", "lqg", "lqg-friction", "ppo"}
+    assert all(set(stages) == {"before", "after"} for stages in story.runs.values())
+    assert all(run.success for stage in story.runs["lqg"].values() for run in stage)
+    saved = json.loads((tmp_path / "results.json").read_text())
+    assert saved["rigs"]["late"]["controllers"]["lqg"]["after"]["success"]["value"] == 1.0
+    assert (tmp_path / "late" / "after-0.zip").exists()
+    assert table(story).row_count == 4
+    with pytest.raises(ValueError, match="exists"):
+        run(Arguments.quick(), tmp_path)
+
+
+@pytest.mark.timeout(300)
+def test_randomized_training_in_small(tmp_path: Path) -> None:
+    from experiments.studies.randomized_training import KINDS, Size, run
+
+    pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    scores = run(Size.quick(), tmp_path, say=lambda text: None)
+    assert set(scores) == set(KINDS)
+    for kind, rows in scores.items():
+        assert set(rows) == {"drawn plants", "θ ±20 %", "the rig"}
+        assert rows["drawn plants"]["success"].n == 5
+        record = json.loads((tmp_path / f"{kind.replace(', ', '-').replace(' ', '-')}-0.json").read_text())
+        assert record["env"]["randomize"] is (kind != "nominal")
+        assert (record["env"]["effect_probabilities"] != {}) is (kind == "drawn, with effects")
+    with pytest.raises(ValueError, match="earlier run"):
+        run(Size.quick(), tmp_path)

@@ -1,0 +1,56 @@
+"""Options of `furuta identify` that are about uncertainty and limits: --profile, --u-max."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli.app import app
+from furuta_gym.plant import Plant
+from identification.logs.log import write_log
+from tests.factories import loop_log
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    write_log(path, loop_log(duration=5.0, T=0.004)[0])
+    return path
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(app, ["identify", *map(str, arguments)])
+
+
+def test_a_profile_interval_stands_beside_the_standard_deviation(file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "rig.json"
+    result = run(file, "-o", output, "--profile", "theta2", "--u-max", 12, "--json")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    low, high = answer["profiles"]["theta2"]["interval"]
+    found = answer["parameters"]["theta2"]
+    assert low < found["value"] < high
+    # close to quadratic here, so the two kinds of interval must agree about their width
+    assert (high - low) / (2 * 1.96 * found["std"]) == pytest.approx(1.0, abs=0.4)
+    assert Plant.load(output).u_max == 12.0
+    assert Plant.load(output).provenance["u_max"] == "given"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--profile", "theta12"], "theta12"),
+        (["--profile", "theta2", "--fix", "theta2=0.04"], "theta2"),
+        (["--profile", "theta2", "--method", "filtered-ls"], "--profile"),
+        (["--u-max", "0.1"], "--u-max"),
+        (["--u-max", "nan"], "--u-max"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_the_fit(file: Path, tmp_path: Path, arguments: list[str], word: str) -> None:
+    result = run(file, "-o", tmp_path / "rig.json", *arguments)
+    assert result.exit_code == 2
+    assert word in result.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,89 @@
+"""SIGINT, SIGTERM and SIGKILL leave no worker, and no temporary folder once the next run has started."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from furuta_gym.processes import temporary_folder
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="these signals are POSIX's")
+
+BUSY = """
+import os, sys, time
+from joblib import Parallel, delayed
+from experiments.workers import workers
+from furuta_gym.processes import ending_in_order, temporary_folder
+
+def work(n):
+    print(os.getpid(), flush=True)
+    time.sleep(300)
+
+try:
+    with ending_in_order(), workers("loky", 2), temporary_folder("test") as room:
+        print(room, flush=True)
+        Parallel()(delayed(work)(n) for n in range(2))
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+def running(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGKILL"])
+def test_no_worker_outlives_its_parent(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    process = subprocess.Popen([sys.executable, "-c", BUSY], stdout=subprocess.PIPE, text=True, env=environment)
+    assert process.stdout is not None
+    lines = [process.stdout.readline().strip() for _ in range(3)]
+    room = next(line for line in lines if line.startswith("/"))
+    found = [int(line) for line in lines if line.isdecimal()]
+    assert len(found) == 2
+    assert all(map(running, found))
+    process.send_signal(getattr(signal, name))
+    code = process.wait(timeout=60)
+    process.stdout.close()
+    assert code == {"SIGINT": 130, "SIGTERM": 143, "SIGKILL": -9}[name]
+    late = time.monotonic() + 20.0
+    while any(map(running, found)) and time.monotonic() < late:
+        time.sleep(0.1)
+    assert not any(map(running, found))
+    assert Path(room).exists() == (name == "SIGKILL")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with temporary_folder("test") as own:
+        assert not Path(room).exists()
+        assert own.stat().st_mode & 0o777 == 0o700
+    assert not own.exists()
+
+
+def test_folders_of_the_living_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with temporary_folder("test") as first, temporary_folder("test") as second:
+        assert first.exists()
+        assert first != second
+
+
+def test_ctrl_c_says_what_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from controllers import evaluation
+    from tests.experiments.test_cli import furuta
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation, "compare", stop)
+    result = furuta("compare", "--plant", "qube", "-o", tmp_path / "out")
+    assert result.exit_code == 130
+    assert "Interrupted. Nothing was written" in result.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,89 @@
+"""Compiled code is kept where only its user can write, and under the hash of all that it can call."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from furuta_gym.cache_folder import _not_private, cache_root
+from furuta_gym.plant.compiled import _source_hash
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners of files are POSIX's")
+
+
+def test_a_folder_is_made_private(tmp_path: Path) -> None:
+    folder = tmp_path / "a" / "b"
+    assert _not_private(folder) == ""
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o755)
+    assert _not_private(folder) == ""
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_where_others_can_write_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    assert "other users" in _not_private(tmp_path / "open")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "mine")
+    assert "link" in _not_private(tmp_path / "link")
+    monkeypatch.setattr(os, "geteuid", lambda: 54_321)
+    assert "another user" in _not_private(tmp_path / "mine")
+
+
+@pytest.fixture
+def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A temporary folder of all users and a home that cannot be written."""
+    (tmp_path / "home").write_text("no folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("FURUTA_CACHE", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    cache_root.cache_clear()
+    yield tmp_path
+    cache_root.cache_clear()
+
+
+def test_the_temporary_folder_holds_one_for_each_user(shared: Path) -> None:
+    (shared / "furuta-gym").mkdir()  # whoever made it
+    assert cache_root() == shared / f"furuta-gym-{os.geteuid()}"
+
+
+def test_what_another_user_prepared_is_not_taken(shared: Path) -> None:
+    (shared / f"furuta-gym-{os.geteuid()}").symlink_to(shared / "furuta-gym", target_is_directory=True)
+    (shared / "furuta-gym").mkdir()
+    with pytest.warns(UserWarning, match=r"every start compiles anew: .*cannot be used.*is a link.*FURUTA_CACHE"):
+        assert cache_root() is None
+
+
+def test_without_a_cache_kernels_run(shared: Path) -> None:
+    """In a process of its own: numba decides at the decorator where code is kept."""
+    code = (
+        "import warnings; warnings.simplefilter('ignore')\n"
+        "from furuta_gym.plant.compiled import compiled\n"
+        "def double(x):\n    return 2 * x\n"
+        "import experiments.bench.kernels.compiled as bench\n"
+        "print(compiled(double)(21), compiled(double).stats.cache_path, bench.compiled(double).stats.cache_path)"
+    )
+    (shared / f"furuta-gym-{os.geteuid()}").write_text("in the way")
+    environment = os.environ | {"TMPDIR": str(shared)}
+    command = [sys.executable, "-c", code]
+    answer = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
+    assert answer.stdout.split() == ["42", "None", "None"], answer.stderr
+
+
+def test_a_kernel_of_a_sub_package_sees_its_neighbours(tmp_path: Path) -> None:
+    """An edit anywhere in the top-level package is another hash, and one beside it is not."""
+    for folder in ("top", "top/a", "top/b", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "__init__.py").touch()
+    before = _source_hash(tmp_path / "top" / "a")
+    (tmp_path / "top" / "b" / "kernel.py").write_text("x = 1")
+    _source_hash.cache_clear()
+    after = _source_hash(tmp_path / "top" / "a")
+    assert after != before
+    (tmp_path / "other" / "kernel.py").write_text("x = 1")
+    _source_hash.cache_clear()
+    assert _source_hash(tmp_path / "top" / "a") == after

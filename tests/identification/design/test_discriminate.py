@@ -1,0 +1,90 @@
+"""Which experiment tells two effects apart: the prediction against real fits, and what is known of look-alikes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect
+from identification.design.discriminate import Separation, between
+from identification.estimation.identify import identify
+from identification.logs.log import Log
+from tests.factories import PaperPolicy
+
+T = 0.004
+
+
+@pytest.fixture(scope="module")
+def delay_or_lag() -> Separation:
+    return between(TABLE_3, ["input_delay", "actuator_lag"], PaperPolicy(T), duration=6.0, sample_time=T)
+
+
+@pytest.fixture(scope="module")
+def asymmetry_or_offset() -> Separation:
+    return between(TABLE_3, ["arm_coulomb_asymmetry", "input_offset"], PaperPolicy(T), duration=6.0, sample_time=T)
+
+
+def test_the_chosen_experiment_has_the_largest_worst_case(delay_or_lag: Separation) -> None:
+    assert delay_or_lag.nats == max(t.worst for t in delay_or_lag.trials)
+    assert delay_or_lag.best.entry.name in delay_or_lag.sentence
+    assert "input_delay" in delay_or_lag.sentence
+
+
+def test_amplitude_is_not_what_tells_look_alikes_apart(
+    delay_or_lag: Separation, asymmetry_or_offset: Separation
+) -> None:
+    """Large steps never win, by far."""
+    for found in (delay_or_lag, asymmetry_or_offset):
+        steps = next(t for t in found.trials if t.entry.name == "large steps")
+        assert found.nats > 3.0 * max(steps.worst, 1.0)
+
+
+def test_without_a_command_nothing_tells_delay_from_lag(delay_or_lag: Separation) -> None:
+    decay = next(t for t in delay_or_lag.trials if t.entry.name == "hanging free decay")
+    assert decay.worst < 10.0
+
+
+def test_the_predicted_separation_is_that_of_fits_to_new_data(delay_or_lag: Separation) -> None:
+    """Both effects fitted by `identify` to a log with other noise: within a factor 1.5 of what was predicted."""
+    trial = delay_or_lag.best
+    for truth, other in (("input_delay", "actuator_lag"), ("actuator_lag", "input_delay")):
+        run = trial.setup.run(trial.signal, 77, TABLE_3.with_effects(TABLE_3.default_effect(truth)))
+        log = Log.from_run(run, counts=4096)
+        right, wrong = (identify(log, TABLE_3, effects=[e], sharpness=100.0).log_likelihood for e in (truth, other))
+        assert 1 / 1.5 < (right - wrong) / trial.separations[truth, other] < 1.5
+
+
+def test_the_chosen_experiment_stays_upright_with_each_suspect(delay_or_lag: Separation) -> None:
+    trial = delay_or_lag.best
+    for name in delay_or_lag.names:
+        run = trial.setup.run(trial.signal, 5, TABLE_3.with_effects(TABLE_3.default_effect(name)))
+        assert run.fell is None
+
+
+def test_without_a_controller_the_pendulum_hangs() -> None:
+    found = between(TABLE_3, ["arm_spring", "input_offset"], None, duration=4.0, sample_time=T)
+    assert found.whole_command
+    assert all(t.entry.hanging for t in found.trials)
+    t, u = found.samples()
+    assert t.shape == u.shape == (1000,)
+    assert np.isfinite(u).all()
+
+
+@pytest.mark.parametrize(
+    ("names", "word"),
+    [
+        (["input_delay"], "two or more"),
+        (["input_delay", "input_delay"], "different"),
+        (["input_delay", "gremlin"], "gremlin.*library has"),
+    ],
+)
+def test_bad_suspects_are_refused(names: list[str], word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        between(TABLE_3, names, None)
+
+
+def test_a_plant_that_a_diagnosis_wrote_brings_its_own_suspect() -> None:
+    lag = Effect("actuator_lag", {"T": 0.004})
+    found = between(TABLE_3.with_effects(lag), ("actuator_lag", "input_delay"), duration=2.0)
+    given = between(TABLE_3, (lag, "input_delay"), duration=2.0)
+    assert found.nats == pytest.approx(given.nats)

@@ -1,0 +1,111 @@
+"""Naming a hidden effect: a small trial on simulated logs (the bench's blind trials are the real test)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import EFFECTS, TABLE_3
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.naming.probes import cells
+from identification.diagnosis.naming.scores import scores
+from identification.diagnosis.naming.search import Search
+from identification.kalman.record import Record
+from tests.factories import noisy_log
+from tests.oracles import reference
+
+SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_stribeck", "pendulum_quadratic_drag")
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_every_effect_has_probes_that_are_possible(name: str) -> None:
+    found = cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))
+    assert found
+    for cell in found:
+        assert len(cell.probes) == len(cell.sizes)
+        start = cell.start(np.full(len(cell.probes), 0.7))
+        assert start is None or start.name == name
+
+
+def _signal(name: str, values: dict[str, float], rng: np.random.Generator) -> np.ndarray:
+    """What an effect adds to torques, command and readings at random states, by the independent reference."""
+    rows = []
+    for _ in range(20):
+        t, q1, q2, v1, v2, u = rng.uniform(-3.0, 3.0, 6)
+        args = abs(t), q1, q2, v1, v2, TABLE_3.theta, 100.0, {name: values}, TABLE_3.theta
+        y1, y2 = reference.measured(q1, q2, {name: values})
+        rows.append(
+            [*reference.extra_torques(*args), reference.static_command(u, {name: values}) - u, y1 - q1, y2 - q2]
+        )
+    return np.array(rows)
+
+
+def _linear(name: str) -> bool:
+    sizes = [p for p in EFFECTS[name].parameters if p.role == "size"]
+    held = {"memory": EFFECTS[name].memory, "kernels": {"theta", "delay", "filter"} & set(EFFECTS[name].kernels)}
+    return not any(held.values()) and not any(p.grid or not np.isfinite(p.neutral) or p.integer for p in sizes)
+
+
+@pytest.mark.parametrize("name", [name for name in EFFECTS if _linear(name)])
+def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
+    """Also where a phase or a product of two parameters makes it so."""
+    weights = np.array([0.7, 0.4, 1.3])
+    for cell in cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))[:3]:
+        start = cell.start(weights[: len(cell.probes)])
+        assert start is not None
+        signals = [_signal(name, p, np.random.default_rng(0)) for p in (*cell.probes, dict(start.parameters))]
+        combined = sum(w * s for w, s in zip(weights, signals[:-1], strict=False))
+        assert np.abs(combined).max() > 0
+        np.testing.assert_allclose(signals[-1], combined, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
+def test_the_hidden_effect_is_named_and_sized(name: str) -> None:
+    hidden = TABLE_3.default_effect(name)
+    found = diagnose([noisy_log(4, TABLE_3.with_effects(hidden), duration=6.0)], start="table3", most=1, only=SUSPECTS)
+    assert found.verdict == "named", str(found)
+    added = found.plant.effect(name) if found.plant else None
+    assert added is not None
+    for p in EFFECTS[name].parameters:
+        assert added.parameters[p.name] == pytest.approx(hidden.parameters[p.name], rel=0.1)
+    assert found.plant.theta == pytest.approx(TABLE_3.theta, rel=0.25)
+
+
+def test_nothing_is_named_where_nothing_is_missing() -> None:
+    found = diagnose([noisy_log(6)], start="table3", most=1, only=SUSPECTS)
+    assert found.verdict == "none", str(found)
+    assert found.to_dict()["effects"] == []
+
+
+def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
+    log = noisy_log(6)
+    found = diagnose([replace(log, q1=np.zeros(len(log)))], start="table3")
+    assert found.verdict == "insufficient_excitation"
+    assert found.plant is None
+
+
+def test_scores_rank_the_hidden_effect_first() -> None:
+    hidden = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, hidden, duration=6.0))], anchor=TABLE_3)
+    table = scores(nominal, SUSPECTS)
+    assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
+
+
+def test_unknown_suspects_are_refused() -> None:
+    with pytest.raises(ValueError, match="arm_sprung"):
+        diagnose([noisy_log(6)], only=["arm_sprung"])
+
+
+@pytest.mark.parametrize("missing", [True, False])
+def test_what_no_score_can_suspect_is_fitted_where_something_is_missing(missing: bool) -> None:
+    """Presliding replaces the friction that is there: it has no small size, and its score is nothing."""
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")) if missing else TABLE_3
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, plant, duration=6.0))], anchor=TABLE_3)
+    names, table = Search(TABLE_3, ("arm_spring", "arm_presliding")).suspects(nominal, 0)
+    assert table["arm_presliding"].gain < 2.0
+    assert ("arm_presliding" in names) == missing
+    assert names == [] or table["arm_presliding"].start is not None

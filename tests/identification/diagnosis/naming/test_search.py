@@ -1,0 +1,170 @@
+"""How suspects are fitted and fitted again, on a landscape whose minima are known: whose name stands in the end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect, Plant
+from identification.diagnosis.naming.search import Search
+from identification.diagnosis.naming.suspects import Ranking
+from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Scores, a_fit, ranked, search
+
+
+def ranking_of(by: Search, current: Any, *names: str, **more: Any) -> Ranking:
+    return by.refits(current, names, by.scorer(current, names), **more)[1]
+
+
+def best_of(by: Search, current: Any, *names: str, **more: Any) -> tuple[str, float]:
+    best = ranking_of(by, current, *names, **more)[0]
+    return best.name, best.fit.value
+
+
+STUCK = [Bowl(50.0, x=1.0), Bowl(5.0, x=-1.5)]  # from 1, and from the anchor's θ, only the first is reached
+
+
+def test_a_suspect_that_is_stuck_finds_its_way_from_the_bests_parameters() -> None:
+    """The right name must not lose to a look-alike that happened to find the right θ."""
+    by = search({"": Bowl(100.0, x=1.0), "arm_spring": STUCK, "arm_ripple": Bowl(20.0, x=-1.5)})
+    by = replace(by, scorer=Scores({"arm_spring": 50.0, "arm_ripple": 40.0}))
+    ranking = ranking_of(by, a_fit(value=100.0, x=1.0), "arm_spring", "arm_ripple")
+    assert [s.name for s in ranking] == ["arm_spring", "arm_ripple"]
+    assert ranking[0].gain == pytest.approx(95.0, abs=0.1)
+    assert ranking[0].net == pytest.approx(95.0 - 2 * PER_PARAMETER, abs=0.1)
+    assert ranking[1].gain == pytest.approx(80.0, abs=0.1)
+    assert (ranking[0].score, ranking[1].score) == (50.0, 40.0)
+    alone = search({"": Bowl(100.0, x=1.0), "arm_spring": STUCK}, "arm_spring")
+    assert best_of(alone, a_fit(value=100.0, x=1.0), "arm_spring")[1] == pytest.approx(50.0, abs=0.05)
+
+
+def test_a_best_that_is_overtaken_follows_from_the_new_bests_parameters() -> None:
+    """Ripple, spring, ripple: it ends only when the best stays the best."""
+    ripple = [Bowl(20.0, x=-1.5), Bowl(1.0, x=-3.5)]
+    spring = [Bowl(50.0, x=1.0), Bowl(5.0, x=-3.5)]
+    by = search({"": Bowl(100.0, x=1.0), "arm_spring": spring, "arm_ripple": ripple}, "arm_spring", "arm_ripple")
+    assert best_of(by, a_fit(value=100.0, x=1.0), "arm_spring", "arm_ripple") == (
+        "arm_ripple",
+        pytest.approx(1.0, abs=0.05),
+    )
+
+
+LARGE = [Bowl(0.0), Bowl(-300.0, sizes={"input_delay": 3.0})]
+
+
+@pytest.mark.parametrize(
+    ("others", "delay", "thorough", "winner"),
+    [
+        (-60.0, 0.0, False, "arm_spring"),  # what is behind is left where it is
+        (-60.0, 0.0, True, "input_delay"),
+        (17.0, 24.0, False, "arm_spring"),  # 17 nats worse than without any: may be a rough likelihood
+        (35.0, 38.0, False, "input_delay"),  # 35: all of them went astray
+    ],
+)
+def test_other_sizes_are_tried_of_all_where_all_went_astray(
+    others: float, delay: float, thorough: bool, winner: str
+) -> None:
+    """The delay's good minimum is at three times its suggested size."""
+    bowls = {"arm_spring": others, "input_delay": [Bowl(delay), LARGE[1]]}
+    by = replace(search({"": 0.0, **bowls}), scorer=Scores(dict.fromkeys(bowls, 40.0)))
+    assert ranking_of(by, a_fit(), *bowls, thorough=thorough)[0].name == winner
+
+
+def test_the_best_suspects_are_fitted_to_the_end_unless_they_gain_too_little() -> None:
+    slow = Bowl(-400.0, x=1.0, rate=0.97)  # an end that eight rounds of four do not reach
+    by = search({"": 0.0, "arm_spring": slow}, "arm_spring")
+    assert best_of(by, a_fit(), "arm_spring")[1] < best_of(by, a_fit(), "arm_spring", least=1000.0)[1] - 1e-6
+
+
+def test_the_model_without_any_is_fitted_again_from_the_bests_parameters() -> None:
+    """Or an effect would be credited with what θ can do."""
+    without = [Bowl(100.0, x=1.0), Bowl(60.0, x=-0.5)]
+    by = search({"": without, "arm_spring": Bowl(0.0, x=-0.5)}, "arm_spring")
+    current, ranking = by.refits(a_fit(value=100.0, x=1.0), ["arm_spring"], by.scorer(a_fit(), None))
+    assert current.value == pytest.approx(60.0, abs=0.1)
+    assert ranking[0].gain == pytest.approx(60.0, abs=0.1)
+
+
+def test_nothing_suspected_is_nothing_fitted() -> None:
+    current = a_fit()
+    assert search({"": 0.0}).refits(current, [], {}) == (current, ())
+
+
+TWO = {"": 1500.0, "base_tilt": 100.0, "pendulum_coulomb_asymmetry": 900.0, "input_offset": 700.0}
+TILT = {"base_tilt pendulum_coulomb_asymmetry": 60.0, "input_offset pendulum_coulomb_asymmetry": -300.0}
+
+
+@pytest.mark.parametrize(("share", "exchanged"), [(0.2, False), (0.45, True)])
+def test_a_name_that_stood_in_for_two_is_exchanged_if_it_was_contested(share: float, exchanged: bool) -> None:
+    """base_tilt explains an offset and an asymmetry alone, somewhat; beside the asymmetry the offset does better."""
+    by = search(TWO | TILT, "base_tilt", "input_offset")
+    net = 1400.0 - 3 * PER_PARAMETER
+    found = [
+        ranked(("base_tilt", 1400.0), ("input_offset", share * net + PER_PARAMETER), fit=a_fit("base_tilt", value=100)),
+        ranked(("pendulum_coulomb_asymmetry", 250.0), fit=a_fit("base_tilt", "pendulum_coulomb_asymmetry", value=60.0)),
+    ]
+    again = by.reconsidered(found)
+    first, value = ("input_offset", -300.0) if exchanged else ("base_tilt", 60.0)
+    assert [ranking[0].name for ranking in again] == [first, "pendulum_coulomb_asymmetry"]
+    assert again[1][0].fit.value == pytest.approx(value, abs=0.05)
+    assert {e.name for e in again[1][0].fit.plant.effects} == {first, "pendulum_coulomb_asymmetry"}
+    if exchanged:
+        assert again[1][0].gain == pytest.approx(1000.0, abs=0.1), "beside the new name, not the old"
+
+
+@pytest.mark.parametrize(("net", "stays"), [(7.0, False), (14.0, True)])
+def test_what_the_last_effect_makes_superfluous_goes(net: float, stays: bool) -> None:
+    """A ripple of 20 nats (its share is not asked here) beside a stiction."""
+    gain = net + 3 * PER_PARAMETER
+    by = search({"": 100.0, "arm_ripple": 40.0, "pendulum_stribeck": gain, "arm_ripple pendulum_stribeck": 0.0})
+    found = [
+        ranked(("arm_ripple", 60.0), fit=a_fit("arm_ripple", value=40.0)),
+        ranked(("pendulum_stribeck", 40.0), fit=a_fit("arm_ripple", "pendulum_stribeck", value=0.0)),
+    ]
+    names = [ranking[0].name for ranking in by.reconsidered(found)]
+    assert names == [*(["arm_ripple"] if stays else []), "pendulum_stribeck"]
+
+
+def test_what_the_last_effect_leaves_little_for_goes() -> None:
+    """A delay beside a ripple stood in for the saturation that was found next: 38 nats remain to it."""
+    names = ("arm_ripple", "input_delay", "input_saturation")
+    by = search({"": 1400.0, "arm_ripple input_saturation": -1162.0, " ".join(names): -1200.0})
+    found = [
+        ranked(("arm_ripple", 1180.0), fit=a_fit("arm_ripple", value=100.0)),
+        ranked(("input_delay", 400.0), fit=a_fit("arm_ripple", "input_delay", value=-300.0)),
+        ranked(("input_saturation", 880.0), fit=a_fit(*names, value=-1200.0)),
+    ]
+    again = by.reconsidered(found)
+    assert [ranking[0].name for ranking in again] == ["arm_ripple", "input_saturation"]
+    assert [e.name for e in again[-1][0].fit.plant.effects] == ["input_saturation", "arm_ripple"]
+
+
+def test_whole_numbers_of_an_earlier_effect_are_stepped_again() -> None:
+    """Thirteen periods a turn were the best while the drag was missing; with it, twelve are."""
+
+    def still(plant: Plant) -> float:
+        ripple = plant.effect("arm_ripple")
+        best = 12.0 if plant.effect("arm_quadratic_drag") else 13.0
+        return 100.0 * abs(ripple.parameters["n"] - best) if ripple else 0.0
+
+    thirteen = Effect("arm_ripple", {"A": 0.5, "n": 13.0, "φ": 0.5})
+    by = search({"": 1000.0, "arm_ripple arm_quadratic_drag": -700.0}, still=still)
+    found = [
+        ranked(("arm_ripple", 900.0), fit=a_fit(thirteen, value=100.0)),
+        ranked(("arm_quadratic_drag", 700.0), fit=a_fit(thirteen, "arm_quadratic_drag", value=-600.0)),
+    ]
+    again = by.reconsidered(found)
+    assert [ranking[0].name for ranking in again] == ["arm_ripple", "arm_quadratic_drag"]
+    ripple = again[-1][0].fit.plant.effect("arm_ripple")
+    assert ripple.parameters["n"] == 12.0
+    assert again[-1][0].fit.value == pytest.approx(-700.0)
+    assert again[-1][0].gain == pytest.approx(1800.0), "twelve periods are 100 nats worse without the drag"
+
+
+def test_the_search_says_what_it_fits() -> None:
+    said: list[str] = []
+    by = replace(search({"": 100.0, "arm_spring": 0.0}, "arm_spring", anchor=TABLE_3), progress=said.append)
+    ranking_of(by, a_fit(value=100.0), "arm_spring")
+    assert said[0] == "fitting arm_spring"
+    assert said[-1] == "fitting the model without it"

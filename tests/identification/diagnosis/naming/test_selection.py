@@ -1,0 +1,130 @@
+"""Forward selection as a whole, on landscapes whose minima are known: which names are found, and which refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification.diagnosis.naming.forward import Naming, name_effects, nothing_left
+from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, a_fit, search
+
+
+def named(values: dict[str, object], *names: str, left: object = None, **more: object) -> Naming:
+    by = search({"": 0.0, **values}, *names)
+    return name_effects(a_fit(), by, left=left or nothing_left, **more)  # type: ignore[arg-type]
+
+
+def accepted(found: Naming) -> list[str]:
+    return [suspect.name for suspect in found.accepted]
+
+
+@pytest.mark.parametrize(("net", "believed"), [(7.0, False), (14.0, True)])
+def test_an_effect_is_believed_that_gains_ten_nats_more_than_it_costs(net: float, believed: bool) -> None:
+    found = named({"input_delay": -net - PER_PARAMETER}, "input_delay", "arm_spring")
+    assert accepted(found) == (["input_delay"] if believed else [])
+    assert found.rankings[0][0].name == "input_delay"
+    assert found.final.plant.effects == (found.rankings[0][0].fit.plant.effects if believed else ())
+
+
+@pytest.mark.parametrize(("behind", "equal"), [(3.5, True), (7.0, False)])
+def test_what_is_five_nats_behind_is_no_equal(behind: float, equal: bool) -> None:
+    found = named({"input_delay": -200.0, "actuator_lag": behind - 200.0}, "input_delay", "actuator_lag", "arm_spring")
+    assert accepted(found) == ["input_delay"]
+    assert found.equals == ((("actuator_lag",) if equal else ()),)
+
+
+STAND_IN = {
+    "base_tilt": -900.0,
+    "input_offset": -300.0,
+    "pendulum_stribeck": -600.0,
+    "base_tilt pendulum_stribeck": -1150.0,
+    "input_offset pendulum_stribeck": -1500.0,
+}
+
+
+def test_a_name_is_exchanged_when_another_joins_and_what_is_too_small_is_refused() -> None:
+    """The base's tilt stood in for an offset; 40 nats are left for a sharpness, less than a tenth of the largest."""
+    small = STAND_IN | {"friction_sharpness input_offset pendulum_stribeck": -1540.0}
+    names = ("base_tilt", "input_offset", "pendulum_stribeck", "friction_sharpness")
+    found = named(small, *names, thorough=True)
+    assert accepted(found) == ["input_offset", "pendulum_stribeck"]
+    assert found.refused is not None
+    assert found.refused.name == "friction_sharpness"
+    assert found.final.value == pytest.approx(-1500.0, abs=0.05)
+    assert [round(s.gain) for s in found.accepted] == [900, 1200]
+
+
+def test_no_more_are_found_than_asked_for() -> None:
+    steps = {
+        "input_delay": -3000.0,
+        "input_delay base_tilt": -5000.0,
+        "input_delay base_tilt pendulum_stribeck": -6500.0,
+    }
+    names = ("input_delay", "base_tilt", "pendulum_stribeck")
+    for most in (1, 2, 3):
+        assert accepted(named(steps, *names, most=most)) == list(names[:most])
+
+
+@pytest.mark.parametrize(
+    ("gain", "before", "after", "believed"),
+    [
+        (280.0, 50.0, -4.0, True),  # what was left is gone
+        (280.0, 14.0, -4.0, True),
+        (280.0, 7.0, -4.0, False),  # hardly anything was left
+        (280.0, -4.0, -4.0, False),  # nothing was left: a mended form
+        (280.0, 50.0, 20.0, False),  # something still is
+        (140.0, 50.0, -4.0, False),  # too small even so: a tenth of the largest is the least
+        (300.0, -4.0, -4.0, False),
+        (600.0, -4.0, -4.0, True),  # large enough by itself: a fifth
+        (600.0, 50.0, 650.0, False),  # leaves more than it explains
+    ],
+)
+def test_a_small_further_effect_must_be_just_what_was_missing(
+    gain: float, before: float, after: float, believed: bool
+) -> None:
+    left = {1: before, 2: after}
+    values = {"input_delay": -2000.0, "input_delay pendulum_stribeck": -2000.0 - gain}
+    found = named(values, "input_delay", "pendulum_stribeck", left=lambda plant: left[len(plant.effects)], most=2)
+    assert accepted(found) == ["input_delay", *(["pendulum_stribeck"] if believed else [])]
+    assert (found.refused is None) == believed
+    assert found.final.value == pytest.approx(-2000.0 - believed * gain, abs=0.05)
+
+
+def test_what_leaves_more_than_it_explains_is_looked_for_again_from_other_sizes() -> None:
+    """A wrong second effect of 500 nats, and the right one, which only another size finds."""
+    values = {
+        "input_delay": -2000.0,
+        "input_delay pendulum_stribeck": -2500.0,
+        "input_delay arm_viscous_drift": [Bowl(-2300.0), Bowl(-2650.0, sizes={"arm_viscous_drift": 3.0})],
+    }
+
+    def left(plant: object) -> float:
+        return 600.0 if plant.effect("pendulum_stribeck") else -4.0  # type: ignore[attr-defined]
+
+    names = ("input_delay", "pendulum_stribeck", "arm_viscous_drift")
+    assert accepted(named(values, *names, left=left, most=2)) == ["input_delay", "arm_viscous_drift"]
+    assert accepted(named(values, *names, most=2)) == ["input_delay", "pendulum_stribeck"]
+
+
+@pytest.mark.parametrize(
+    ("most", "names"), [(1, ["base_tilt"]), (3, ["input_offset", "pendulum_encoder_offset", "input_delay"])]
+)
+def test_two_take_the_place_of_one_and_the_search_goes_on(most: int, names: list[str]) -> None:
+    """… unless one effect is all that may be found."""
+    both = "input_offset pendulum_encoder_offset"
+    values = {
+        "base_tilt": -2000.0,
+        "input_offset": -1000.0,
+        "pendulum_encoder_offset": -900.0,
+        both: -2500.0,
+        f"{both} input_delay": -4000.0,
+    }
+    found = named(values, "base_tilt", "input_offset", "pendulum_encoder_offset", "input_delay", most=most)
+    assert sorted(accepted(found)) == sorted(names)
+
+
+def test_what_theta_imitates_is_told_from_the_first_step() -> None:
+    from dataclasses import replace
+
+    by = search({"": 0.0, "input_delay": -200.0}, "input_delay", "arm_spring")
+    by = replace(by, scorer=replace(by.scorer, absorbed={"arm_spring": 0.999}))  # type: ignore[type-var]
+    assert name_effects(a_fit(), by).absorbed == {"input_delay": 0.0, "arm_spring": 0.999}

@@ -1,0 +1,87 @@
+"""From logs to a verified verdict: what is held out decides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.outcome import Diagnosis
+from identification.diagnosis.policy import DecisionPolicy
+from tests.factories import loop_log, scaled_effect
+
+POLICY = replace(DecisionPolicy(), tail=0.4)
+LOG = loop_log("arm_spring", duration=6.0)[0]
+PLAIN = loop_log(duration=4.0, seed=1)[0]
+
+
+def diagnosed(*held_out: object) -> Diagnosis:
+    """From a start that has a cable of another stiffness, which is not to be believed."""
+    start = TABLE_3.with_effects(scaled_effect("arm_spring", 5.0))
+    return diagnose([LOG], held_out, start, most=1, only=["arm_spring"], policy=POLICY)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def alone() -> Diagnosis:
+    return diagnosed()
+
+
+def test_a_cable_is_named_and_its_tail_agrees(alone: Diagnosis) -> None:
+    assert alone.verdict == "named", str(alone)
+    assert alone.gap is not None
+    assert alone.gap.tail == 0.4
+    assert alone.gap.closed.value > 0.9
+    assert alone.runtime_s > 0.0
+
+
+def test_a_start_with_effects_is_compared_without_them(alone: Diagnosis) -> None:
+    """What was found before is for the search to find again, and for held-out data to judge."""
+    assert alone.before is not None
+    assert alone.before.plant.effects == ()
+    assert alone.added
+    assert alone.plant is not None
+    found, true = alone.plant.effect("arm_spring"), TABLE_3.default_effect("arm_spring")
+    assert found is not None
+    assert found.parameters["k"] == pytest.approx(true.parameters["k"], rel=0.1)
+
+
+def test_a_held_out_log_of_a_rig_without_the_cable_takes_the_name_back(alone: Diagnosis) -> None:
+    """The last part of the log itself would have confirmed it."""
+    found = diagnosed(PLAIN)
+    assert alone.verdict == "named"
+    assert found.verdict == "unknown", str(found)
+    assert [s.name for s in found.found] == ["arm_spring"]
+    assert found.plant is not None
+    assert found.plant.effects == ()
+    assert found.gap is not None
+    assert found.gap.tail is None
+    assert found.gap.logs == (PLAIN,)
+
+
+def test_the_thresholds_used_are_told(alone: Diagnosis) -> None:
+    assert alone.policy is POLICY
+    assert alone.to_dict()["policy"]["tail"] == 0.4
+
+
+@pytest.mark.parametrize(
+    ("held_out", "message"),
+    [
+        (LOG, "loop arm_spring is searched and held out at once"),
+        (replace(PLAIN, sha256="of the file", source="again.csv"), "again.csv is searched and held out at once"),
+        (replace(PLAIN, input_unit="N·m"), "must agree"),
+    ],
+)
+def test_what_cannot_be_held_out_is_refused_before_the_search(held_out: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        diagnose([LOG, replace(LOG, sha256="of the file")], held_out)  # type: ignore[arg-type]
+
+
+def test_bad_arguments_are_refused_before_the_search() -> None:
+    with pytest.raises(ValueError, match="at least one log"):
+        diagnose([])
+    with pytest.raises(ValueError, match="most must be at least 1"):
+        diagnose([LOG], most=0)
+    with pytest.raises(ValueError, match="arm_sprung"):
+        diagnose([LOG], only=["arm_sprung"])

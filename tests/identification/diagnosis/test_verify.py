@@ -1,0 +1,136 @@
+"""When held-out data take a name back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.policy import DecisionPolicy
+from identification.diagnosis.verify import _of_tails, judged, measure_gap, speaks_against, verified
+from identification.kalman.record import Record
+from tests.factories import loop_log
+from tests.identification.diagnosis.fits import a_change, a_diagnosis, naming, suspect
+
+POLICY = DecisionPolicy()
+
+
+@pytest.mark.parametrize(
+    ("closed", "likelier", "against"),
+    [
+        ((0.3, 1.0), 0.0, False),
+        ((-0.2, 1.0), 0.0, True),
+        ((-0.2, 1.0), 7.0, True),
+        ((-0.2, 1.0), 14.0, False),  # the gap is lost in noise, the likelihood is not
+        ((math.nan, math.nan), 0.0, True),
+        ((math.nan, math.nan), 14.0, False),
+        ((-1.2, -0.3), 40.0, True),  # likelier by a step, farther off over a horizon
+        ((0.3, 1.0), -40.0, False),
+    ],
+)
+def test_a_name_that_closes_nothing_is_taken_back(closed: tuple[float, float], likelier: float, against: bool) -> None:
+    gap = a_change(closed, likelier)
+    assert speaks_against(gap, POLICY) is against
+    found = judged(a_diagnosis("arm_spring"), gap)
+    assert found.verdict == ("unknown" if against else "named")
+    assert found.confirmed is not against
+
+
+def test_where_no_effect_was_found_nothing_is_taken_back() -> None:
+    none = a_change((0.0, 0.0), 0.0)
+    none = replace(none, after=none.before)
+    assert not none.changed
+    assert not speaks_against(none, POLICY)
+    found = a_diagnosis(verdict="none")
+    assert judged(found, none) is found
+
+
+@pytest.mark.parametrize(("after", "told"), [(1.05, False), (2.1, True)])
+def test_what_names_leave_of_the_gap_is_told(after: float, told: bool) -> None:
+    found = judged(a_diagnosis("arm_spring"), a_change(after=after))
+    assert found.verdict == "named"
+    assert found.leftover is told
+    assert found.still_off == pytest.approx(after if told else 1.0)
+
+
+USELESS: dict[str, Any] = {"closed": (-0.2, 1.0), "likelier": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("gap", "verdict"),
+    [
+        (a_change(**USELESS, after=9.0), "named"),  # another log, in which a drift starts anew
+        (a_change(**USELESS, tail=0.3), "unknown"),
+        (a_change(own_tail=a_change(**USELESS, tail=0.3)), "unknown"),
+        (a_change(**USELESS, own_tail=a_change(tail=0.3)), "named"),
+    ],
+)
+def test_what_follows_a_logs_own_clock_is_judged_on_its_tail_only(gap: Any, verdict: str) -> None:
+    """A drift starts anew in another log; what repeats must go on in the rest of its own."""
+    found = judged(a_diagnosis("periodic_torque"), gap)
+    assert found.verdict == verdict
+    assert not found.leftover
+    assert judged(a_diagnosis("arm_spring"), gap).verdict == ("unknown" if speaks_against(gap, POLICY) else "named")
+
+
+def test_what_a_tail_leaves_is_told_too() -> None:
+    gap = a_change(own_tail=a_change(tail=0.3, after=2.1))
+    assert judged(a_diagnosis("periodic_torque"), gap).still_off == pytest.approx(2.1)
+    assert judged(a_diagnosis("arm_spring"), gap).still_off == 1.0
+
+
+def test_another_policy_judges_otherwise() -> None:
+    lenient = a_diagnosis("arm_spring", policy=replace(POLICY, likelier=5.0, far=3.0))
+    assert judged(lenient, a_change((-0.2, 1.0), 7.0)).verdict == "named"
+    assert judged(lenient, a_change(after=2.1)).still_off == 1.0
+
+
+def test_the_likelihood_of_a_tail_is_the_tails() -> None:
+    """What was fitted must not vouch for itself."""
+    log = loop_log(duration=12.0)[0]
+    tail = _of_tails(TABLE_3, [log], 0.3)
+    cut = log.t[0] + 0.7 * log.duration
+    assert tail.surprise[:, 1].min() >= cut
+    assert tail.surprise[:, 1].max() > log.t[-1] - 0.1
+
+
+def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_last_three_tenths() -> None:
+    """The refit to the first part of the log must not lose it again in the noise that it starts from."""
+    log, truth = loop_log("periodic_torque", 0.2, duration=12.0)
+    final: Any = fit(truth, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    found = a_diagnosis("periodic_torque")
+    after: Any = SimpleNamespace(plant=final.plant)
+    found = replace(found, after=after, naming=naming(suspect("periodic_torque", 200.0), final=final))
+    gap = measure_gap(found, [log])
+    assert gap.tail == 0.3
+    starts = gap.before.times - gap.before.horizon
+    assert 0.7 * log.duration <= starts.min() - log.t[0] < 0.7 * log.duration + 0.1
+    assert gap.likelier > 10.0
+    assert not speaks_against(gap, POLICY)
+    other, _ = loop_log("periodic_torque", 0.2, duration=12.0, seed=5)
+    both = measure_gap(found, [log], [other])
+    assert both.tail is None
+    assert both.own_tail is not None
+    assert both.own_tail.likelier == pytest.approx(gap.likelier)
+    assert both.to_dict()["own_tail"]["tail"] == 0.3
+
+
+def test_without_a_plant_there_is_nothing_to_verify() -> None:
+    found = a_diagnosis(verdict="insufficient_excitation", before=None, after=None)
+    log = loop_log(duration=2.0)[0]
+    assert verified(found, [log]) is found
+    with pytest.raises(ValueError, match="no plant"):
+        measure_gap(found, [log])
+
+
+def test_where_no_gap_can_be_had_the_verdict_stays_and_says_why() -> None:
+    log = loop_log(duration=0.6)[0]
+    found = verified(a_diagnosis("arm_spring"), [loop_log(duration=2.0)[0]], [log])
+    assert (found.verdict, found.gap) == ("named", None)
+    assert found.gap_remark

@@ -1,0 +1,70 @@
+"""Filters side by side: the numbers are those of one thread, and no work waits inside its own pool."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.estimation.identify import identify
+from identification.estimation.pool import mapped, shared_pool
+from identification.estimation.prediction_error import PredictionError
+from identification.kalman.coordinates import noise_coordinates, plant_coordinates
+from identification.kalman.noise_model import Noise
+from identification.kalman.record import Record
+from tests.factories import loop_log
+
+
+class Counting(Executor):
+    """Runs each task at once, and counts them; refuses a task that is started inside another."""
+
+    def __init__(self) -> None:
+        self.tasks, self.inside = 0, False
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        assert not self.inside, "parallel work was started inside a task of the same pool"
+        self.tasks, self.inside = self.tasks + 1, True
+        future: Future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        finally:
+            self.inside = False
+        return future
+
+
+def test_the_numbers_do_not_depend_on_the_pool() -> None:
+    records = [Record.from_log(loop_log(duration=2.0, seed=seed)[0]) for seed in (0, 1)]
+    coordinates = plant_coordinates(TABLE_3) + noise_coordinates()
+    for used in (records[:1], records):
+        with ThreadPoolExecutor(3) as threads:
+            alone, beside = (
+                PredictionError(TABLE_3, used, coordinates, Noise((1e-3, 1e-5)), pool=pool) for pool in (None, threads)
+            )
+            z = alone.start()
+            assert alone.value(z) == beside.value(z)
+            one, other = alone.expand(z, exact=True), beside.expand(z, exact=True)
+        np.testing.assert_array_equal(one.gradient, other.gradient)
+        np.testing.assert_array_equal(one.information, other.information)
+
+
+def test_an_identification_uses_the_pool_it_is_given_and_never_inside_its_tasks() -> None:
+    log = loop_log(duration=3.0)[0]
+    pool = Counting()
+    own, shared = identify(log, iterations=3, pool=pool), identify(log, iterations=3)
+    assert pool.tasks > 10
+    np.testing.assert_array_equal(own.values, shared.values)
+
+
+def test_the_shared_pool_is_one_and_of_the_machines_size() -> None:
+    assert shared_pool() is shared_pool()
+    assert len(set(mapped(shared_pool(), abs, range(-5, 5)))) == 6
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    assert shared_pool()._max_workers == max(2, cores)  # type: ignore[attr-defined]
+
+
+def test_noise_of_another_kind_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"must be a Noise.*ndarray"):
+        identify(loop_log(duration=3.0)[0], TABLE_3, noise=np.ones(4))  # type: ignore[arg-type]

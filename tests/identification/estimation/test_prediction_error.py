@@ -1,0 +1,145 @@
+"""The likelihood through the Kalman filter's innovations: derivatives, known truth from wrong starts, error bars."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect, Plant
+from identification.estimation.estimate import Estimate
+from identification.estimation.identify import identify
+from identification.estimation.optimise import minimise
+from identification.estimation.prediction_error import PredictionError
+from identification.kalman.coordinates import noise_coordinates, plant_coordinates
+from identification.kalman.likelihood import whiten
+from identification.kalman.noise_model import Noise
+from identification.kalman.record import Record
+from identification.logs.log import Log
+from tests.factories import noisy_log, paper_log
+
+TRUTH = np.array([*TABLE_3.theta, 100.0])
+NOISE = Noise((1e-3, 1e-5))
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return noisy_log(0)
+
+
+@pytest.fixture(scope="module")
+def fitted(log: Log) -> Estimate:
+    """The log by itself, from a start that is right."""
+    return identify(log, "table3")
+
+
+def problem(log: Log, plant: Plant = TABLE_3) -> PredictionError:
+    return PredictionError(plant, [Record.from_log(log)], plant_coordinates(plant) + noise_coordinates(), NOISE)
+
+
+def test_gradient_is_the_slope_of_the_objective(log: Log) -> None:
+    p = problem(log.slice(0.0, 3.0), TABLE_3.replace(theta=TABLE_3.theta * 1.1))
+    z = p.start()
+    gradient = p.expand(z, exact=True).gradient
+    for i in range(len(z)):
+        h = 1e-4 * np.eye(len(z))[i]
+        slope = (p.value(z + h) - p.value(z - h)) / 2e-4
+        assert gradient[i] == pytest.approx(slope, rel=0.02, abs=0.5 + 1e-3 * np.abs(gradient).max()), p.coordinates[i]
+
+
+def test_wrong_starts_reach_the_same_optimum_and_the_truth(log: Log) -> None:
+    rng = np.random.default_rng(1)
+    ends = []
+    while len(ends) < 4:
+        factor = np.exp(rng.uniform(-1, 1, 9) * np.log(3.0))
+        try:
+            start = TABLE_3.replace(theta=TABLE_3.theta * factor, friction_sharpness=60.0)
+        except ValueError:  # no positive mass matrix
+            continue
+        p = problem(log, start)
+        ends.append(minimise(p, p.start(), 60))
+    values = np.array([end.value for end in ends])
+    assert np.ptp(values) < 0.5, values
+    spread = np.sqrt(np.diag(np.linalg.inv(ends[-1].expansion.information)))[:10]
+    found = np.array([c.to_value(z) for c, z in zip(p.coordinates, ends[-1].z, strict=True)])[:10]
+    std = spread * [c.slope(z) for c, z in zip(p.coordinates[:10], ends[-1].z[:10], strict=True)]
+    assert np.all(np.abs(found - TRUTH) < 4 * std)
+
+
+def test_whitened_innovations_are_white_and_no_larger_than_said(log: Log) -> None:
+    p = problem(log)
+    end = minimise(p, p.start())
+    e, S, _ = p.run(p.records[0], end.z[None], 1)
+    w = whiten(e[:, :, 0], S[:, :, 0])[50:]
+    # rounding passes for white noise of q²/12, which is more than a resting angle has: their size stays below one
+    assert np.all((np.std(w, axis=0) > 0.4) & (np.std(w, axis=0) < 1.1))
+    correlation = np.sum(w[1:] * w[:-1], axis=0) / np.sum(w * w, axis=0)
+    assert np.all(np.abs(correlation) < 0.1)
+
+
+def test_error_bars_cover_the_truth() -> None:
+    """z-scores of θ1 … θ5 over independent runs: neither far too wide nor far too narrow."""
+    scores = []
+    for seed in range(8):
+        estimate = identify(noisy_log(10 + seed, duration=8.0), start="table3")
+        scores.append((estimate.values[:9] - TABLE_3.theta) / estimate.std[:9])
+    size = np.sqrt(np.mean(np.square(scores)))
+    assert 0.6 < size < 1.5, size
+    assert np.mean(np.abs(scores) < 1.96) > 0.85
+
+
+def test_the_log_alone_gives_the_start(log: Log) -> None:
+    estimate = identify(log)
+    assert estimate.converged
+    assert np.all(np.abs(estimate.values[:9] - TABLE_3.theta) < 5 * estimate.std[:9])
+    assert estimate.plant.covariance is not None
+    assert "theta2" in str(estimate)
+    assert Plant.from_dict(estimate.plant.to_dict()) == estimate.plant
+
+
+def test_two_logs_know_more_than_one(fitted: Estimate, log: Log) -> None:
+    two = identify([log, noisy_log(99)], "table3")
+    assert np.all(two.std[:9] < fitted.std[:9])
+
+
+def test_known_values_and_priors_are_kept(fitted: Estimate, log: Log) -> None:
+    fixed = identify(log, "table3", fixed={"theta4": 0.0119})
+    assert fixed.plant.theta[3] == pytest.approx(0.0119)
+    assert "theta4" not in fixed.names
+    prior = identify(log, "table3", priors={"theta2": (0.05, 1e-5)})
+    assert abs(prior.plant.theta[1] - 0.05) < 1e-4 < abs(fitted.plant.theta[1] - 0.05)
+
+
+def test_an_effect_is_estimated_along() -> None:
+    plant = TABLE_3.with_effects(Effect("arm_spring", {"k": 0.4, "q1n": 0.3}))
+    estimate = identify(noisy_log(3, plant), "table3", effects=["arm_spring"])
+    found = estimate.plant.effect("arm_spring")
+    assert found is not None
+    assert abs(found.parameters["k"] - 0.4) < 5 * found.std["k"] < 0.1
+    assert abs(found.parameters["q1n"] - 0.3) < 5 * found.std["q1n"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "word"),
+    [
+        (lambda log: {"u": np.full_like(log.u, 0.5)}, "command"),
+        (lambda log: {"q1": np.zeros_like(log.q1)}, "arm"),
+        (lambda log: {"q2": np.zeros_like(log.q2)}, "pendulum"),
+    ],
+)
+def test_what_is_not_excited_is_named(log: Log, spoil, word: str) -> None:
+    columns = {"t": log.t, "q1": log.q1, "q2": log.q2, "u": log.u} | spoil(log)
+    with pytest.raises(ValueError, match=word):
+        identify(Log(**columns, encoder_counts=(4096, 4096)))
+
+
+def test_unknown_names_and_methods_are_refused(log: Log) -> None:
+    with pytest.raises(ValueError, match="theta10"):
+        identify(log, "table3", fixed={"theta10": 1.0})
+    with pytest.raises(ValueError, match="filtered-ls"):
+        identify(log, method="magic")
+
+
+def test_perfect_sensors_and_long_samples() -> None:
+    log, _ = paper_log(T=0.005, duration=10.0, counts=None)
+    estimate = identify(log, "table3")
+    assert estimate.plant.theta == pytest.approx(TABLE_3.theta, rel=0.05)

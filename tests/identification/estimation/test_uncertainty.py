@@ -1,0 +1,100 @@
+"""Error bars whose formula no fit would show to be wrong: the sandwich, and the interval of the closed gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identification.estimation.optimise import Expansion
+from identification.estimation.prediction_error import PredictionError
+from identification.estimation.uncertainty import fit_covariance, recommended
+from identification.validation.gap import Gap, closed_fraction
+
+T, SAMPLES = 0.01, 6000
+
+
+@dataclass
+class _Record:
+    t: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        return float(self.t[-1] - self.t[0])
+
+
+@dataclass
+class _Problem:
+    records: list[_Record]
+
+
+def covariances(scores: list[np.ndarray]):
+    """Of a fit whose log-likelihood curves by one per sample, so that its error is the mean of the scores."""
+    problem = _Problem([_Record(T * np.arange(len(s))) for s in scores])
+    information = np.eye(2) * sum(map(len, scores))
+    expansion = Expansion(0.0, np.zeros(2), information, scores)
+    return fit_covariance(cast(PredictionError, problem), expansion)
+
+
+@pytest.mark.parametrize(("memory", "logs"), [(0.0, 1), (0.8, 1), (0.8, 3)])
+def test_the_sandwich_is_the_scatter_of_the_estimates(memory, logs):
+    rng = np.random.default_rng(4)
+    errors, sandwich, classical = [], [], []
+    for _ in range(300):
+        white = rng.standard_normal((SAMPLES, 2)) @ np.array([[1.0, 0.5], [0.0, 1.0]])
+        scores = lfilter([1.0], [1.0, -memory], white, axis=0)
+        found = covariances(np.array_split(scores, logs))
+        errors.append(scores.mean(axis=0))
+        sandwich.append(found.sandwich)
+        classical.append(found.classical)
+    scatter = np.cov(np.array(errors).T)
+    assert np.mean(sandwich, axis=0) == pytest.approx(scatter, rel=0.25)
+    assert np.array(classical)[:, [0, 1], [0, 1]] == pytest.approx(1.0 / SAMPLES)
+    wider = recommended(classical[0], np.mean(sandwich, axis=0))
+    assert np.diag(wider) == pytest.approx(np.maximum(np.diag(classical[0]), np.diag(scatter)), rel=0.25)
+
+
+def gap(errors: np.ndarray, floor: float = 1.0, per_second: int = 10) -> Gap:
+    n = len(errors)
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    nothing = np.zeros(2)
+    return Gap(
+        horizon=0.5,
+        rms=rms,
+        floor=np.full(2, floor),
+        reading_floor=nothing,
+        fit_percent=nothing,
+        whiteness=0.0,
+        counts=nothing,
+        repeats=False,
+        curve=np.zeros((0, 5)),
+        tests=(),
+        errors=errors,
+        times=(np.arange(n) + 0.5) / per_second,
+        log=np.zeros(n, dtype=np.int64),
+        surprise=np.zeros((0, 3)),
+    )
+
+
+def test_the_closed_fraction_by_hand():
+    before, after = gap(np.full((40, 2), 3.0)), gap(np.full((40, 2), 2.0))
+    found = closed_fraction(before, after)  # (9 + 9) − (4 + 4) of (9 + 9) − (1 + 1)
+    assert found.value == pytest.approx(10.0 / 16.0)
+    assert found.interval == pytest.approx((10.0 / 16.0, 10.0 / 16.0)), "every second is like every other"
+    lower = closed_fraction(before, gap(np.full((40, 2), 2.0), floor=0.5))  # the lower floor holds for both
+    assert lower.value == pytest.approx((72.0 - 32.0) / (72.0 - 2.0))
+    assert np.isnan(closed_fraction(gap(np.full((40, 2), 0.9)), after).value), "no gap, nothing to close"
+
+
+def test_the_interval_of_the_closed_fraction_knows_that_neighbours_are_alike():
+    """Windows of one second share their error: sixty of them are worth sixty, not six hundred."""
+    rng = np.random.default_rng(1)
+    held, trials = 0, 200
+    for _ in range(trials):
+        b, a = (np.repeat(size * rng.standard_normal((60, 2)), 10, axis=0) for size in (3.0, 1.5))
+        low, high = closed_fraction(gap(b), gap(a)).interval
+        held += low <= (9.0 - 2.25) / (9.0 - 1.0) <= high
+    assert held >= 0.88 * trials, held  # 60 % if the windows counted one by one

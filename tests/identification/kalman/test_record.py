@@ -1,0 +1,117 @@
+"""Dropped samples: what is between two gaps is used where it can be, and a log keeps its clock and its encoders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.locate.locate import locate
+from identification.estimation.ekf import track
+from identification.estimation.estimate import Estimate
+from identification.estimation.identify import identify
+from identification.estimation.start import reduced
+from identification.kalman.record import SHORTEST, Record, stretches
+from identification.logs.checks import LogError
+from identification.logs.encoders import encoder_step
+from identification.logs.log import Log
+from identification.validation.gap import validate
+from tests.factories import loop_log
+
+
+def without(log: Log, *samples: int) -> Log:
+    keep = np.ones(len(log), dtype=bool)
+    keep[list(samples)] = False
+    return log._where(keep)
+
+
+@pytest.fixture(scope="module")
+def whole() -> Estimate:
+    return identify(loop_log(duration=6.0)[0], "table3")
+
+
+@pytest.mark.parametrize("apart", [2, 12, 31, 50])
+def test_two_dropped_samples_cost_what_is_between_them_at_most(whole: Estimate, apart: int) -> None:
+    log = loop_log(duration=6.0)[0]
+    broken = identify(without(log, 1000, 1000 + apart), "table3")
+    assert broken.converged
+    assert np.all(np.abs(broken.values[:9] - TABLE_3.theta) < 4 * broken.std[:9])
+    lost = np.diag(broken.classical)[:9] / np.diag(whole.classical)[:9]
+    assert np.all(lost < 1.25), lost  # each start anew has to find the speeds again
+    assert validate(TABLE_3, without(log, 1000, 1000 + apart)).ratio_to_floor < 1.1
+    history = track(without(log, 1000, 1000 + apart), TABLE_3)
+    assert np.isfinite(history.theta).all()
+
+
+def test_one_in_a_hundred_samples_dropped_at_random() -> None:
+    log = loop_log(duration=10.0)[0]
+    dropped = without(log, *np.random.default_rng(0).choice(np.arange(1, len(log) - 1), len(log) // 100, replace=False))
+    assert min(map(len, dropped.pieces())) < SHORTEST
+    estimate = identify(dropped, "table3")
+    assert estimate.converged
+    assert np.all(np.abs(estimate.values[:9] - TABLE_3.theta) < 4 * estimate.std[:9])
+
+
+def test_much_that_is_left_out_is_told_and_all_of_it_is_refused() -> None:
+    log = loop_log(duration=6.0)[0]
+    half = without(log, *range(10, 1500, 12))
+    with pytest.warns(UserWarning, match=r"\d+ of \d+ samples stand in stretches of fewer than 20"):
+        found = stretches([half])
+    assert [len(s.piece) for s in found] == [len(half.pieces()[-1])]
+    with pytest.warns(UserWarning, match="stretches"), pytest.raises(LogError, match="no stretch of 20 samples"):
+        stretches([without(log, *range(10, len(log), 12))])
+
+
+def test_a_stretch_keeps_the_logs_clock_and_noise() -> None:
+    log = loop_log(duration=6.0)[0]
+    first, second = stretches([without(log, 1000)])
+    assert first.record.t[0] == 0.0
+    assert second.record.t[0] == pytest.approx(log.t[1001] - log.t[0])
+    assert second.record.duration == pytest.approx(log.t[-1] - log.t[1001])
+    np.testing.assert_array_equal(first.record.variance, second.record.variance)
+    whole = Record.from_log(log)
+    np.testing.assert_allclose(first.record.variance, whole.variance, rtol=0.05)
+    alone = stretches([log])[0].record
+    for name in ("t", "y", "u", "quantum", "variance", "velocity"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(whole, name))
+
+
+def test_what_follows_the_clock_goes_on_after_a_gap() -> None:
+    log, plant = loop_log("payload_step", 3.0, duration=12.0)
+    when = plant.effect("payload_step").parameters["t0"]
+    broken = without(log, int(np.searchsorted(log.t, 0.5 * when)))
+    assert validate(plant, broken).ratio_to_floor < 1.1 < validate(TABLE_3, broken).ratio_to_floor
+    assert identify(broken, plant).value("payload_step.t0") == pytest.approx(when, abs=0.2)  # not 4 s off, as from zero
+
+
+@pytest.mark.parametrize("at", [60, 200])
+def test_a_short_stretch_does_not_stop_what_is_said_of_a_long_one(at: int) -> None:
+    """At 100 Hz, 250 readings, which the tests of innovations would like, take 2.5 s."""
+    log = loop_log(T=0.01, duration=12.0)[0]
+    broken = without(log, at)
+    assert validate(TABLE_3, broken).ratio_to_floor < 1.2
+    where = locate(TABLE_3, broken)
+    assert np.isfinite(where.evidence)
+
+
+def test_an_axis_at_rest_takes_its_encoder_from_elsewhere() -> None:
+    log = replace(loop_log(duration=4.0)[0], encoder_counts=None)
+    resting = replace(log, q1=np.full(len(log), 0.3))
+    step = encoder_step(log.q1)
+    alone, rested = (s.record for s in stretches([log, resting]))
+    assert rested.quantum[0] == pytest.approx(step)
+    assert rested.variance[0] == alone.variance[0]
+    single = Record.from_log(resting)  # then the other encoder tells
+    assert single.quantum[0] == single.quantum[1] > 0
+    assert Record.from_log(replace(resting, encoder_counts=(2048, 4096))).quantum[0] == pytest.approx(2 * np.pi / 2048)
+
+
+def test_a_short_race_may_keep_the_clock() -> None:
+    record = Record.from_log(loop_log(duration=12.0)[0])
+    at_zero, kept = reduced(record), reduced(record, clock=True)
+    assert at_zero.t[0] == 0.0
+    assert kept.t[0] in record.t
+    np.testing.assert_allclose(kept.t - kept.t[0], at_zero.t, atol=1e-12)
+    np.testing.assert_array_equal(kept.y[0], record.y[np.flatnonzero(record.t == kept.t[0])[0]])

@@ -1,0 +1,227 @@
+"""The gap against known truth: one for the right plant, growing with what is missing, and closed by adding it."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import QUBE, TABLE_3
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import open_loop, simulate
+from identification.estimation.identify import identify
+from identification.kalman.bank import add_torque_noise
+from identification.kalman.noise import fit_noise
+from identification.kalman.noise_model import RecordNoise
+from identification.kalman.path import follow, informative, smooth
+from identification.kalman.record import Record
+from identification.kalman.whiteness import innovations
+from identification.logs.log import Log, read_log
+from identification.validation.free_run import Windows, free_run
+from identification.validation.gap import closed_fraction, validate
+from identification.validation.noise_floor import repeats
+from identification.validation.resimulation import resimulate
+from tests.factories import TORQUE_NOISE, loop_log, open_loop_log
+
+
+@pytest.mark.parametrize(("T", "counts"), [(0.002, 4096), (0.001, 2048)])
+def test_the_true_plant_is_at_the_floor(T, counts):
+    log, plant = loop_log(T=T, counts=counts)
+    gap = validate(plant, log)
+    assert gap.ratio_to_floor == pytest.approx(1.0, abs=0.15)
+    assert np.all(gap.torque_share > 0.3), "these rigs' torque noise is what a prediction over half a second misses"
+
+
+def test_the_ratio_grows_with_what_is_missing():
+    ratios = [validate(TABLE_3, loop_log("arm_spring", size)[0]).ratio_to_floor for size in (0.03, 0.2, 1.0)]
+    assert 1.2 < ratios[0] < ratios[1] / 2 < ratios[2] / 4
+
+
+@pytest.mark.parametrize("effect", ["input_delay", "pendulum_encoder_offset", "periodic_torque"])
+def test_a_wrong_plant_hardly_raises_its_own_floor(effect):
+    log, right = loop_log(effect)
+    wrong, true = validate(TABLE_3, log), validate(right, log)
+    assert np.all(wrong.floor / true.floor < 1.5)
+    # what the wrong plant takes for torque noise would have excused it
+    naive = fit_noise(TABLE_3, Record.from_log(log)).noise.torque / fit_noise(right, Record.from_log(log)).noise.torque
+    assert naive.max() > 20
+
+
+def test_adding_the_effect_closes_the_gap():
+    log, right = loop_log("arm_spring", 0.2)
+    before, after = validate(TABLE_3, log), validate(right, log)
+    closed = closed_fraction(before, after)
+    assert closed.value > 0.98
+    assert before.surprise[:, 2].sum() - after.surprise[:, 2].sum() > 100.0
+    assert closed.interval[0] <= closed.value <= closed.interval[1]
+    assert closed_fraction(before, before).value == pytest.approx(0.0)
+    assert closed_fraction(before, validate(TABLE_3.replace(theta=1.3 * TABLE_3.theta), log)).value < 0.5
+    with pytest.raises(ValueError, match="same logs"):
+        closed_fraction(before, validate(right, log, horizon=0.2))
+
+
+def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():
+    run = simulate(
+        TABLE_3, open_loop(0.1), 3.0, 0.002, Sensors(None), x0=(0.2, 3.0, 0.0, 0.0), longest_step=1e-3, seed=0
+    )
+    record = Record.from_log(Log.from_run(run))
+    path = follow(TABLE_3, record, RecordNoise((1e-8, 1e-10), (1e-12, 1e-12)))
+    path.filtered[:] = run.state
+    windows = Windows.over(record.t, (0.1, 0.3), settle=0.2)
+    errors = free_run(path, windows)
+    assert np.abs(errors).max() < 1e-6
+    assert record.t[windows.targets[:, 1]] - record.t[windows.starts] == pytest.approx(0.3)
+
+
+def test_the_smoother_equals_least_squares_over_the_whole_trajectory():
+    log, plant = loop_log(duration=1.0)
+    record = Record.from_log(log.slice(stop=0.12))
+    noise = RecordNoise(1e3 * np.array(TORQUE_NOISE), record.variance)
+    path = follow(plant, record, noise)
+    N, n = path.filtered.shape
+    # unknowns: all states; rows: the first state, the motion, the readings, each divided by its standard deviation
+    rows, right = [], []
+
+    def add(block, value, covariance):
+        L = np.linalg.inv(np.linalg.cholesky(covariance))
+        rows.append(L @ block)
+        right.append(L @ value)
+
+    first = np.zeros((n, N * n))
+    first[:, :n] = np.eye(n)
+    add(first, path.carried[0], path.first)
+    for k in range(N):
+        reading = np.zeros((2, N * n))
+        reading[:, k * n : k * n + n] = path.reading[k]
+        if path.used[k]:
+            add(reading, path.misread[k] + path.reading[k] @ path.carried[k], np.diag(noise.variance))
+        if k + 1 < N:
+            motion = np.zeros((n, N * n))
+            motion[:, (k + 1) * n : (k + 2) * n] = np.eye(n)
+            motion[:, k * n : (k + 1) * n] = -path.transition[k]
+            Q = np.zeros((n, n))
+            add_torque_noise(Q, path.about[k, 1], plant.theta[:4], noise.packed(), record.t[k + 1] - record.t[k])
+            add(motion, path.carried[k + 1] - path.transition[k] @ path.about[k], Q)
+    A = np.concatenate(rows)
+    best = np.linalg.lstsq(A, np.concatenate(right), rcond=None)[0].reshape(N, n)
+    variance = np.diag(np.linalg.inv(A.T @ A)).reshape(N, n)
+    smoothed = smooth(path)
+    assert smoothed.mean == pytest.approx(best, rel=1e-5, abs=1e-9)
+    assert smoothed.variance == pytest.approx(variance, rel=1e-3)
+
+
+def test_the_noise_of_the_true_plant_is_found():
+    log, plant = loop_log(duration=20.0)
+    found = fit_noise(plant, Record.from_log(log))
+    assert 0.5 < found.noise.torque[0] / TORQUE_NOISE[0] < 2.0
+    assert 0.4 < found.noise.torque[1] / TORQUE_NOISE[1] < 2.5
+
+
+def test_repeated_counts_are_read_less_often():
+    fine, coarse = (Record.from_log(loop_log(T=0.001, counts=counts)[0]) for counts in (65536, 1024))
+    assert informative(fine).all()
+    assert informative(coarse).mean() < 0.5
+
+
+def test_innovations_tell_a_late_command():
+    white, late = (
+        innovations(fit_noise(TABLE_3, Record.from_log(loop_log(effect)[0])).path) for effect in (None, "input_delay")
+    )
+    assert white.p_command.min() > 1e-4
+    assert late.p_command.min() < 1e-12
+
+
+def test_runs_of_one_input_give_a_floor_without_a_noise_model():
+    t = np.arange(1500) * 0.004
+    u = 0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t)
+    logs = [open_loop_log(u, torque_noise=(1e-5, 1e-7), seed=seed) for seed in range(3)]
+    gap = validate(TABLE_3, logs)
+    assert gap.repeats
+    assert gap.ratio_to_floor == pytest.approx(1.0, abs=0.15)
+    wrong = validate(TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)]), logs)
+    assert wrong.ratio_to_floor > 1.5 * gap.ratio_to_floor
+    wild = open_loop_log(8.0 * u, torque_noise=(1e-3, 1e-5), seed=9)
+    mixed = validate(TABLE_3, [*logs, wild])  # the spread is no floor for a log that was not repeated
+    assert not mixed.repeats
+    assert mixed.ratio_to_floor == pytest.approx(1.0, abs=0.3)
+    assert np.all(mixed.floor > 2.0 * gap.floor)
+
+
+def test_free_decays_from_different_places_are_no_repeats():
+    """Nor may a wrong plant's own errors pass for their spread."""
+    logs = [open_loop_log(np.zeros(1500), q2, seed=seed) for seed, q2 in enumerate((np.pi + 1.0, np.pi - 0.7))]
+    wrong = TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)])
+    gap = validate(wrong, logs)
+    assert not gap.repeats
+    assert gap.ratio_to_floor > 2.0
+    assert repeats([logs[0], logs[0]]) == [[0, 1]]
+
+
+def test_the_file_has_the_names_that_were_agreed():
+    log, plant = loop_log()
+    gap = validate(plant, log).to_dict()["gap"]
+    json.dumps(gap, allow_nan=False)
+    names = "rms_q1 rms_q2 fit_percent_q1 fit_percent_q2 horizon_s noise_floor_q1 noise_floor_q2 ratio_to_floor"
+    assert set(names.split()) <= set(gap)
+
+
+def test_the_closed_loop_runs_again():
+    log, plant = loop_log(noise=False)
+    assert np.all(resimulate(plant, log).fit_percent > 95)
+    assert resimulate(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")), log).fit_percent[0] < 90
+    unknown = Log(log.t, log.q1, log.q2, log.u)
+    with pytest.raises(ValueError, match="controller_gain"):
+        resimulate(plant, unknown)
+
+
+def test_bad_input_is_refused():
+    log, plant = loop_log()
+    with pytest.raises(ValueError, match="long enough"):
+        validate(plant, log.slice(stop=0.9))
+    with pytest.raises(ValueError, match="horizon"):
+        validate(plant, log, horizon=-1.0)
+    with pytest.raises(ValueError, match="at least one log"):
+        validate(plant, [])
+
+
+def test_measured_repeats_and_swing_ups(real_data):
+    folder = real_data / "qube_darmstadt"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        read = lambda name: read_log(folder / name, pendulum_zero="hanging", flip="q2", encoder_counts=2048)  # noqa: E731
+        chirps = [read(f"chirp_p1V5_250Hz_0{i}.csv") for i in range(2)]
+        swing = read("swingup_250Hz_5s_00.csv")
+    gap = validate(QUBE, chirps)
+    assert gap.repeats
+    assert gap.ratio_to_floor > 2  # a plant of the right size, not of this rig
+    assert np.isfinite(validate(QUBE, swing).rms).all()
+
+
+def test_a_floor_of_torque_noise_is_not_taken_for_a_good_plant():
+    """What the plant misses can raise its own floor; then a small ratio is no praise, and the verdict says so."""
+    log, plant = loop_log()
+    gap = validate(plant, log)
+    assert np.all(gap.torque_share < 0.85)
+    assert "nothing of size" in gap.verdict
+    raised = replace(gap, floor=10.0 * gap.reading_floor, rms=12.0 * gap.reading_floor)
+    assert raised.ratio_to_floor == pytest.approx(1.2)
+    assert "says little" in raised.verdict
+    assert "12 times too large" in raised.verdict
+    assert f"readings alone {1e3 * gap.reading_floor[0]:.3g}" in str(raised)
+    assert "says little" not in replace(raised, repeats=True).verdict  # the spread of runs is a floor to trust
+    assert raised.to_dict()["gap"]["torque_noise_share_q1"] == pytest.approx(0.99)
+
+
+def test_the_verdict_on_a_measured_balancing_run(real_data):
+    """McGill's rig has a spring and a delay that model (5) lacks; most of the floor is what they leave as torques."""
+    files = sorted((real_data / "qube_mcgill").glob("*.csv"))
+    if len(files) < 2:
+        pytest.skip("no balancing runs among the measured logs")
+    read = [read_log(f, pendulum_zero="hanging", flip="q2", encoder_counts=2048) for f in files[:2]]
+    fitted, held_out = (log.slice(float(log.t[0]) + 1.0) for log in read)  # the first second is the hand-over
+    gap = validate(identify(fitted).plant, held_out)
+    assert gap.torque_share.max() > 0.95
+    assert "passes for torque noise" in gap.verdict
