@@ -124,8 +124,8 @@ def load_policy(
     of it, else that period. trust: also read a zip of stable-baselines3, which runs what is in it. The training record
     says how the policy saw the env. Without a record the observation's size gives the history, and an action space of
     ±1 means shares of u_max. Raises FileNotFoundError, or ValueError if the file is no policy, was made for another
-    observation, for a plant whose command has another unit, or for a sample time that is no multiple of the one asked
-    for.
+    observation, for scaled ones, for a plant whose command has another unit, or for a sample time that is no multiple
+    of the one asked for.
     """
     path = Path(path)
     network, record = read_policy(path, trust)
@@ -151,6 +151,11 @@ def load_policy(
         raise ValueError(
             f"{path} was made for observations of shape ({network.size},); "
             f"FurutaID-v0 with history={max(history, 1)} gives ({max(history, 1) * frame},)"
+        )
+    if env.get("scale_observation") or env.get("action_time") is not None:
+        raise ValueError(
+            f"{path} was trained on scaled observations with speeds from faster samples, as FurutaBalance-v0 and "
+            "FurutaSwingUp-v0 give them, which only those environments can play; train it with `furuta train`"
         )
     shares = abs(network.limit - 1.0) < 1e-6 and abs(plant.u_max - 1.0) > 1e-6
     settings = {

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from furuta_gym.envs.options import SPEED_LIMIT
 
 from .layers import Network, network_of
 
@@ -34,7 +37,15 @@ def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any
     shape, actions = model.observation_space.shape, model.action_space.shape
     if len(shape or ()) != 1 or actions != (1,):
         raise ValueError(f"{path} was made for observations of shape {shape} and actions of shape {actions}")
+    env = record.get("env") or {}  # which then says it if observations were scaled
+    if _scaled(model.observation_space) and isinstance(env, Mapping):
+        record = record | {"env": {**env, "scale_observation": True}}
     return network_of(model), record
+
+
+def _scaled(space: Any) -> bool:
+    """Whether the bound of the arm's speed is another than that of observations in rad/s."""
+    return space.shape[0] > 3 and abs(float(space.high[3]) - SPEED_LIMIT) > 1e-3
 
 
 def load_sb3(path: Path, algorithm: str, env: Any = None) -> Any:

@@ -31,7 +31,8 @@ def record_of(
     plan, setup = training.recipe, training.setup
     return training.identity | {
         "command": command,
-        "env": training.env | {"velocity_cutoff": setup.sensors.velocity_cutoff, "arm_limit": setup.options.arm_limit},
+        "env": training.env | {"velocity_cutoff": setup.sensors.velocity_cutoff, "arm_limit": setup.arm_limit},
+        "not_trained_for": training.not_trained_for,
         "seed": training.seed,
         "steps": steps,
         "resumed_at": resumed_at,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from furuta_gym.envs.options import TASKS, Options, Setup
+from furuta_gym.envs.ranges import as_mapping, never_drawn
 from furuta_gym.plant import Plant
 
 from .recipes import EPISODE, Recipe, recipe, training_period
@@ -21,8 +22,9 @@ class Training:
     """One training run.
 
     plant: rig. task: "balance" or "swing_up". algorithm: "ppo", "sac" or "tqc". steps: env steps in all.
-    randomize: a plant from its covariance for each episode; effect_probabilities: effects that come and go, as in
-    `FurutaEnv`. sample_time [s], history, observe_command: as in `FurutaEnv`; see `recipes.training_period`.
+    randomize: True for a plant from its covariance (or as its file says) for each episode, or ranges by name, see
+    `furuta_gym.envs.ranges`; effect_probabilities: effects that come and go, as in `FurutaEnv`. sample_time [s],
+    history, observe_command: as in `FurutaEnv`; see `recipes.training_period`.
     Raises ValueError where the env would, or if the algorithm is unknown or steps < 1.
     """
 
@@ -31,7 +33,7 @@ class Training:
     algorithm: str = "ppo"
     steps: int = 1_000_000
     seed: int = 0
-    randomize: bool = False
+    randomize: bool | Mapping[str, str] = False
     effect_probabilities: Mapping[str, float] = field(default_factory=dict)
     sample_time: float | None = None
     history: int = 1
@@ -61,7 +63,7 @@ class Training:
             "normalize_action": True,
             "history": self.history,
             "observe_command": self.observe_command,
-            "randomize": self.randomize,
+            "randomize": self.randomize if isinstance(self.randomize, bool) else as_mapping(self.randomize),
             "effect_probabilities": dict(self.effect_probabilities),
         }
 
@@ -69,6 +71,11 @@ class Training:
     def setup(self) -> Setup:
         """These options as the env understands them."""
         return Setup(Options.of({"plant": self.plant} | self.env))
+
+    @property
+    def not_trained_for(self) -> list[str]:
+        """Effects and properties of a rig that no episode has."""
+        return never_drawn(self.setup.draws, self.setup.plant, self.effect_probabilities)
 
     @cached_property
     def recipe(self) -> Recipe:

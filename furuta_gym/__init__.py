@@ -1,6 +1,7 @@
 """A Furuta pendulum that is identified from measurements: plant, simulation and Gymnasium environment.
 
-Importing this package registers `FurutaID-v0` and needs Gymnasium only; each name below is loaded when it is used.
+Importing this package registers `FurutaID-v0`, `FurutaBalance-v0` and `FurutaSwingUp-v0`, and needs Gymnasium only;
+each name below is loaded when it is used.
 """
 
 from typing import TYPE_CHECKING

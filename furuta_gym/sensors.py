@@ -95,20 +95,22 @@ class Sensors:
         """Readings (2, L) [rad] of states X (4 + memory, L), the plants' sensor effects (P, codes) included."""
         Y = np.empty((2, X.shape[1]))
         noise = rng.standard_normal(Y.shape) * np.asarray(self.noise_std)[:, None]
-        read_encoders(X, P, codes, np.asarray(self.offset), noise, self.resolution, Y)
+        offset = np.empty_like(Y)
+        offset[:] = np.asarray(self.offset)[:, None]
+        read_encoders(X, P, codes, offset, noise, self.resolution, Y)
         return Y
 
 
 @compiled
 def read_encoders(X, P, codes, offset, noise, resolution, Y):
-    """Y (2, L) = counted reading of X's angles: sensor effects, offset (2,) and noise (2, L), then rounding."""
+    """Y (2, L) = counted reading of X's angles: sensor effects, offset and noise (2, L), then rounding."""
     Y[0] = X[0]
     Y[1] = X[1]
     read_sensors(X, P, codes, Y)
     for axis in range(2):
         step = resolution[axis]
         for k in range(X.shape[1]):
-            y = Y[axis, k] + offset[axis] + noise[axis, k]
+            y = Y[axis, k] + offset[axis, k] + noise[axis, k]
             Y[axis, k] = step * np.floor(y / step + 0.5) if step > 0.0 else y
 
 

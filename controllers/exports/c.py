@@ -3,6 +3,7 @@
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
 from ..base import Controller
+from ..envelope import Envelope, envelope_c
 from ..linear import LinearController
 
 _HEADER = """\
@@ -25,7 +27,7 @@ _HEADER = """\
  * q1        arm angle [rad]
  * q2        pendulum angle [rad], 0 upright, not wrapped
  * reference arm angle to hold [rad]
- * returns   command [{unit}], within +-{u_max:g}
+ * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off
 {columns} *
  * Designed for theta = {theta} ({unit}).
  */
@@ -33,17 +35,17 @@ _HEADER = """\
 
 _STEP = """\
 typedef struct {{
-    double z[{n}]; /* internal state */
-    int started;   /* 0 until the first step */
-}} {prefix}_state;
+    {real} z[{n}]; /* internal state */
+    int started; /* 0 until the first step */
+}} {prefix}_law_state;
 
-static inline void {prefix}_reset({prefix}_state *s)
+static inline void {prefix}_law_reset({prefix}_law_state *s)
 {{
-    for (int i = 0; i < {n}; ++i) s->z[i] = 0.0;
+    for (int i = 0; i < {n}; ++i) s->z[i] = {zero};
     s->started = 0;
 }}
 
-static inline double {prefix}_step({prefix}_state *s, double q1, double q2, double reference)
+static inline {real} {prefix}_law({prefix}_law_state *s, {real} q1, {real} q2, {real} reference)
 {{
     /* rows: next state ({n}), torque{velocity_row}; columns: state ({n}), q1, q2, reference */
 {matrix}
@@ -56,12 +58,12 @@ static inline double {prefix}_step({prefix}_state *s, double q1, double q2, doub
         for (int i = 0; i < {n}; ++i) s->z[i] = first[i][0] * q1 + first[i][1] * q2;
         s->started = 1;
     }}
-    double out[{rows}];
+    {real} out[{rows}];
     for (int i = 0; i < {rows}; ++i) {{
         out[i] = matrix[i][{n}] * q1 + matrix[i][{n} + 1] * q2 + matrix[i][{n} + 2] * reference;
         for (int j = 0; j < {n}; ++j) out[i] += matrix[i][j] * s->z[j];
     }}
-    double torque = out[{n}]; /* [{unit}] */
+    {real} torque = out[{n}]; /* [{unit}] */
     if (torque < {low}) torque = {low};
     if (torque > {high}) torque = {high};
     for (int i = 0; i < {n}; ++i) s->z[i] = out[i] + applied[i] * torque;
@@ -73,7 +75,7 @@ static inline double {prefix}_step({prefix}_state *s, double q1, double q2, doub
 """
 
 _INVERSE = """\
-    double u = commands[0]; /* undo the static map from command to torque, by its table */
+    {real} u = commands[0]; /* undo the static map from command to torque, by its table */
     for (int i = 0; i + 1 < {points}; ++i) {{
         if (torque >= torques[i + 1]) u = commands[i + 1];
         else if (torque > torques[i]) {{
@@ -84,9 +86,12 @@ _INVERSE = """\
 """
 
 
-def c_header(controller: Controller, prefix: str | None = None) -> str:
+def c_header(
+    controller: Controller, prefix: str | None = None, envelope: Envelope | None = None, single: bool = False
+) -> str:
     """The header's text; `prefix` begins its names, by default `furuta_` and the controller's name.
 
+    envelope: around the law, by default `Envelope.of(controller)`. single: everything in single precision.
     Raises ValueError for a controller that is not linear (learned policies have `export_policy_c`), for a prefix that
     is no C name, and for plants with effects that the header cannot undo (eccentric encoders, cancelled arm effects).
     """
@@ -97,6 +102,12 @@ def c_header(controller: Controller, prefix: str | None = None) -> str:
     prefix = prefix or "furuta_" + re.sub(r"\W", "_", controller.name)
     if not re.fullmatch(r"[A-Za-z_]\w*", prefix, re.ASCII):
         raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
+    envelope = envelope or Envelope.of(controller)
+    real, tanh = ("float", "tanhf") if single else ("double", "tanh")
+
+    def number(x: float) -> str:
+        return _number(x, single)
+
     known, plant, law = controller.known, controller.plant, controller.law
     q2_zero = controller.q2e + _encoder_offset(controller)
     share = controller.friction_share
@@ -108,13 +119,13 @@ def c_header(controller: Controller, prefix: str | None = None) -> str:
     rows = n + 2 if share else n + 1
     top = np.block([[law.A, law.B], [law.C[None], law.D[None]], [law.E[2:3], law.F[2:3]]])
     friction = (
-        f"    torque += {_number(share * plant.theta[7])} * tanh(out[{n} + 1] * {_number(known.plant.sharpness[0])});"
+        f"    torque += {number(share * plant.theta[7])} * {tanh}(out[{n} + 1] * {number(known.plant.sharpness[0])});"
     )
-    tables, command = "", "    double u = torque;\n"
+    tables, command = "", f"    {real} u = torque;\n"
     if known.command_map is not None:
         torques, commands = known.command_map
-        tables = _array("torques", torques) + _array("commands", commands)
-        command = _INVERSE.format(points=torques.size)
+        tables = _array("torques", torques, single) + _array("commands", commands, single)
+        command = _INVERSE.format(points=torques.size, real=real)
     low, high = controller.limits
     guard = prefix.upper() + "_H"
     text = _HEADER.format(
@@ -123,7 +134,7 @@ def c_header(controller: Controller, prefix: str | None = None) -> str:
         prefix=prefix,
         T=controller.sample_time,
         unit=plant.unit,
-        u_max=controller.u_max,
+        u_max=envelope.u_max,
         theta=", ".join(f"{v:.6g}" for v in plant.theta),
         columns=columns_note(plant),
     )
@@ -133,19 +144,22 @@ def c_header(controller: Controller, prefix: str | None = None) -> str:
         n=n,
         rows=rows,
         velocity_row=", arm velocity" if share else "",
-        matrix=_array("matrix", top[:rows]),
-        applied=_array("applied", law.G),
-        first=_array("first", law.Z),
+        matrix=_array("matrix", top[:rows], single),
+        applied=_array("applied", law.G, single),
+        first=_array("first", law.Z, single),
         tables=tables,
-        q2_zero=_number(q2_zero),
-        low=_number(low),
-        high=_number(high),
-        holding=_number(controller.holding_torque),
+        q2_zero=number(q2_zero),
+        low=number(low),
+        high=number(high),
+        holding=number(controller.holding_torque),
         friction=friction + "\n" if share else "",
         command=command,
-        u_max=_number(controller.u_max),
+        u_max=number(controller.u_max),
         unit=plant.unit,
+        real=real,
+        zero=number(0.0),
     )
+    text += "\n" + envelope_c(prefix, controller.sample_time, envelope, number, real)
     return text + "\n#endif\n"
 
 
@@ -157,13 +171,13 @@ def columns_note(plant: Plant) -> str:
     return f" * In the columns of the logs that the plant was fitted to: {said}\n" if said else ""
 
 
-def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
+def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None, **options: Any) -> Path:
     """Write a linear controller as one C99 header to `path` and return the path.
 
-    prefix begins its names, by default `furuta_` and the controller's name. Raises ValueError for what `c_header`
-    refuses; learned policies go through `export_policy_c`.
+    prefix begins its names, by default `furuta_` and the controller's name. options: `envelope` and `single` of
+    `c_header`. Raises ValueError for what `c_header` refuses; learned policies go through `export_policy_c`.
     """
-    return write_whole(path, c_header(controller, prefix))
+    return write_whole(path, c_header(controller, prefix, **options))
 
 
 def _encoder_offset(controller: LinearController) -> float:
@@ -180,22 +194,26 @@ def _encoder_offset(controller: LinearController) -> float:
     return effects[0].parameters["b"]
 
 
-def _number(x: float) -> str:
-    """A C double that reads back to the same bits; parentheses keep a minus sign apart."""
+def _number(x: float, single: bool = False) -> str:
+    """A C literal that reads back to the same bits; parentheses keep a minus sign apart."""
     text = repr(float(x))
+    if single:
+        text = f"{float(np.float32(x)):.9g}"
     text = text if any(c in text for c in ".en") else text + ".0"
+    text += "f" if single else ""
     return f"({text})" if x < 0 else text
 
 
-def _array(name: str, values: NDArray[np.float64]) -> str:
+def _array(name: str, values: NDArray[np.float64], single: bool) -> str:
+    head = f"    static const {'float' if single else 'double'} {name}"
     if values.ndim == 1:
-        return f"    static const double {name}[{values.size}] = {{\n{_lines(values, 8)}    }};\n"
-    rows = "".join(f"        {{\n{_lines(row, 12)}        }},\n" for row in values)
-    return f"    static const double {name}[{values.shape[0]}][{values.shape[1]}] = {{\n{rows}    }};\n"
+        return f"{head}[{values.size}] = {{\n{_lines(values, 8, single)}    }};\n"
+    rows = "".join(f"        {{\n{_lines(row, 12, single)}        }},\n" for row in values)
+    return f"{head}[{values.shape[0]}][{values.shape[1]}] = {{\n{rows}    }};\n"
 
 
-def _lines(values: NDArray[np.float64], indent: int) -> str:
+def _lines(values: NDArray[np.float64], indent: int, single: bool) -> str:
     """Numbers of one row, four to a line."""
-    numbers = [repr(float(x)) for x in values]
+    numbers = [_number(float(x), single).strip("()") for x in values]
     chunks = [numbers[i : i + 4] for i in range(0, len(numbers), 4)]
     return "".join(" " * indent + ", ".join(chunk) + ",\n" for chunk in chunks)

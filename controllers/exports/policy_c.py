@@ -4,6 +4,7 @@ import math
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,14 @@ from numpy.typing import NDArray
 from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.files import write_whole
 
+from ..envelope import Envelope, envelope_c
 from ..layers import Layer, network_in
 from ..learned import LearnedController
-from .c import columns_note
+from .c import _number, columns_note
 
 _HEADER = """\
-/* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; single precision.
+/* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; the network in
+ * single precision, the rest in {real}.
  *
  * Call {prefix}_step once every {T:g} s with the encoders' angles and hold the command until the next call:
  *
@@ -27,7 +30,7 @@ _HEADER = """\
  * q1        arm angle [rad]
  * q2        pendulum angle [rad], 0 upright, not wrapped
  * reference arm angle to hold [rad]
- * returns   command [{unit}], within +-{u_max:g}
+ * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off
 {columns} */
 #ifndef {guard}
 #define {guard}
@@ -39,17 +42,17 @@ _HEADER = """\
 
 _STEP = """\
 typedef struct {{
-    double q[2], v[2], u; /* last readings, filtered velocities, command */
+    {real} q[2], v[2], u; /* last readings, filtered velocities, command */
     float seen[{size}];   /* the observation, oldest frame first */
     int started;
-}} {prefix}_state;
+}} {prefix}_law_state;
 
-static inline void {prefix}_reset({prefix}_state *s)
+static inline void {prefix}_law_reset({prefix}_law_state *s)
 {{
     memset(s, 0, sizeof *s);
 }}
 
-static inline double {prefix}_clip(double x, double limit)
+static inline {real} {prefix}_clip({real} x, {real} limit)
 {{
     return x < -limit ? -limit : x > limit ? limit : x;
 }}
@@ -62,37 +65,39 @@ static inline void {prefix}_layer(const float *weight, const float *bias, int n,
     }}
 }}
 
-static inline double {prefix}_step({prefix}_state *s, double q1, double q2, double reference)
+static inline {real} {prefix}_law({prefix}_law_state *s, {real} q1, {real} q2, {real} reference)
 {{
 {arrays}
-    const double q[2] = {{q1, q2}};
+    const {real} q[2] = {{q1, q2}};
     for (int i = 0; i < 2; ++i) {{
-        if (s->started) s->v[i] += {gain!r} * ((q[i] - s->q[i]) / {T!r} - s->v[i]);
+        if (s->started) s->v[i] += {gain} * ((q[i] - s->q[i]) / {period} - s->v[i]);
         s->q[i] = q[i];
     }}
     const float frame[{frame}] = {{
-        (float){prefix}_clip(q1 - reference, {arm!r}),
-        (float)sin(q2),
-        (float)cos(q2),
-        (float){prefix}_clip(s->v[0], {speed!r}),
-        (float){prefix}_clip(s->v[1], {speed!r}),
+        (float){prefix}_clip(q1 - reference, {arm}),
+        (float){sin}(q2),
+        (float){cos}(q2),
+        (float){prefix}_clip(s->v[0], {speed}),
+        (float){prefix}_clip(s->v[1], {speed}),
 {command}    }};
     memmove(s->seen, s->seen + {frame}, sizeof(float) * ({size} - {frame}));
     for (int i = s->started ? {size} - {frame} : 0; i < {size}; i += {frame}) memcpy(s->seen + i, frame, sizeof frame);
     s->started = 1;
     float x0[{size}];
     for (int i = 0; i < {size}; ++i) x0[i] = s->seen[i] * scale[i];
-{layers}    s->u = {prefix}_clip({unit_per_action!r} * {action}, {u_max!r});
+{layers}    s->u = {prefix}_clip({unit_per_action} * {action}, {limit});
     return s->u;
 }}
 
-#endif
 """
 
 
-def policy_c_header(controller: LearnedController, prefix: str | None = None) -> str:
+def policy_c_header(
+    controller: LearnedController, prefix: str | None = None, envelope: Envelope | None = None, single: bool = False
+) -> str:
     """The header's text; `prefix` begins its names, by default `furuta_` and the policy's name.
 
+    envelope: around the policy, by default `Envelope.of(controller)`. single: everything in single precision.
     Raises ValueError for a prefix that is no C name, and for a controller whose `predict` is no `Network`.
     """
     prefix = prefix or "furuta_" + re.sub(r"\W", "_", Path(controller.name).stem, flags=re.ASCII)
@@ -100,7 +105,13 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
         raise ValueError(f"prefix must be a C name (letters, digits, _), got {prefix!r}")
     network = network_in(controller)
     period = controller.every * controller.sample_time
-    names = {"prefix": prefix, "T": period, "u_max": float(controller.u_max)}
+    envelope = envelope or Envelope.of(controller)
+    real = "float" if single else "double"
+
+    def number(x: float) -> str:
+        return _number(x, single)
+
+    names = {"prefix": prefix, "T": period, "u_max": envelope.u_max, "real": real}
     text = _HEADER.format(
         name=controller.name,
         task=controller.tasks[-1],
@@ -115,29 +126,38 @@ def policy_c_header(controller: LearnedController, prefix: str | None = None) ->
         arrays += [_array(f"weight{i}", layer.weight.ravel()), _array(f"bias{i}", layer.bias)]
         layers.append(_layer(prefix, i, layer))
     last = f"x{len(network.layers)}[0]"
-    action = f"{network.limit!r} * tanh({last})" if network.squashed else f"{prefix}_clip({last}, {network.limit!r})"
-    return text + _STEP.format(
+    limit = number(network.limit)
+    tanh = f"{'tanhf' if single else 'tanh'}({last})"
+    action = f"{limit} * {tanh}" if network.squashed else f"{prefix}_clip({last}, {limit})"
+    body = _STEP.format(
         size=network.size,
         frame=network.size // controller.history,
         arrays="".join(arrays),
         layers="".join(layers),
-        gain=1.0 - math.exp(-controller.velocity_cutoff * period),
-        arm=2.0 * controller.arm_limit,
-        speed=SPEED_LIMIT,
-        command=f"        (float)(s->u / {controller.trained_u_max!r}),\n" if controller.observe_command else "",
-        unit_per_action=float(controller.scale),
+        gain=number(1.0 - math.exp(-controller.velocity_cutoff * period)),
+        period=number(period),
+        arm=number(2.0 * controller.arm_limit),
+        speed=number(SPEED_LIMIT),
+        sin="sinf" if single else "sin",
+        cos="cosf" if single else "cos",
+        command=f"        (float)(s->u / {number(controller.trained_u_max)}),\n" if controller.observe_command else "",
+        unit_per_action=number(controller.scale),
         action=action,
+        limit=number(controller.u_max),
         **names,
     )
+    return text + body + envelope_c(prefix, period, envelope, number, real) + "\n#endif\n"
 
 
-def export_policy_c(controller: LearnedController, path: str | os.PathLike[str], prefix: str | None = None) -> Path:
+def export_policy_c(
+    controller: LearnedController, path: str | os.PathLike[str], prefix: str | None = None, **options: Any
+) -> Path:
     """Write a learned policy as one C99 header to `path` and return the path.
 
-    prefix begins its names, by default `furuta_` and the policy's name. Raises ValueError for what `policy_c_header`
-    refuses.
+    prefix begins its names, by default `furuta_` and the policy's name. options: `envelope` and `single` of
+    `policy_c_header`. Raises ValueError for what `policy_c_header` refuses.
     """
-    return write_whole(path, policy_c_header(controller, prefix))
+    return write_whole(path, policy_c_header(controller, prefix, **options))
 
 
 def _layer(prefix: str, i: int, layer: Layer) -> str:

@@ -34,6 +34,10 @@ def export_command(
     sample_time: Annotated[
         float | None, typer.Option(help="Of the controller, in seconds; default: the plant's, else 0.002.")
     ] = None,
+    single: Annotated[bool, typer.Option("--single", help="C in single precision (float) throughout.")] = False,
+    soft_start: Annotated[
+        float | None, typer.Option(help="C: seconds over which the command grows to its full size.", min=0.0)
+    ] = None,
     trust: opt.Trust = False,
     as_json: opt.AsJson = False,
 ) -> None:
@@ -42,6 +46,8 @@ def export_command(
     opt.output_file(output, ENDINGS[kind], [Path(name) for name in (plant, policy, controller) if name])
     if policy is not None and controller is not None:
         raise ValueError(f"{policy} and --controller {controller}: give one of them")
+    if kind is not Format.c and (single or soft_start is not None):
+        raise ValueError(f"--single and --soft-start are for C; leave them out with {kind.value}")
     chosen = policy or controller
     from furuta_gym.plant import Plant
 
@@ -62,16 +68,18 @@ def export_command(
         if chosen is None:
             raise ValueError("C is for controllers; expected one such as --controller lqg")
         from controllers import make_controller
+        from controllers.envelope import Envelope
 
         made = make_controller(chosen, rig, sample_time, trust=trust)
+        options = {"single": single, "envelope": Envelope.of(made, soft_start=soft_start)}
         if chosen.endswith(".zip"):
             from controllers.exports.policy_c import export_policy_c
 
-            export_policy_c(made, output)  # type: ignore[arg-type]
+            export_policy_c(made, output, **options)  # type: ignore[arg-type]
         else:
             from controllers.exports.c import export_c
 
-            export_c(made, output)
+            export_c(made, output, **options)
     if as_json:
         print_json({"written": str(output), "format": kind.value, "plant": plant, "controller": chosen})
     else:

@@ -16,15 +16,23 @@ from .output import print_json, progress_bar
 def train_command(
     plant: Annotated[str, typer.Option(help="table3, qube, large, or a plant file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Policy to write, *.zip; its record goes beside it.")],
+    ranges: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME=RANGE]...",
+            help="After --randomize: what to draw, such as input_delay=uniform:0,0.03 theta=physical:0.2.",
+        ),
+    ] = None,
     task: Annotated[str, typer.Option(help="balance, or swing_up (swing up and hold).")] = "balance",
     algo: Annotated[str, typer.Option(help="ppo, sac or tqc.")] = "ppo",
     steps: Annotated[int, typer.Option(help="Env steps in all.", min=1)] = 2_000_000,
     randomize: Annotated[
-        bool, typer.Option("--randomize", help="A plant from its covariance for each episode.")
+        bool,
+        typer.Option("--randomize", help="Another rig for each episode: NAME=RANGE …, else θ from its covariance."),
     ] = False,
     effect_chance: Annotated[
         list[str] | None,
-        typer.Option(help="NAME=p lets an effect act in an episode with probability p; repeat it for more."),
+        typer.Option(help="NAME=p lets an effect act in an episode with probability p; the same as NAME=chance:p."),
     ] = None,
     sample_time: Annotated[
         float | None, typer.Option(help="Of the policy, in seconds; default: about 0.02, a multiple of the plant's.")
@@ -51,7 +59,7 @@ def train_command(
         algo,
         steps,
         seed,
-        randomize,
+        _randomize(randomize, ranges),
         _chances(effect_chance),
         sample_time,
         history,
@@ -95,8 +103,18 @@ def _report(output: Path, record: dict[str, Any]) -> None:
     if success["value"] > 0:
         names = {"rms_q1": "rms q1 [rad]", "rms_q2": "rms q2 [rad]", "settling": "settling [s]"}
         typer.echo("  " + ", ".join(f"{text} {figures[name]['value']:.3g}" for name, text in names.items()))
+    typer.echo(f"  Not trained for: {', '.join(record['not_trained_for'])}.")
     if success["value"] < 0.95:
         typer.echo("  Not learned yet: give it more --steps (with --resume), another --seed, or --algo.")
+
+
+def _randomize(wanted: bool, ranges: list[str] | None) -> bool | dict[str, str]:
+    """What `--randomize` and the words after it say. Raises ValueError."""
+    if ranges and not wanted:
+        raise ValueError(f"{' '.join(ranges)}: a range belongs to --randomize; write --randomize {' '.join(ranges)}")
+    from furuta_gym.envs.ranges import as_mapping
+
+    return as_mapping(ranges) if ranges else wanted
 
 
 def _chances(texts: list[str] | None) -> dict[str, float]:

@@ -242,7 +242,10 @@ def learning(a: Arguments) -> dict[str, dict[str, Any]]:
             return time.perf_counter() < self.end
 
     ways: dict[str, tuple[Callable[[], Any], dict[str, Any]]] = {
-        "compiled batch, 64 envs": (lambda: FurutaVecEnv(64), {"n_steps": 32, "batch_size": 512}),
+        "compiled batch, 64 envs": (
+            lambda: FurutaVecEnv(64, normalize_action=True),
+            {"n_steps": 32, "batch_size": 512},
+        ),
         "8 subprocesses": (
             lambda: SubprocVecEnv([lambda: gym.make(ENV_ID, normalize_action=True)] * 8),
             {"n_steps": 64, "batch_size": 128},
@@ -261,11 +264,15 @@ def learning(a: Arguments) -> dict[str, dict[str, Any]]:
             model.learn(10**9, callback=WallClock())
             env.close()
             found[name]["steps"].append(model.num_timesteps)
-            found[name]["returns"].append(_mean_return(model, FurutaVecEnv(64)))
+            found[name]["returns"].append(_mean_return(model, FurutaVecEnv(64, normalize_action=True)))
     for way in found.values():
         way["median_return"] = float(np.median(way["returns"]))
         way["steps_per_s"] = float(np.median(way["steps"]) / a.learning_s)
-    found["untrained"] = {"median_return": _mean_return(PPO("MlpPolicy", FurutaVecEnv(2), seed=0), FurutaVecEnv(64))}
+    found["untrained"] = {
+        "median_return": _mean_return(
+            PPO("MlpPolicy", FurutaVecEnv(2, normalize_action=True), seed=0), FurutaVecEnv(64, normalize_action=True)
+        )
+    }
     torch.set_num_threads(threads)
     return found
 

@@ -1,4 +1,4 @@
-"""`FurutaID-v0`, one environment."""
+"""One environment: `FurutaID-v0`, and with other defaults `FurutaBalance-v0` and `FurutaSwingUp-v0`."""
 
 import math
 import os
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
-from .options import Options, Setup
+from .options import Options, Setup, drawn_rig
 from .rendering import Scene, Viewer
 from .streams import start_stream
 
@@ -31,14 +31,15 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Action
     Box(-u_max, u_max, (1,), float32): the command in the plant's own unit (V or N·m), clipped to ±u_max and held for
-    one sample. With `normalize_action=True` Box(-1, 1, (1,)): the share of u_max, which is what learners want and what
-    the checkers of Gymnasium and stable-baselines3 recommend.
+    one sample, or for `action_time`. With `normalize_action=True` Box(-1, 1, (1,)): the share of u_max, which is what
+    learners want and what the checkers of Gymnasium and stable-baselines3 recommend.
 
     ## Observation
     Box((5,), float32): [q1, sin q2, cos q2, v1, v2] in rad and rad/s. The angles are encoder readings (counts, offset,
     noise, and the plant's sensor effects), the velocities a causal filtered difference of the readings,
     v ← v + (1 − e^(−ωc T)) (Δy/T − v), which starts from zero at reset. Values are clipped to the space's bounds:
-    |q1| ≤ 2 arm_limit, |v| ≤ 200 rad/s. With `observe_command=True` the last command / u_max is appended. With
+    |q1| ≤ 2 arm_limit, |v| ≤ 200 rad/s. With `scale_observation=True` velocities are counted in ω of the reward below,
+    which brings them to about one. With `observe_command=True` the last command / u_max is appended. With
     `history=h` the last h observations follow one another, oldest first; a reset fills them all with the first one.
 
     ## Reward
@@ -49,32 +50,48 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         centred = ½ + ½/(1 + q1²)                                    q1 in rad
         calm    = ½ + ½/(1 + (q̇1² + q̇2²)/ω²)                         ω² = θ5/θ4, the pendulum's own, at least 1
 
+    With `reward="tolerant"` each factor is flat where the rig does well enough, so that a policy that explores is not
+    asked for ever less of it: with beyond(x, b, w) = (max(|x| − b, 0)/w)²
+
+        upright = ½ min((1 + cos q2)/(1 + cos 0.1), 1) + ½/(1 + beyond(√(2 − 2 cos q2), 0.1, 0.2))
+        centred = ½ + ½/(1 + beyond(q1, 0.3, 1)),   calm = ½ + ½/(1 + beyond(√(q̇1² + q̇2²)/ω, 0.15, 1))
+        and the last factor 1 − beyond(u/u_max, 0.3, 0.7)/4
+
     Ending an episode early only loses reward.
 
     ## Start
     Uniform and independent: `balance` |q1| ≤ 0.2, |q2| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.2 rad/s; `swing_up` |q1| ≤ 0.2,
-    |q2 − π| ≤ 0.05 rad, at rest. Effects with memory start at rest, and before the episode the command was zero.
+    |q2 − π| ≤ 0.05 rad, at rest; or within ± `start_spread` of upright or hanging. Effects with memory start at rest,
+    and before the episode the command was zero.
     `reset(options={"state": [q1, q2, v1, v2]})` starts from a given state (NaN: drawn).
 
     ## End of an episode
-    terminated: |q1| > arm_limit (the cable), in `balance` |q2| > pendulum_limit, or a state that is no longer finite.
-    truncated: only by the time limit, 1000 samples unless `max_episode_steps` is given to `gymnasium.make`.
+    terminated: |q1| > arm_limit (the cable), |q̇1| > the plant file's `arm_speed` if it has one, in `balance`
+    |q2| > pendulum_limit, or a state that is no longer finite; all at the end of an action.
+    truncated: only by the time limit: `time_limit` in seconds, and for `FurutaID-v0` 1000 samples unless
+    `max_episode_steps` is given to `gymnasium.make`.
 
     ## Options
     plant: Plant, plant file, or the name of a set (`table3`, `qube`, `large`). Default `table3`, the paper's.
     task: `balance` (default) or `swing_up`.
-    randomize (False): draw the plant at every reset from the covariance in its file, truncated to M > 0, friction ≥ 0
-        and the effects' bounds. The three sets have none; there each θ varies by 5 % (`plant.sets.SPREAD`).
+    randomize (False): True draws the plant at every reset from the covariance in its file, truncated to M > 0,
+        friction ≥ 0 and the effects' bounds. The three sets have none; there each θ varies by 5 %
+        (`plant.sets.SPREAD`). "NAME=RANGE …", or a mapping, draws what is named: `envs.ranges` has the grammar, for θ,
+        effects, sensors, supply, jitter and pushes. A plant file with the key "randomize" says what True means.
     effect_probabilities ({}): {name: p} lets an effect act in an episode with probability p; at its own size if the
-        plant carries it, else at a size drawn up to `Plant.default_effect`. Works without `randomize` too.
-    sample_time (the plant's, else 0.01 s): control period T.
+        plant carries it, else at a size drawn up to `Plant.default_effect` (`input_delay`: 25 ms). Works without
+        `randomize` too.
+    sample_time (the plant's, else 0.01 s): period T at which the encoders are read.
+    action_time (T): how long an action is held [s], rounded up to whole samples; readings and velocities go on at T.
+    time_limit (none): length of an episode [s].
     jitter (0): every period is T (1 + jitter · uniform(−1, 1)), at most 0.3. The velocity filter goes on assuming T.
     delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included (`input_delay`).
     encoder_counts, noise_std [rad], encoder_offset [rad], velocity_cutoff ωc [rad/s]: see `Sensors`; default is what
         the plant file says, else 4096 counts, no noise, no offset, 100 rad/s.
     history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
-    normalize_action (False): see Action.
-    arm_limit (2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
+    normalize_action (False): see Action. scale_observation (False): see Observation.
+    reward ("smooth"), start_spread (see Start): half-widths of q1, q2 [rad], q̇1, q̇2 [rad/s].
+    arm_limit (the plant file's `arm_travel`, else 2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
     longest_step (2.5 ms): bound on the Runge–Kutta step h. Friction bounds it too, h λ ≤ 0.4 with λ the rate at which
         it stops a slow motion (largest eigenvalue of M⁻¹ (F_v + F_c r) upright), and a sample has at least two steps.
         Rms error of the angles over 1 s of random commands held for a sample, in counts of a 4096-count encoder:
@@ -86,7 +103,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     `state` (4,): true q1, q2, q̇1, q̇2. `measured_state` (4,): the same as the rig's computer has them, q2 unwrapped.
     `command`: as applied, after clipping, before delay and other effects. At reset also `plant` (theta (9,),
     friction_sharpness (2,), effects {name: {parameter: value}}; an effect that is off has its neutral value) when
-    plants are drawn; `env.unwrapped.plant` is the same as a `Plant`.
+    plants are drawn, and `rig` {name: value} of what else `randomize` draws; `env.unwrapped.plant` is the same plant as
+    a `Plant`.
 
     ## Randomness
     `reset(seed=…)` reproduces everything that follows: starts, plants, noise, jitter, over any number of episodes.
@@ -111,7 +129,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
         self.observation_space: spaces.Box = setup.observation_space  # pyright: ignore
         self.action_space: spaces.Box = setup.action_space  # pyright: ignore
-        self.metadata = type(self).metadata | {"render_fps": round(1.0 / setup.sample_time)}
+        self.metadata = type(self).metadata | {"render_fps": round(1.0 / setup.action_period)}
         self._lanes = np.zeros((k.block_rows(setup.sizes), 1))
         self._stream = np.zeros(1, dtype=np.uint64)
         self._seeded = False
@@ -120,7 +138,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         random = setup.random
         shared = (self._lanes, self._stream, setup.codes, setup.sizes, setup.numbers)
         self._step_arguments = (*shared, np.empty((k.work_rows(setup.sizes), 1)))
-        self._reset_arguments = (*shared, random.table, random.root, random.switches)
+        self._reset_arguments = (*shared, random.table, random.root, random.switches, random.ranges)
         self._viewer: Viewer | None = None
 
     @property
@@ -147,6 +165,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: dict[str, Any] = {"state": out[:4], "measured_state": out[4:], "command": 0.0}
         if self.setup.random.active:
             info["plant"] = self.setup.random.describe(self._parameters)
+            if rig := drawn_rig(self.setup, self._lanes[k.NOISE1 : k.N_FIXED, 0]):
+                info["rig"] = rig
         if self.render_mode == "human":
             self._show()
         return observation, info
@@ -162,14 +182,14 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if u != u:
             raise ValueError("action is NaN; check the policy that made it")
         observation, out = np.empty(self._size, dtype=np.float32), np.empty(8)
-        reward, terminated, command = _step_one(u, *self._step_arguments, observation, out)
+        reward, terminated, truncated, command = _step_one(u, *self._step_arguments, observation, out)
         if self.render_mode == "human":
             self._show()
         return (
             observation,
             reward,
             terminated,
-            False,
+            truncated,
             {"state": out[:4], "measured_state": out[4:], "command": command},
         )
 
@@ -231,8 +251,8 @@ def _publish(lanes, sizes, observation, out):
 
 
 @compiled
-def _reset_one(lanes, streams, codes, sizes, numbers, table, root, switches, state, observation, out):
-    k.reset_lane(lanes, 0, streams, codes, sizes, numbers, table, root, switches, state)
+def _reset_one(lanes, streams, codes, sizes, numbers, table, root, switches, ranges, state, observation, out):
+    k.reset_lane(lanes, 0, streams, codes, sizes, numbers, table, root, switches, ranges, state)
     _publish(lanes, sizes, observation, out)
 
 
@@ -241,4 +261,5 @@ def _step_one(u, lanes, streams, codes, sizes, numbers, work, observation, out):
     lanes[k.COMMAND, 0] = u
     k.step_lanes(lanes, streams, codes, sizes, numbers, work)
     _publish(lanes, sizes, observation, out)
-    return lanes[k.REWARD, 0], lanes[k.TERMINATED, 0] > 0.0, lanes[k.COMMAND, 0]
+    late = lanes[k.STEPS, 0] >= numbers[k.LONGEST]
+    return lanes[k.REWARD, 0], lanes[k.TERMINATED, 0] > 0.0, late, lanes[k.COMMAND, 0]

@@ -17,25 +17,33 @@ from ..plant.effects.dispatch import command_delays, filter_command, map_command
 from ..plant.elementary import sincos
 from ..plant.layout import N_BASE
 from ..sensors import read_encoders
-from .randomization import draw_parameters
+from .randomization import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
 
 # Rows of a block before X.
-TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE, N_FIXED = range(12)
+TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE = range(11)
+# What may differ from episode to episode beside the plant: `ranges.RIG` names them in this order.
+NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(11, 20)
 
 # Entries of `sizes`.
-(STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, N_SIZES) = range(8)
+(STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, SAMPLES, N_SIZES) = range(9)
 
-# Entries of `numbers`; of a pair or four the first is named.
-SAMPLE_TIME, JITTER, U_MAX, ACTION_SCALE, VELOCITY_GAIN = range(5)
-NOISE1, OFFSET1, COUNT1 = 5, 7, 9
-ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, START_Q2, START_SPREAD = range(11, 17)
-N_NUMBERS = START_SPREAD + 4
+# Entries of `numbers`; of a pair or four the first is named. Flags say whether any episode can have it.
+SAMPLE_TIME, U_MAX, ACTION_SCALE, VELOCITY_GAIN, NOISY, JITTERY, PUSHED = range(7)
+COUNT1, ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, SPEED_SHARE, ARM_SPEED, START_Q2 = 7, *range(9, 16)
+TOLERANT, LONGEST, START_SPREAD, RIG = 16, 17, 18, 22  # RIG: the rows NOISE1 … of an episode in which nothing is drawn
+N_NUMBERS = RIG + N_FIXED - NOISE1
 
 BALANCE_LIMIT = 0.5  # rad; |q2| beyond it ends an episode of `balance`
 WINDING_LIMIT = 5e3  # rad; the compiled sine is exact up to 1e4
 START_BALANCE = (0.2, 0.1, 0.2, 0.2)  # half-widths of the uniform start: q1, q2 [rad], q̇1, q̇2 [rad/s]
 START_SWING_UP = (0.2, 0.05, 0.0, 0.0)
+
+# The tolerant reward: inside these nothing is lost (see `tolerant_reward_of`).
+CALM_ANGLE = 0.1  # rad, of the pendulum
+CALM_TRAVEL = 0.3  # rad, of the arm
+CALM_SPEED = 0.15  # of the pendulum's own, ω
+FREE_COMMAND = 0.3  # of u_max
 
 # Reward: half-value widths of its factors (see `reward_of`).
 UPRIGHT_WIDTH = 0.2  # rad
@@ -51,6 +59,25 @@ def reward_of(q1, q2, v1, v2, command_share, speed_scale):
     centred = 0.5 + 0.5 / (1.0 + (q1 / CENTRE_WIDTH) ** 2)
     calm = 0.5 + 0.5 / (1.0 + (v1 * v1 + v2 * v2) / (speed_scale * speed_scale))
     return upright * centred * calm * (1.0 - COMMAND_SHARE * command_share * command_share)
+
+
+@compiled(forceinline=True)
+def _beyond(x, limit, width):
+    """((|x| − limit)/width)² beyond the limit, 0 inside."""
+    far = max(abs(x) - limit, 0.0) / width
+    return far * far
+
+
+@compiled(forceinline=True)
+def tolerant_reward_of(q1, q2, v1, v2, command_share, speed_scale):
+    """`reward_of` with flat tops: 1 where the rig is upright, centred and calm enough; `FurutaEnv` has the formula."""
+    _, c = sincos(q2)
+    lean = math.sqrt(max(2.0 * (1.0 - c), 0.0))
+    upright = 0.5 * min((1.0 + c) / (1.0 + math.cos(CALM_ANGLE)), 1.0)
+    upright += 0.5 / (1.0 + _beyond(lean, CALM_ANGLE, UPRIGHT_WIDTH))
+    centred = 0.5 + 0.5 / (1.0 + _beyond(q1, CALM_TRAVEL, CENTRE_WIDTH))
+    calm = 0.5 + 0.5 / (1.0 + _beyond(math.sqrt(v1 * v1 + v2 * v2) / speed_scale, CALM_SPEED, 1.0))
+    return upright * centred * calm * (1.0 - COMMAND_SHARE * _beyond(command_share, FREE_COMMAND, 1.0 - FREE_COMMAND))
 
 
 @compiled
@@ -138,8 +165,8 @@ def _frame(lanes, k, first, sizes, numbers):
     lanes[first, k] = _clip(lanes[READING1, k], 2.0 * numbers[ARM_LIMIT])
     lanes[first + 1, k] = _clip(s, 1.0)
     lanes[first + 2, k] = _clip(c, 1.0)
-    lanes[first + 3, k] = _clip(lanes[SPEED1, k], speed)
-    lanes[first + 4, k] = _clip(lanes[SPEED2, k], speed)
+    lanes[first + 3, k] = _clip(lanes[SPEED1, k], speed) * numbers[SPEED_SHARE]
+    lanes[first + 4, k] = _clip(lanes[SPEED2, k], speed) * numbers[SPEED_SHARE]
     if sizes[FRAME] > 5:
         lanes[first + 5, k] = lanes[COMMAND, k] / numbers[U_MAX]
 
@@ -151,23 +178,22 @@ def _clip(x, limit):
     return x if x < limit else limit
 
 
-@compiled
-def _observe(lanes, streams, codes, sizes, numbers, work):
-    """Readings, velocities, observation, reward and termination of all lanes that have just moved."""
+@compiled(forceinline=True)
+def _sense(lanes, streams, codes, sizes, numbers, work):
+    """Readings and velocities of all lanes that have just moved by a sample, and their clock."""
     rows, L = sizes[STATE_ROWS], lanes.shape[1]
     first_p = N_FIXED + rows
     X, P = lanes[N_FIXED:first_p], lanes[first_p : first_p + sizes[PARAMETER_ROWS]]
     noise, Y = work[0:2], work[2:4]
     noise[:] = 0.0
-    if numbers[NOISE1] > 0.0 or numbers[NOISE1 + 1] > 0.0:
+    if numbers[NOISY] > 0.0:
         for k in range(L):
             if lanes[DONE, k] == 0.0:
                 e1, e2 = normal_pair(streams, k)
-                noise[0, k] = numbers[NOISE1] * e1
-                noise[1, k] = numbers[NOISE1 + 1] * e2
-    read_encoders(X, P, codes, numbers[OFFSET1 : OFFSET1 + 2], noise, numbers[COUNT1 : COUNT1 + 2], Y)
+                noise[0, k] = lanes[NOISE1, k] * e1
+                noise[1, k] = lanes[NOISE2, k] * e2
+    read_encoders(X, P, codes, lanes[OFFSET1:SUPPLY], noise, numbers[COUNT1 : COUNT1 + 2], Y)
     gain, period = numbers[VELOCITY_GAIN], numbers[SAMPLE_TIME]
-    arm, pendulum, u_max, scale = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX], numbers[SPEED_SCALE]
     for k in range(L):
         for axis in range(2):
             speed = lanes[SPEED1 + axis, k]
@@ -175,12 +201,31 @@ def _observe(lanes, streams, codes, sizes, numbers, work):
             lanes[SPEED1 + axis, k] = speed + gain * (difference - speed)
             lanes[READING1 + axis, k] = Y[axis, k]
     for k in range(L):
-        q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
-        inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6
-        reward = reward_of(q1, q2, v1, v2, lanes[COMMAND, k] / u_max, scale)
+        lanes[TIME, k] += lanes[SPAN, k]
+
+
+@compiled(forceinline=True)
+def _judge(lanes, sizes, numbers):
+    """Reward, termination and observation of all lanes at the end of an action."""
+    L = lanes.shape[1]
+    arm, pendulum, u_max, scale = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX], numbers[SPEED_SCALE]
+    fastest = numbers[ARM_SPEED]
+    if numbers[TOLERANT] > 0.0:  # loops of their own: each becomes SIMD code
+        for k in range(L):
+            share = lanes[COMMAND, k] / u_max
+            q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
+            lanes[REWARD, k] = tolerant_reward_of(q1, q2, v1, v2, share, scale)
+    else:
+        for k in range(L):
+            share = lanes[COMMAND, k] / u_max
+            q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
+            lanes[REWARD, k] = reward_of(q1, q2, v1, v2, share, scale)
+    for k in range(L):
+        q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
+        inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6 and abs(v1) <= fastest
+        reward = lanes[REWARD, k]
         lanes[TERMINATED, k] = 0.0 if inside else 1.0
         lanes[REWARD, k] = reward if reward >= 0.0 else 0.0  # not finite: no reward
-        lanes[TIME, k] += lanes[SPAN, k]
         lanes[STEPS, k] += 1.0
     frame, history = sizes[FRAME], sizes[HISTORY]
     oldest = first_frame_row(sizes)
@@ -193,7 +238,23 @@ def _observe(lanes, streams, codes, sizes, numbers, work):
 
 
 @compiled
-def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, state):
+def _push(lanes, streams, sizes, period):
+    """Taps on pendulums, at random times to a random side: an impulse that changes q̇2 by PUSH, q̇1 as M has it."""
+    first_p = N_FIXED + sizes[STATE_ROWS]
+    for k in range(lanes.shape[1]):
+        if lanes[DONE, k] == 0.0:
+            chance = uniform(streams, k)
+            side = 1.0 if uniform(streams, k) < 0.5 else -1.0
+            if chance < lanes[PUSH_RATE, k] * period:
+                size = side * lanes[PUSH, k]
+                s, c = sincos(lanes[N_FIXED + 1, k])
+                m11 = lanes[first_p, k] + lanes[first_p + 1, k] * s * s
+                lanes[N_FIXED + 2, k] -= lanes[first_p + 2, k] * c / m11 * size
+                lanes[N_FIXED + 3, k] += size
+
+
+@compiled
+def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, ranges, state):
     """Start a new episode in lane k: plant, state, first reading. state (4,): start, NaN where it shall be drawn."""
     rows, n_p, past = sizes[STATE_ROWS], sizes[PARAMETER_ROWS], sizes[PAST_COMMANDS]
     first_p = N_FIXED + rows
@@ -201,6 +262,9 @@ def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, 
     P = lanes[first_p:first_u]
     draw_parameters(P, k, streams, k, table, root, switches)
     lanes[:first_p, k] = 0.0
+    for i in range(N_FIXED - NOISE1):
+        lanes[NOISE1 + i, k] = numbers[RIG + i]
+    draw_ranges(P, lanes[NOISE1:N_FIXED], k, streams, ranges)
     for i in range(4):
         drawn = (2.0 * uniform(streams, k) - 1.0) * numbers[START_SPREAD + i]
         if i == 1:
@@ -212,14 +276,14 @@ def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, 
     alone = np.empty((rows + n_p, 1))
     for row in range(rows + n_p):
         alone[row, 0] = lanes[N_FIXED + row, k]
-    noise, Y = np.zeros((2, 1)), np.empty((2, 1))
-    if numbers[NOISE1] > 0.0 or numbers[NOISE1 + 1] > 0.0:
+    noise, offset, Y = np.zeros((2, 1)), np.empty((2, 1)), np.empty((2, 1))
+    offset[0, 0] = lanes[OFFSET1, k]
+    offset[1, 0] = lanes[OFFSET2, k]
+    if numbers[NOISY] > 0.0:
         e1, e2 = normal_pair(streams, k)
-        noise[0, 0] = numbers[NOISE1] * e1
-        noise[1, 0] = numbers[NOISE1 + 1] * e2
-    read_encoders(
-        alone[:rows], alone[rows:], codes, numbers[OFFSET1 : OFFSET1 + 2], noise, numbers[COUNT1 : COUNT1 + 2], Y
-    )
+        noise[0, 0] = lanes[NOISE1, k] * e1
+        noise[1, 0] = lanes[NOISE2, k] * e2
+    read_encoders(alone[:rows], alone[rows:], codes, offset, noise, numbers[COUNT1 : COUNT1 + 2], Y)
     lanes[READING1, k] = Y[0, 0]
     lanes[READING2, k] = Y[1, 0]
     frame = sizes[FRAME]
@@ -230,14 +294,19 @@ def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, 
 
 @compiled
 def step_lanes(lanes, streams, codes, sizes, numbers, work):
-    """One step of every lane of a block, its action standing in row COMMAND."""
-    period, jitter, u_max, scale = numbers[SAMPLE_TIME], numbers[JITTER], numbers[U_MAX], numbers[ACTION_SCALE]
+    """One action of every lane of a block, standing in row COMMAND, held for SAMPLES samples."""
+    period, scale = numbers[SAMPLE_TIME], numbers[ACTION_SCALE]
     for k in range(lanes.shape[1]):
-        lanes[COMMAND, k] = min(max(lanes[COMMAND, k] * scale, -u_max), u_max)
-        lanes[SPAN, k] = period
-    if jitter > 0.0:
+        lanes[COMMAND, k] = min(max(lanes[COMMAND, k] * scale, -lanes[SUPPLY, k]), lanes[SUPPLY, k])
+    for _ in range(sizes[SAMPLES]):
         for k in range(lanes.shape[1]):
-            if lanes[DONE, k] == 0.0:
-                lanes[SPAN, k] = period * (1.0 + jitter * (2.0 * uniform(streams, k) - 1.0))
-    _move(lanes, codes, sizes, work)
-    _observe(lanes, streams, codes, sizes, numbers, work)
+            lanes[SPAN, k] = period
+        if numbers[JITTERY] > 0.0:
+            for k in range(lanes.shape[1]):
+                if lanes[DONE, k] == 0.0:
+                    lanes[SPAN, k] = period * (1.0 + lanes[JITTER, k] * (2.0 * uniform(streams, k) - 1.0))
+        if numbers[PUSHED] > 0.0:
+            _push(lanes, streams, sizes, period)
+        _move(lanes, codes, sizes, work)
+        _sense(lanes, streams, codes, sizes, numbers, work)
+    _judge(lanes, sizes, numbers)

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -18,10 +18,13 @@ from ..sensors import Sensors, difference_gain
 from ..simulation import MOST_STEPS
 from . import kernels as k
 from .randomization import Randomization, randomization
+from .ranges import RIG, draws, with_drawn_effects
 
 TASKS = ("balance", "swing_up")
+REWARDS = ("smooth", "tolerant")
 SAMPLE_TIME = 0.01  # s, where the plant has none of its own
 SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
+PUSH_RATE = 0.5  # 1/s, of pushes whose rate is not drawn
 _FEWEST_SUBSTEPS = 2
 _FRICTION_STEP = 0.4  # longest Runge–Kutta step times the friction's rate
 _BRISTLE_STEP = 2.5e-3  # s; the bristle of arm_presliding, of at most 1000 1/s, makes longer steps unstable
@@ -33,7 +36,7 @@ class Options:
 
     plant: Plant | str | os.PathLike[str] = "table3"
     task: str = "balance"
-    randomize: bool = False
+    randomize: bool | str | Mapping[str, Any] | Sequence[str] = False
     effect_probabilities: Mapping[str, float] = field(default_factory=dict)
     sample_time: float | None = None
     encoder_counts: float | tuple[float, float] | None = None
@@ -45,7 +48,12 @@ class Options:
     history: int = 1
     observe_command: bool = False
     normalize_action: bool = False
-    arm_limit: float = 2 * math.pi
+    scale_observation: bool = False
+    reward: str = "smooth"
+    start_spread: tuple[float, float, float, float] | None = None
+    action_time: float | None = None
+    time_limit: float | None = None
+    arm_limit: float | None = None
     pendulum_limit: float | None = None
     longest_step: float = 2.5e-3
 
@@ -60,13 +68,25 @@ class Options:
     def __post_init__(self) -> None:
         if self.task not in TASKS:
             raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
-        for name in ("randomize", "observe_command", "normalize_action"):
+        for name in ("observe_command", "normalize_action", "scale_observation"):
             if not isinstance(getattr(self, name), bool | np.bool_):
                 raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
+        if self.reward not in REWARDS:
+            raise ValueError(f"reward must be one of {', '.join(REWARDS)}, got {self.reward!r}")
+        if self.start_spread is not None:
+            spread = np.asarray(self.start_spread, dtype=float)
+            if spread.shape != (4,) or not ((spread >= 0) & (spread <= 100)).all():
+                raise ValueError(f"start_spread must be four half-widths of q1, q2, q̇1, q̇2, got {self.start_spread!r}")
         if not (isinstance(self.history, int | np.integer) and 1 <= self.history <= 100):
             raise ValueError(f"history must be a whole number of samples in [1, 100], got {self.history!r}")
         _check("jitter", self.jitter, 0.0, 0.3, "share of the sample time")
-        _check("arm_limit", self.arm_limit, 0.01, 1e3, "rad")
+        for name, low, high, unit in (
+            ("arm_limit", 0.01, 1e3, "rad"),
+            ("action_time", 1e-4, 1.0, "s"),
+            ("time_limit", 1e-3, 1e6, "s"),
+        ):
+            if getattr(self, name) is not None:
+                _check(name, getattr(self, name), low, high, unit)
         _check("longest_step", self.longest_step, 1e-5, 0.05, "s")
         if self.sample_time is not None:
             _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
@@ -87,6 +107,11 @@ def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
         raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}, got {value!r}")
 
 
+def _own_speed(plant: Plant) -> float:
+    """Of the pendulum [rad/s], at least 1: the unit of scaled speeds and of the reward's calm."""
+    return max(pendulum_frequency(plant.theta), 1.0) if plant.theta[4] > 0 else 1.0
+
+
 class Setup:
     """Everything that one env and a batch of them share: the plant, the spaces, and the compiled step's constants.
 
@@ -98,14 +123,31 @@ class Setup:
         plant = Plant.resolve(options.plant)
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
         _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
-        if options.randomize:
+        self.draws = drawn = draws(options.randomize, plant)
+        if drawn.posterior:
             plant = with_spread(plant)
         if options.delay is not None:
             _check("delay", options.delay, 0.0, 0.1, "s")
             plant = plant.with_effects(Effect("input_delay", {"d": options.delay}))
         self.plant = plant
         self.sensors = _sensors(plant, options)
-        self.random: Randomization = randomization(plant, options.randomize, options.effect_probabilities)
+        self.arm_limit = float(options.arm_limit or plant.limit("arm_travel", 2 * math.pi))
+        self.supply = min(plant.u_max, plant.limit("supply", math.inf))
+        self.speed_unit = _own_speed(plant) if options.scale_observation else 1.0
+        # an action is never shorter than asked for, so that 20 ms are never more than 50 actions a second
+        self.samples = max(1, math.ceil((options.action_time or 0.0) / self.sample_time - 1e-6))
+        self.action_period = self.samples * self.sample_time
+        self.longest = (
+            math.inf if options.time_limit is None else max(1, round(options.time_limit / self.action_period))
+        )
+        self.jitter = max(options.jitter, drawn.ranges["jitter"].bounds[1] if "jitter" in drawn.ranges else 0.0)
+        self.random: Randomization = randomization(
+            with_drawn_effects(plant, drawn),
+            drawn.posterior,
+            {**drawn.chances, **options.effect_probabilities},
+            drawn.physical,
+            drawn.ranges,
+        )
         self.codes = self.random.plant.packed().codes
         self.substeps = self._substeps()
         self.sizes = self._sizes()
@@ -115,11 +157,13 @@ class Setup:
     def _substeps(self) -> int:
         """Runge–Kutta steps a sample, at least two: see `FurutaEnv` for the rule and its error."""
         longest = min(
-            self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random.plant, self.options.randomize)
+            self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random.plant, self.draws.posterior)
         )
+        share = self.random.physical
+        longest *= (1.0 - share) / (1.0 + share)  # the lightest rig with the most friction
         if self.random.plant.effect("arm_presliding") is not None:
             longest = min(longest, _BRISTLE_STEP)
-        n = self.sample_time * (1.0 + self.options.jitter) / longest - 1e-9
+        n = self.sample_time * (1.0 + self.jitter) / longest - 1e-9
         if not n <= MOST_STEPS:
             raise ValueError(
                 f"a step of {self.sample_time:g} s would take {n:.3g} steps of integration, at most {MOST_STEPS} are "
@@ -133,10 +177,9 @@ class Setup:
         delay = self.random.plant.effect("input_delay")
         past = stretches = 0
         if delay is not None:
-            shortest = self.sample_time * (1.0 - o.jitter)
-            longest = delay.type.parameters[0].upper if o.randomize else delay.parameters["d"]
-            past = math.ceil(longest / shortest) + 2
-            stretches = 1 + math.ceil((1.0 + o.jitter) / (1.0 - o.jitter) - 1e-9)
+            shortest = self.sample_time * (1.0 - self.jitter)
+            past = math.ceil(self.random.longest_delay / shortest) + 2
+            stretches = 1 + math.ceil((1.0 + self.jitter) / (1.0 - self.jitter) - 1e-9)
         sizes = np.zeros(k.N_SIZES, dtype=np.int64)
         sizes[k.STATE_ROWS] = packed.rows
         sizes[k.PARAMETER_ROWS] = packed.p.size
@@ -145,6 +188,7 @@ class Setup:
         sizes[k.STRETCHES] = stretches
         sizes[k.HISTORY] = o.history
         sizes[k.FRAME] = 6 if o.observe_command else 5
+        sizes[k.SAMPLES] = self.samples
         return sizes
 
     def _numbers(self) -> NDArray[np.float64]:
@@ -152,23 +196,32 @@ class Setup:
         balance = o.task == "balance"
         numbers = np.zeros(k.N_NUMBERS)
         numbers[k.SAMPLE_TIME] = self.sample_time
-        numbers[k.JITTER] = o.jitter
         numbers[k.U_MAX] = plant.u_max
         numbers[k.ACTION_SCALE] = plant.u_max if o.normalize_action else 1.0
         numbers[k.VELOCITY_GAIN] = difference_gain(sensors.velocity_cutoff, self.sample_time)
-        numbers[k.NOISE1 : k.NOISE1 + 2] = sensors.noise_std
-        numbers[k.OFFSET1 : k.OFFSET1 + 2] = sensors.offset
+        rig = [*np.broadcast_to(sensors.noise_std, 2), *sensors.offset, self.supply, o.jitter, 0.0, PUSH_RATE]
+        numbers[k.RIG :] = rig
+        drawn = self.draws.ranges
+        numbers[k.NOISY] = max(rig[:2]) > 0.0 or "noise_std" in drawn
+        numbers[k.JITTERY] = self.jitter > 0.0
+        numbers[k.PUSHED] = "push" in drawn
         numbers[k.COUNT1 : k.COUNT1 + 2] = sensors.resolution
-        numbers[k.ARM_LIMIT] = o.arm_limit
+        numbers[k.ARM_LIMIT] = self.arm_limit
+        numbers[k.ARM_SPEED] = plant.limit("arm_speed", math.inf)
+        numbers[k.SPEED_SHARE] = 1.0 / self.speed_unit
+        numbers[k.LONGEST] = self.longest
         numbers[k.PENDULUM_LIMIT] = o.pendulum_limit or (k.BALANCE_LIMIT if balance else k.WINDING_LIMIT)
         numbers[k.SPEED_LIMIT] = SPEED_LIMIT
-        numbers[k.SPEED_SCALE] = max(pendulum_frequency(plant.theta), 1.0) if plant.theta[4] > 0 else 1.0
+        numbers[k.SPEED_SCALE] = _own_speed(plant)
         numbers[k.START_Q2] = 0.0 if balance else math.pi
-        numbers[k.START_SPREAD : k.START_SPREAD + 4] = k.START_BALANCE if balance else k.START_SWING_UP
+        spread = k.START_BALANCE if balance else k.START_SWING_UP
+        numbers[k.START_SPREAD : k.START_SPREAD + 4] = spread if o.start_spread is None else o.start_spread
+        numbers[k.TOLERANT] = o.reward == "tolerant"
         return numbers
 
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
-        high = np.array([2 * self.options.arm_limit, 1.0, 1.0, SPEED_LIMIT, SPEED_LIMIT], dtype=np.float32)
+        speed = SPEED_LIMIT / self.speed_unit
+        high = np.array([2 * self.arm_limit, 1.0, 1.0, speed, speed], dtype=np.float32)
         if self.options.observe_command:
             high = np.append(high, np.float32(1.0))
         high = np.tile(high, self.options.history)
@@ -177,6 +230,17 @@ class Setup:
             spaces.Box(-high, high, dtype=np.float32),
             spaces.Box(-limit, limit, (1,), dtype=np.float32),
         )
+
+
+def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:
+    """What was drawn beside the plant, from the rig's rows (8,) or (8, N): {name: (), (2,), (N,) or (N, 2)}."""
+    found, first = {}, 0
+    for name, entry in RIG.items():
+        if name in setup.draws.ranges:
+            part = rows[first : first + entry.values]
+            found[name] = part[0].copy() if entry.values == 1 else np.ascontiguousarray(part.T)
+        first += entry.values
+    return found
 
 
 def _friction_rate(plant: Plant, drawn: bool) -> float:

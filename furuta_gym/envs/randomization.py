@@ -20,12 +20,20 @@ from ..plant.effects.declaration import Parameter
 from ..plant.layout import FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from ..plant.plant import Plant
 from ..plant.sampling import sampled_plants
+from . import ranges as rg
 from .streams import normal_pair, uniform
 
 _TRIES = 10_000  # draws until a possible plant; construction has shown that one in 1000 is
 
 # Rows of Randomization.table, one column for each row of P.
 _NOMINAL, _LOWER, _UPPER, _OFF, _FROM, _TO, _INVERSE = range(7)
+
+# Columns of Randomization.ranges, one row for each number that is drawn; a target below zero is row −1 − target of the
+# rig's rows (`ranges.RIG`). Of theta=physical only kind and A, the share, mean something.
+_TARGET, _KIND, _A, _B, _CHANCE, _DEFAULT, _LEAST, _MOST = range(8)
+
+# Sizes up to which an effect is drawn where only its chance is given and what is worth noticing is less than rigs have.
+_WIDEST = {"input_delay.d": 0.025}  # s
 
 
 @dataclass(frozen=True)
@@ -35,18 +43,37 @@ class Randomization:
     plant: with every effect that can act, in the order of P. table (7, n): per row of P its nominal value, bounds,
     value with the effect off, and range of sizes when it is switched on (NaN: the nominal value). root (n, m): maps m
     standard normal numbers to shifts of P. switches (s, 3): first row, number of rows and probability of each effect
-    that acts by chance.
+    that acts by chance. ranges (m, 8): see `_TARGET` and the columns after it.
     """
 
     plant: Plant
     table: NDArray[np.float64]
     root: NDArray[np.float64]
     switches: NDArray[np.float64]
+    ranges: NDArray[np.float64]
 
     @property
     def active(self) -> bool:
         """Whether resets differ in their plant at all."""
-        return self.root.shape[1] > 0 or self.switches.shape[0] > 0
+        return self.root.shape[1] > 0 or self.switches.shape[0] > 0 or self.ranges.shape[0] > 0
+
+    @property
+    def physical(self) -> float:
+        """Share by which theta=physical varies masses, lengths, …; 0 without."""
+        return float(self.ranges[self.ranges[:, _KIND] == rg.PHYSICAL, _A].sum())
+
+    @property
+    def longest_delay(self) -> float:
+        """Of `input_delay` in any episode [s]."""
+        delay = self.plant.effect("input_delay")
+        if delay is None:
+            return 0.0
+        row = self.plant.layout.row("input_delay.d")
+        drawn = self.ranges[self.ranges[:, _TARGET] == row, _MOST]
+        if self.root[row].any():
+            return float(self.table[_UPPER, row])
+        chance = self.table[_TO, row]
+        return max(delay.parameters["d"], 0.0 if math.isnan(chance) else float(chance), *drawn.tolist())
 
     def describe(self, P: NDArray[np.float64]) -> dict[str, Any]:
         """What was drawn, from P (n,) or (n, N): theta, friction_sharpness, and each effect's parameters."""
@@ -65,14 +92,20 @@ class Randomization:
         )
 
 
-def randomization(plant: Plant, from_covariance: bool, probabilities: Mapping[str, float]) -> Randomization:
-    """Tables for `draw_parameters`.
+def randomization(
+    plant: Plant,
+    from_covariance: bool,
+    probabilities: Mapping[str, float],
+    physical: float = 0.0,
+    ranges: Mapping[str, rg.Range] | None = None,
+) -> Randomization:
+    """Tables for `draw_parameters` and `draw_ranges`; physical and ranges as `ranges.Draws` has them.
 
     from_covariance: draw θ, r and the carried effects' parameters from `plant.covariance`. probabilities: for each
     named effect the chance to act in an episode. An effect that the plant carries then acts at its own size; another
     one acts at a size drawn uniformly up to what `Plant.default_effect` calls worth noticing (in either direction
-    where both make sense). Raises ValueError on unknown names, probabilities outside [0, 1], a missing covariance or
-    one that allows no plant.
+    where both make sense), `input_delay` up to 25 ms. Raises ValueError on unknown names, probabilities outside
+    [0, 1], a missing covariance or one that allows no plant.
     """
     for name, p in probabilities.items():
         Effect(name)  # an unknown name is refused with the library's list
@@ -97,13 +130,39 @@ def randomization(plant: Plant, from_covariance: bool, probabilities: Mapping[st
         if effect.name in probabilities:
             switches.append((own.start, len(own), float(probabilities[effect.name])))
     return Randomization(
-        whole, table, _root(plant, whole.layout, from_covariance), np.array(switches, dtype=float).reshape(-1, 3)
+        whole,
+        table,
+        _root(plant, whole.layout, from_covariance),
+        np.array(switches, dtype=float).reshape(-1, 3),
+        _ranges(physical, ranges or {}, whole.layout, table),
     )
+
+
+def _ranges(
+    physical: float, ranges: Mapping[str, rg.Range], layout: ParameterLayout, table: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    found: list[tuple[float, ...]] = []
+    if physical:
+        found.append((0.0, rg.PHYSICAL, physical, 0.0, 1.0, 0.0, 0.0, 0.0))
+    first = 0
+    for name, entry in rg.RIG.items():
+        if name in ranges:
+            made = ranges[name]
+            low, high = max(made.bounds[0], entry.low), min(made.bounds[1], entry.high)
+            numbers = (made.kind, made.a, made.b, made.chance, math.nan, low, high)
+            found += [(-1.0 - first - i, *numbers) for i in range(entry.values)]
+        first += entry.values
+    for name, made in ranges.items():
+        if name not in rg.RIG:
+            row = layout.row(name)
+            low, high = max(made.bounds[0], table[_LOWER, row]), min(made.bounds[1], table[_UPPER, row])
+            found.append((row, made.kind, made.a, made.b, made.chance, table[_OFF, row], low, high))
+    return np.array(found, dtype=float).reshape(-1, _MOST + 1)
 
 
 def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, float, float]:
     """(from, to, inverse) of a size drawn by chance: uniform, or to / uniform where infinity is neutral."""
-    default = effect.parameters[parameter.name]
+    default = _WIDEST.get(f"{effect.name}.{parameter.name}", effect.parameters[parameter.name])
     if math.isinf(parameter.neutral):
         return 0.0, default, 1.0
     if effect.name == "friction_sharpness":  # its neutral 0 stands for the plant's own r
@@ -163,3 +222,58 @@ def draw_parameters(P, k, streams, i, table, root, switches):
                 P[row, k] = high / share
             elif not math.isnan(high):
                 P[row, k] = low + share * (high - low)
+
+
+@compiled
+def draw_ranges(P, rig, k, streams, ranges):
+    """Draw what `ranges` names into column k of P (n, L) and of the rig's rows (8, L), from stream k."""
+    for i in range(ranges.shape[0]):
+        kind = int(ranges[i, _KIND])
+        a, b = ranges[i, _A], ranges[i, _B]
+        if kind == rg.PHYSICAL:
+            _draw_physical(P, k, streams, a)
+            continue
+        on = uniform(streams, k) < ranges[i, _CHANCE]
+        share, (z, _) = uniform(streams, k), normal_pair(streams, k)
+        if kind == rg.NORMAL:
+            value = a + b * z
+        elif kind == rg.LOG_UNIFORM:
+            value = a * (b / a) ** share
+        else:
+            value = a + share * (b - a)
+        value = min(max(value, ranges[i, _LEAST]), ranges[i, _MOST])
+        target = int(ranges[i, _TARGET])
+        if target >= 0:
+            P[target, k] = value if on else ranges[i, _DEFAULT]
+        elif on:
+            rig[-1 - target, k] = value
+
+
+@compiled
+def _draw_physical(P, k, streams, share):
+    """θ of a rig whose m2, l2, L1, J1, J2, frictions and gain differ by up to `share` of themselves.
+
+    By Table 2 θ1 = J1 + m2 L1², θ2 = m2 l2², θ3 = m2 L1 l2, θ4 = θ2 + J2, θ5 = m2 l2 g, each times the gain. J2 goes
+    with m2 l2² and a factor of its own, where θ4 ≥ θ2. The part of θ1 that goes with m2 L1² is θ3²/θ2, or less where
+    that leaves no J1 ≥ 0, but at least θ3²/θ4: then M stays positive definite in every draw.
+    """
+    th1, th2, th3, th4 = P[0, k], P[1, k], P[2, k], P[3, k]
+    mass, length, arm, inertia, shape, gain = 1.0, 1.0, 1.0, 1.0, 1.0, 1.0
+    mass += share * (2.0 * uniform(streams, k) - 1.0)
+    length += share * (2.0 * uniform(streams, k) - 1.0)
+    arm += share * (2.0 * uniform(streams, k) - 1.0)
+    inertia += share * (2.0 * uniform(streams, k) - 1.0)
+    shape += share * (2.0 * uniform(streams, k) - 1.0)
+    gain += share * (2.0 * uniform(streams, k) - 1.0)
+    least = th3 * th3 / th4
+    carried = th3 * th3 / th2 if th2 > 0.0 else least
+    if not least <= carried <= th1:
+        carried = least
+    rod = max(th4 - th2, 0.0) if th2 > 0.0 else 0.0
+    P[0, k] = gain * (inertia * (th1 - carried) + mass * arm * arm * carried)
+    P[1, k] = gain * mass * length * length * th2
+    P[2, k] = gain * mass * arm * length * th3
+    P[3, k] = gain * mass * length * length * (th4 - rod + shape * rod)
+    P[4, k] *= gain * mass * length
+    for row in range(5, 9):
+        P[row, k] *= gain * (1.0 + share * (2.0 * uniform(streams, k) - 1.0))

@@ -1,11 +1,35 @@
-"""The name under which Gymnasium knows the environments, and how long an episode lasts."""
+"""The names under which Gymnasium knows the environments, their options, and how long an episode lasts."""
+
+from typing import Any
 
 ENV_ID = "FurutaID-v0"
 MAX_EPISODE_STEPS = 1000  # 10 s at the default 100 Hz
 
+TASK_IDS = {"balance": "FurutaBalance-v0", "swing_up": "FurutaSwingUp-v0"}
+# Options of `FurutaEnv` that the two ids set, and that `gymnasium.make` may change.
+TASK_OPTIONS: dict[str, Any] = {
+    "plant": "qube",
+    "normalize_action": True,
+    "scale_observation": True,
+    "reward": "tolerant",
+    "action_time": 0.02,  # s; a tenth of the fastest motion of such rigs
+    "time_limit": 5.0,  # s; time to swing up and to hold, and many swing-ups among a learner's steps
+}
+REWARD_THRESHOLDS = {"balance": 240.0, "swing_up": 200.0}  # of at most 250
+
+
+def options_of(env_id: str) -> dict[str, Any]:
+    """The options that a registered id sets. Raises ValueError for another id."""
+    for task, own in TASK_IDS.items():
+        if env_id == own:
+            return {"task": task} | TASK_OPTIONS
+    if env_id == ENV_ID:
+        return {}
+    raise ValueError(f"no environment {env_id!r} here; expected one of {', '.join((ENV_ID, *TASK_IDS.values()))}")
+
 
 def register() -> None:
-    """Make `FurutaID-v0` known to Gymnasium; calling it again changes nothing."""
+    """Make the three ids known to Gymnasium; calling it again changes nothing."""
     from gymnasium.envs.registration import register as gymnasium_register
     from gymnasium.envs.registration import registry
 
@@ -16,3 +40,12 @@ def register() -> None:
             vector_entry_point="furuta_gym.envs.vector:FurutaVectorEnv",
             max_episode_steps=MAX_EPISODE_STEPS,
         )
+    for task, env_id in TASK_IDS.items():
+        if env_id not in registry:
+            gymnasium_register(
+                id=env_id,
+                entry_point="furuta_gym.envs.furuta:FurutaEnv",
+                vector_entry_point="furuta_gym.envs.vector:FurutaVectorEnv",
+                reward_threshold=REWARD_THRESHOLDS[task],
+                kwargs=options_of(env_id),
+            )

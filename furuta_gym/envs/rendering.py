@@ -1,6 +1,7 @@
 """Pictures of the pendulum: a perspective view, and beside it angles, command and reward as a person reads them."""
 
 import math
+import time
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -51,7 +52,7 @@ class Scene:
         command, time, reward = (float(column[row]) for row in (k.COMMAND, k.TIME, k.REWARD))
         return cls(
             q1, q2, command, time, reward, setup.options.task, setup.plant.unit, setup.plant.u_max,
-            setup.options.arm_limit, ratio,
+            setup.arm_limit, ratio,
         )  # fmt: skip
 
 
@@ -69,18 +70,25 @@ class Viewer:
         pygame.font.init()
         self._fonts = {size: pygame.font.Font(None, size * _FINE) for size in (20, 26, 34)}
         self._canvas = pygame.Surface((WIDTH * _FINE, HEIGHT * _FINE))
-        self._trail: deque[NDArray[np.float64]] = deque(maxlen=60 if trail else 0)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=60 if trail else 0)  # pixels
+        self._words: dict[tuple[Any, ...], Any] = {}
+        self._ground: Any = pygame.Surface(self._canvas.get_size())  # what no motion changes, painted once
+        self._pillar: Any = None
         self._window: Any = None
-        self._clock: Any = None
         self._shown = -math.inf
+        self._origin = 0.0  # s on the wall's clock at which the episode began
 
     def draw(self, scene: Scene) -> NDArray[np.uint8]:
         """Picture of the scene, (height, width, 3)."""
         picture = self._paint(scene)
-        return np.transpose(self._pygame.surfarray.array3d(picture), (1, 0, 2))
+        data = self._pygame.image.tobytes(picture, "RGB")
+        return np.frombuffer(data, np.uint8).reshape(HEIGHT, WIDTH, 3).copy()
 
     def show(self, scene: Scene) -> None:
-        """Show the scene in the window, in real time; at most 60 pictures a second are drawn."""
+        """Show the scene in the window, in real time; at most 60 pictures a second are drawn.
+
+        A program that is too slow is not made up for: the clock goes on from where it came late by 0.1 s.
+        """
         pygame = self._pygame
         if 0.0 <= scene.time - self._shown < 1.0 / 60.0 - 1e-9:
             return
@@ -88,14 +96,16 @@ class Viewer:
             pygame.display.init()
             pygame.display.set_caption("FurutaID-v0")
             self._window = pygame.display.set_mode((WIDTH, HEIGHT))
-            self._clock = pygame.time.Clock()
-        elapsed = scene.time - self._shown
+        picture = self._paint(scene)
+        early = self._origin + scene.time - time.perf_counter()
+        if scene.time <= self._shown or not -0.1 < early < 1.0:
+            self._origin = time.perf_counter() - scene.time
+        elif early > 0.0:
+            time.sleep(early)
         self._shown = scene.time
-        self._window.blit(self._paint(scene), (0, 0))
+        self._window.blit(picture, (0, 0))
         pygame.event.pump()
         pygame.display.flip()
-        if 0.0 < elapsed < 1.0:
-            self._clock.tick(1.0 / elapsed)
 
     def close(self) -> None:
         if self._window is not None:
@@ -103,10 +113,24 @@ class Viewer:
             self._window = None
 
     def _paint(self, scene: Scene) -> Any:
-        self._canvas.fill(_PAPER)
+        if self._pillar is None:
+            self._paint_ground()
+        self._canvas.blit(self._ground, (0, 0))
         self._view(scene)
         self._panel(scene)
         return self._pygame.transform.smoothscale(self._canvas, (WIDTH, HEIGHT))
+
+    def _paint_ground(self) -> None:
+        """The floor, and the pillar on a layer of its own, as the arm may pass behind it."""
+        moving = self._canvas
+        self._canvas = self._ground
+        self._canvas.fill(_PAPER)
+        self._floor()
+        self._canvas = self._pygame.Surface(moving.get_size(), self._pygame.SRCALPHA)
+        self._stand()
+        place = self._canvas.get_bounding_rect()
+        self._pillar = self._canvas.subsurface(place).copy(), place.topleft
+        self._canvas = moving
 
     # --- the perspective view
 
@@ -118,26 +142,24 @@ class Viewer:
         tip = joint + rod * (s2 * across + c2 * np.array([0.0, 0.0, 1.0]))
         if scene.time <= 0.0:
             self._trail.clear()
-        self._trail.append(tip)
-        self._floor(joint, tip)
-        circle = [joint + rod * (math.sin(a) * across + math.cos(a) * np.array([0.0, 0.0, 1.0])) for a in _angles(72)]
-        self._curve(circle, _FAINT, 1, closed=True)
-        for i, point in enumerate(list(self._trail)[:-1]):
-            x, y = _project(point)
+        self._trail.append(_project(tip))
+        self._shadow(joint, tip)
+        self._curve(joint + rod * (_CIRCLE[:, :1] * across + _CIRCLE[:, 1:] * _Z), _FAINT, 1, closed=True)
+        for i, (x, y) in enumerate(list(self._trail)[:-1]):
             shade = (i + 1) / len(self._trail)
             self._disc(x, y, 1.0 + 1.5 * shade, _mix(_PAPER, _ROD, 0.55 * shade))
         upright = joint + np.array([0.0, 0.0, rod])
         self._curve([upright - 0.05 * across, upright + 0.05 * across], _GOOD, 3)
         # nearer things cover what lies behind them
         parts = [
-            (_depth(hub), lambda: self._pillar()),
+            (_depth(hub), lambda: self._canvas.blit(*self._pillar)),
             (_depth(0.5 * (hub + joint)), lambda: self._bar(-0.22 * along, joint, 9, _ARM)),
             (_depth(0.5 * (joint + tip)) - 0.01, lambda: self._pendulum(joint, tip, along)),
         ]
         for _, paint in sorted(parts, key=lambda part: -part[0]):
             paint()
 
-    def _floor(self, joint: NDArray[np.float64], tip: NDArray[np.float64]) -> None:
+    def _floor(self) -> None:
         ring = [np.array([1.35 * math.cos(a), 1.35 * math.sin(a), _FLOOR_Z]) for a in _angles(96)]
         self._polygon(ring, _FLOOR)
         self._curve(ring, _FAINT, 1, closed=True)
@@ -146,13 +168,15 @@ class Viewer:
             direction = np.array([math.cos(a), math.sin(a), 0.0])
             floor = np.array([0.0, 0.0, _FLOOR_Z])
             self._curve([inner * direction + floor, 1.35 * direction + floor], _FAINT, 2 if i % 6 == 0 else 1)
+
+    def _shadow(self, joint: NDArray[np.float64], tip: NDArray[np.float64]) -> None:
         flat = np.array([1.0, 1.0, 0.0])
         down = np.array([0.0, 0.0, _FLOOR_Z])
         shadow = _mix(_FLOOR, _INK, 0.22)
         self._curve([down, flat * joint + down], shadow, 7)
         self._curve([flat * joint + down, flat * tip + down], shadow, 4)
 
-    def _pillar(self) -> None:
+    def _stand(self) -> None:
         for radius, low, high in ((0.34, _FLOOR_Z, _FLOOR_Z + 0.1), (0.17, _FLOOR_Z + 0.1, -0.06)):
             for z, colour in ((low, _METAL_DARK), (high, _METAL)):
                 disc = [np.array([radius * math.cos(a), radius * math.sin(a), z]) for a in _angles(40)]
@@ -226,15 +250,19 @@ class Viewer:
     # --- primitives, in pixels of the finished picture
 
     def _text(self, text: str, x: float, y: float, size: int, colour: Any = _INK, anchor: str = "left") -> None:
-        picture = self._fonts[size].render(text, True, colour)
+        picture = self._words.get((text, size, colour))
+        if picture is None:
+            if len(self._words) > 500:  # numbers that change; the others are soon back
+                self._words.clear()
+            picture = self._words[text, size, colour] = self._fonts[size].render(text, True, colour)
         shift = {"left": 0.0, "centre": 0.5, "right": 1.0}[anchor] * picture.get_width()
         self._canvas.blit(picture, (x * _FINE - shift, y * _FINE))
 
     def _disc(self, x: float, y: float, radius: float, colour: Any) -> None:
         self._pygame.draw.circle(self._canvas, colour, (x * _FINE, y * _FINE), radius * _FINE)
 
-    def _curve(self, points: list[Any], colour: Any, width: float, closed: bool = False) -> None:
-        flat = [tuple(v * _FINE for v in _project(p)) for p in points]
+    def _curve(self, points: Any, colour: Any, width: float, closed: bool = False) -> None:
+        flat = (_FINE * _project_all(np.asarray(points))).tolist()
         if len(flat) == 2:
             self._thick(flat[0], flat[1], width * _FINE, colour)
         else:
@@ -281,6 +309,10 @@ def _mix(a: tuple[int, ...], b: tuple[int, ...], share: float) -> tuple[int, ...
     return tuple(round(x + share * (y - x)) for x, y in zip(a, b, strict=True))
 
 
+_Z = np.array([0.0, 0.0, 1.0])
+_CIRCLE = np.array([(math.sin(a), math.cos(a)) for a in _angles(72)])
+
+
 def _left_turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
@@ -300,3 +332,10 @@ def _project(point: NDArray[np.float64]) -> tuple[float, float]:
     d = point - _CAMERA
     scale = _FOCAL / float(d @ _FORWARD)
     return _VIEW / 2 + scale * float(d @ _RIGHT), HEIGHT / 2 - scale * float(d @ _UP)
+
+
+def _project_all(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels (n, 2) of points (n, 3)."""
+    d = points - _CAMERA
+    scale = _FOCAL / (d @ _FORWARD)
+    return np.stack([_VIEW / 2 + scale * (d @ _RIGHT), HEIGHT / 2 - scale * (d @ _UP)], axis=1)

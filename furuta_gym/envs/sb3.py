@@ -8,20 +8,21 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from .furuta import start_state
+from .registration import ENV_ID, options_of
 from .vector import FurutaVectorEnv
 
 
 class FurutaVecEnv(VecEnv):
-    """`FurutaVectorEnv` for stable-baselines3; takes the same arguments.
+    """`FurutaVectorEnv` for stable-baselines3: the registered `env_id`, with its options, and any others.
 
-    Actions are normalized to [-1, 1] unless `normalize_action=False` is given, since the Gaussian policies of
-    stable-baselines3 start with a spread of one. Where an episode ends, info holds `terminal_observation` and
-    `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor` for episode returns.
-    `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.
+    The defaults are those of `gymnasium.make(env_id)`. Gaussian policies of stable-baselines3 start with a spread of
+    one, so for `FurutaID-v0` give `normalize_action=True`; the other ids have it. Where an episode ends, info holds
+    `terminal_observation` and `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor`
+    for episode returns. `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.
     """
 
-    def __init__(self, num_envs: int = 16, **options: Any) -> None:
-        options = {"normalize_action": True} | options
+    def __init__(self, num_envs: int = 16, env_id: str = ENV_ID, **options: Any) -> None:
+        options = options_of(env_id) | options
         self.batch = FurutaVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
         super().__init__(self.batch.num_envs, self.batch.single_observation_space, self.batch.single_action_space)
         self.metadata |= {"render_fps": self.batch.metadata["render_fps"]}

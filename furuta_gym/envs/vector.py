@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -16,7 +16,7 @@ from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
 from .furuta import start_state
-from .options import Options, Setup
+from .options import Options, Setup, drawn_rig
 from .registration import MAX_EPISODE_STEPS
 from .rendering import Scene, Viewer
 from .streams import start_stream
@@ -33,7 +33,8 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     `reset(seed=s)` env i has seed s + i, and a list gives each its own. Batches of 256 and more are spread over
     the cores; `threads` limits how many.
 
-    max_episode_steps: episodes are truncated here, since a batch has no TimeLimit wrapper.
+    max_episode_steps: episodes are truncated here, since a batch has no TimeLimit wrapper; 1000 unless `time_limit` or
+    another number is given.
     autoreset_mode: NEXT_STEP (default), SAME_STEP (`final_obs` and `final_info` in info) or DISABLED (use
     `reset(options={"reset_mask": mask})`), with Gymnasium's semantics.
     options of reset: `state` (4,) or (N, 4) starts from q1, q2, q̇1, q̇2; NaN is drawn. `reset_mask` (N,) bool.
@@ -54,7 +55,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         plant: Plant | str | os.PathLike[str] = "table3",
         task: str = "balance",
         *,
-        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        max_episode_steps: int | Literal["default"] | None = "default",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int | None = None,
@@ -62,6 +63,8 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     ) -> None:
         if not (isinstance(num_envs, int | np.integer) and num_envs >= 1):
             raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
+        if max_episode_steps == "default":
+            max_episode_steps = MAX_EPISODE_STEPS if options.get("time_limit") is None else None
         if max_episode_steps is not None and max_episode_steps < 1:
             raise ValueError(f"max_episode_steps must be at least 1 or None, got {max_episode_steps!r}")
         if render_mode not in (None, "rgb_array"):
@@ -72,12 +75,12 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
         self.metadata = type(self).metadata | {
             "autoreset_mode": self.autoreset_mode,
-            "render_fps": round(1.0 / setup.sample_time),
+            "render_fps": round(1.0 / setup.action_period),
         }
         self.single_observation_space, self.single_action_space = setup.observation_space, setup.action_space
         self.observation_space = batch_space(setup.observation_space, self.num_envs)
         self.action_space = batch_space(setup.action_space, self.num_envs)
-        self._max_steps = math.inf if max_episode_steps is None else float(max_episode_steps)
+        self._max_steps = min(math.inf if max_episode_steps is None else float(max_episode_steps), setup.longest)
         self._threads = cores() if threads is None else int(threads)
         if self._threads < 1:
             raise ValueError(f"threads must be at least 1, got {threads!r}")
@@ -91,7 +94,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._lanes[:, self._parameter_rows] = setup.random.plant.packed().p[:, None]
         self._streams = np.zeros((blocks, width), dtype=np.uint64)
         self._shared = (self._lanes, self._streams, setup.codes, setup.sizes, setup.numbers)
-        self._tables = (setup.random.table, setup.random.root, setup.random.switches)
+        self._tables = (setup.random.table, setup.random.root, setup.random.switches, setup.random.ranges)
         # where the threads leave a step: they may be at work on it before Python has seen what the step returns
         self._actions, self._board = np.zeros((self.num_envs, 1), dtype=np.float32), np.zeros(N_BOARD, dtype=np.int64)
         self._out: tuple[NDArray[Any], ...] = (*self._arrays(), *_outcome(self.num_envs))
@@ -205,6 +208,9 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         if self.setup.random.active and fresh.any():
             info["plant"] = _masked(self.setup.random.describe(self._parameters()), fresh)
             info["_plant"] = fresh.copy()
+            rig = self._lanes[:, k.NOISE1 : k.N_FIXED].transpose(1, 0, 2).reshape(k.N_FIXED - k.NOISE1, -1)
+            if drawn := drawn_rig(self.setup, rig[:, : self.num_envs]):
+                info["rig"], info["_rig"] = _masked(drawn, fresh), fresh.copy()
         return info
 
     def _parameters(self) -> NDArray[np.float64]:
@@ -268,19 +274,35 @@ def _publish(lanes, i, k0, sizes, observation, state, measured, command):
 
 @compiled
 def _reset_batch(
-    lanes, streams, codes, sizes, numbers, table, root, switches, mask, start, observation, state, measured, command
+    lanes,
+    streams,
+    codes,
+    sizes,
+    numbers,
+    table,
+    root,
+    switches,
+    ranges,
+    mask,
+    start,
+    observation,
+    state,
+    measured,
+    command,
 ):
     width = lanes.shape[2]
     for i in range(mask.shape[0]):
         block, lane = i // width, i % width
         if mask[i]:
-            k.reset_lane(lanes[block], lane, streams[block], codes, sizes, numbers, table, root, switches, start[i])
+            k.reset_lane(
+                lanes[block], lane, streams[block], codes, sizes, numbers, table, root, switches, ranges, start[i]
+            )
         _publish(lanes[block], i, lane, sizes, observation, state, measured, command)
 
 
 @compiled(nogil=True)
 def _step_blocks(
-    patience, board, actions, lanes, streams, codes, sizes, numbers, table, root, switches, max_steps,
+    patience, board, actions, lanes, streams, codes, sizes, numbers, table, root, switches, ranges, max_steps,
     observation, state, measured, command, rewards, terminated, truncated,
 ):  # fmt: skip
     work = np.empty((k.work_rows(sizes), lanes.shape[2]))
@@ -289,8 +311,8 @@ def _step_blocks(
     b = take(board, n, 0)
     while b < n:
         _step_block(
-            b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, max_steps, work, nothing,
-            observation, state, measured, command, rewards, terminated, truncated,
+            b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, ranges, max_steps, work,
+            nothing, observation, state, measured, command, rewards, terminated, truncated,
         )  # fmt: skip
         finish(board)
         b = take(board, n, patience)
@@ -298,7 +320,7 @@ def _step_blocks(
 
 @compiled
 def _step_block(
-    b, actions, lanes, streams, codes, sizes, numbers, table, root, switches, max_steps, work, nothing,
+    b, actions, lanes, streams, codes, sizes, numbers, table, root, switches, ranges, max_steps, work, nothing,
     observation, state, measured, command, rewards, terminated, truncated,
 ):  # fmt: skip
     width = lanes.shape[1]
@@ -310,7 +332,7 @@ def _step_block(
     for lane in range(count):
         i = first + lane
         if lanes[k.DONE, lane] != 0.0:
-            k.reset_lane(lanes, lane, streams, codes, sizes, numbers, table, root, switches, nothing)
+            k.reset_lane(lanes, lane, streams, codes, sizes, numbers, table, root, switches, ranges, nothing)
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
         else:
             rewards[i] = lanes[k.REWARD, lane]

@@ -19,6 +19,7 @@ from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
+from .limits import checked_limits, checked_ranges
 from .parameters import THETA_NAMES, physical_consistency, plain_numbers, theta_vector
 
 SCHEMA = "furuta-plant/1"
@@ -66,6 +67,7 @@ class Plant:
     unit: the command's unit {u}, "V" or "N·m". u_max [{u}]: largest command. sample_time [s]: if known.
     effects: what acts besides model (5). covariance: over θ and effect parameters, as estimated.
     sensors, provenance, checks: free mappings that go to the file with it.
+    limits: of the rig, see `limits.LIMITS`. randomize: ranges to train over, see `envs.ranges`; both optional.
     Raises ValueError for numbers that no plant can have, as a mass matrix that is not positive definite.
     """
 
@@ -79,6 +81,8 @@ class Plant:
     sensors: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     checks: Mapping[str, Any] = field(default_factory=dict)
+    limits: Mapping[str, float] | None = None
+    randomize: Mapping[str, str] | None = None
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
@@ -112,6 +116,8 @@ class Plant:
             if value is not None:
                 put(name, MappingProxyType(dict(value)))
         _check_logs(self.provenance)
+        put("limits", checked_limits(self.limits))
+        put("randomize", checked_ranges(self.randomize))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
@@ -133,6 +139,10 @@ class Plant:
 
     def effect(self, name: str) -> Effect | None:
         return next((e for e in self.effects if e.name == name), None)
+
+    def limit(self, name: str, otherwise: float) -> float:
+        """The rig's limit `name` (see `limits.LIMITS`), or what to take where the file has none."""
+        return float((self.limits or {}).get(name, otherwise))
 
     @property
     def sharpness(self) -> tuple[float, float]:
@@ -196,7 +206,7 @@ class Plant:
             "u_max": self.u_max,
             "provenance": dict(self.provenance),
             "checks": dict(self.checks) | physical_consistency(self.theta).to_dict(),
-        }
+        } | {name: dict(value) for name in ("limits", "randomize") if (value := getattr(self, name)) is not None}
 
     def to_json(self) -> str:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
@@ -228,6 +238,8 @@ class Plant:
             sensors=data.get("sensors"),
             provenance={} if data.get("provenance") is None else data["provenance"],
             checks={} if data.get("checks") is None else data["checks"],
+            limits=data.get("limits"),
+            randomize=data.get("randomize"),
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:

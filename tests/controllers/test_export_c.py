@@ -54,7 +54,7 @@ def test_compiled_header_gives_the_same_commands(case, tmp_path):
     controller = make_controller(name, plant, 0.004)
     export_c(controller, tmp_path / "controller.h", prefix="controller")
     (tmp_path / "main.c").write_text(MAIN)
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off"]
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-ffp-contract=off"]
     program = tmp_path / "main"
     subprocess.run([str(COMPILER), *flags, "-o", program, tmp_path / "main.c", "-lm"], check=True, timeout=60)
 

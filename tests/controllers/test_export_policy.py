@@ -130,7 +130,7 @@ def test_compiled_header_gives_the_same_commands(policy, plant, tmp_path):
     controller = make_controller(path, plant, 0.02)
     export_policy_c(controller, tmp_path / "policy.h", prefix="policy")
     (tmp_path / "main.c").write_text(MAIN)
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic"]
     program = tmp_path / "main"
     subprocess.run([str(COMPILER), *flags, "-o", program, tmp_path / "main.c", "-lm"], check=True, timeout=60)
     y = wandering(300)
@@ -151,7 +151,7 @@ def test_an_unknown_network_is_refused():
 
     from furuta_gym.envs.sb3 import FurutaVecEnv
 
-    env = FurutaVecEnv(1, plant=QUBE)
+    env = FurutaVecEnv(1, plant=QUBE, normalize_action=True)
     with pytest.raises(ValueError, match="ELU cannot be exported"):
         network_of(PPO("MlpPolicy", env, policy_kwargs={"activation_fn": nn.ELU}, device="cpu"))
 

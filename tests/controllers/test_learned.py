@@ -10,11 +10,12 @@ import pytest
 from controllers import make_controller
 from controllers.evaluation import compare
 from controllers.layers import network_of
-from controllers.learned import LearnedController
+from controllers.learned import LearnedController, load_policy
 from controllers.policy_file import read_policy, read_record, write_policy
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
 from experiments.studies.bench_runs import run_on_bench
+from furuta_gym.envs import options_of
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.simulation import simulate
 from identification.design.setup import Setup
@@ -202,3 +203,16 @@ class TestBadFiles:
             archive.writestr("weights.safetensors", "")
         with pytest.raises(ValueError, match="training record is not JSON"):
             make_controller(path, QUBE)
+
+
+def test_a_policy_of_scaled_observations_is_refused(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3 import PPO
+
+    model = PPO("MlpPolicy", "FurutaSwingUp-v0", device="cpu")
+    model.save(tmp_path / "up.zip")
+    with pytest.raises(ValueError, match="scaled observations"):
+        load_policy(tmp_path / "up.zip", QUBE, trust=True)
+    write_policy(tmp_path / "own.zip", network_of(model), {"env": options_of("FurutaSwingUp-v0")})
+    with pytest.raises(ValueError, match="scaled observations"):
+        load_policy(tmp_path / "own.zip", QUBE)

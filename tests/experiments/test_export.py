@@ -15,6 +15,7 @@ from tests.commands import furuta, refused
     [
         (("--controller", "lqg"), "lqg.h", ("furuta_lqg_step", "#ifndef")),
         (("lqr", "--format", "c", "--sample-time", "0.005"), "lqr.c", ("once every 0.005 s",)),
+        (("lqg", "--single", "--soft-start", "0.1"), "lqg.h", ("static inline float furuta_lqg_step", "/ 26.0f")),
         (("--format", "mjcf"), "rig.xml", ("<mujoco", "frictionloss")),
     ],
 )
@@ -35,6 +36,7 @@ REFUSED = {
     "two": (("qube", "lqr", "--controller", "lqg"), "lqr.h", ("one of them",)),
     "ending": (("qube",), "rig.txt", (".onnx", "--format")),
     "other ending": (("qube", "--format", "mjcf"), "rig.h", (".xml",)),
+    "single ONNX": (("qube", "none.zip", "--single"), "none.onnx", ("--single", "C")),
     "swing-up": (("qube", "swing-up"), "up.h", ("no C export",)),
 }
 

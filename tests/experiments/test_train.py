@@ -126,6 +126,8 @@ REFUSED = {
     "task": (("--plant", "large", "--task", "juggle"), ("juggle", "balance, swing_up")),
     "effect": (("--plant", "large", "--effect-chance", "arm_spring"), ("arm_spring", "NAME=p")),
     "no effect": (("--plant", "large", "--effect-chance", "spring=0.5"), ("spring", "arm_spring")),
+    "range": (("--plant", "large", "--randomize", "input_delay=gauss:1,2"), ("input_delay", "uniform:LOW,HIGH")),
+    "range alone": (("--plant", "large", "input_delay=0.01"), ("--randomize",)),
     "resume": (("--plant", "large", "--resume"), ("neither", "policy.zip")),
     "sample time": (("--plant", "large", "--sample-time", "3"), ("sample_time",)),
     "off the rig's clock": (("--plant", "qube", "--sample-time", "0.01"), ("no multiple", "0.004", "such as 0.02")),
@@ -137,6 +139,17 @@ def test_refusals_leave_nothing(case: str, tmp_path: Path) -> None:
     arguments, words = REFUSED[case]
     refused(furuta("train", *arguments, "-o", tmp_path / "policy.zip"), *words)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ranges_after_randomize_and_what_is_not_trained_for(tmp_path: Path) -> None:
+    path = tmp_path / "policy.zip"
+    words = ("--randomize", "input_delay=uniform:0,0.03", "theta=physical:0.2", "noise_std=0.001")
+    result = furuta("train", "--plant", "qube", "--steps", 1, "-o", path, "--json", *words)
+    assert result.exit_code == 0, result.output
+    record = json.loads(path.with_suffix(".json").read_text())
+    assert record["env"]["randomize"] == dict(word.split("=") for word in words[1:])
+    assert {"arm_spring", "push", "u_max", "jitter"} <= set(record["not_trained_for"])
+    assert not {"input_delay", "theta", "noise_std"} & set(record["not_trained_for"])
 
 
 def test_drawing_plants_needs_a_covariance(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_contract(name):
             setup = env.unwrapped.setup
             limit = setup.options.pendulum_limit or (0.5 if setup.options.task == "balance" else np.inf)
             q1, q2 = info["state"][:2]
-            assert terminated == (abs(q1) > setup.options.arm_limit or abs(q2) > limit)
+            assert terminated == (abs(q1) > setup.arm_limit or abs(q2) > limit)
             assert truncated == (step == 200)
             if terminated or truncated:
                 ends.add((terminated, truncated))

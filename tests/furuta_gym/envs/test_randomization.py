@@ -108,7 +108,7 @@ def test_effect_by_chance(name):
     for p in EFFECTS[name].parameters:
         values = drawn[p.name]
         assert (values[~on] == (neutral[p.name] if p.role == "size" else default.parameters[p.name])).all()
-        size = default.parameters[p.name]
+        size = 0.025 if name == "input_delay" else default.parameters[p.name]
         if p.role == "shape":
             assert (values == size).all()
         elif np.isinf(p.neutral):

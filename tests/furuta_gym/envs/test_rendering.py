@@ -75,6 +75,35 @@ def test_window_without_a_screen(monkeypatch):
     env.close()
 
 
+def test_a_frame_takes_a_few_milliseconds_of_cpu():
+    """Bound: 5 ms; twice that for slow machines. It took 36 ms before the ground and the words were kept."""
+    import time
+
+    env = FurutaEnv("qube", "swing_up", render_mode="rgb_array")
+    env.reset(seed=0)
+    spent = []
+    for _ in range(60):
+        env.step(env.action_space.sample())
+        began = time.process_time()
+        env.render()
+        spent.append(time.process_time() - began)
+    assert np.median(spent[10:]) < 0.010
+
+
+def test_a_window_shows_time_as_it_passes(monkeypatch):
+    import time
+
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = FurutaEnv("qube", "swing_up", render_mode="human")
+    env.reset(seed=0)
+    began = time.perf_counter()
+    for _ in range(100):  # 0.4 s at 250 Hz
+        env.step([0.0])
+    passed = time.perf_counter() - began
+    assert passed > 0.35
+    env.close()
+
+
 def test_batch_renders_each_env():
     batch = FurutaVectorEnv(3, render_mode="rgb_array")
     assert batch.render() is None

@@ -13,7 +13,7 @@ def test_equal_to_sb3s_own_over_single_envs():
     import gymnasium as gym
 
     n, steps = 4, 30
-    ours = FurutaVecEnv(n, max_episode_steps=steps)
+    ours = FurutaVecEnv(n, max_episode_steps=steps, normalize_action=True)
     theirs = DummyVecEnv([lambda: gym.make("FurutaID-v0", normalize_action=True, max_episode_steps=steps)] * n)
     for env in (ours, theirs):
         env.seed(3)
@@ -45,7 +45,7 @@ def test_start_states_by_options():
 
 @pytest.mark.parametrize("algorithm", [PPO, SAC])
 def test_learners_run_on_it(algorithm):
-    env = VecMonitor(FurutaVecEnv(8, max_episode_steps=50))
+    env = VecMonitor(FurutaVecEnv(8, max_episode_steps=50, normalize_action=True))
     extra = {"n_steps": 16, "batch_size": 64} if algorithm is PPO else {"learning_starts": 50, "buffer_size": 500}
     model = algorithm("MlpPolicy", env, seed=0, device="cpu", policy_kwargs={"net_arch": [16]}, **extra)
     model.learn(512)

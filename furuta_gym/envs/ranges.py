@@ -1,0 +1,219 @@
+"""The grammar of ranged randomisation, one for Python, the command line and the plant file.
+
+NAME=RANGE NAME=RANGE …
+
+RANGE   uniform:LOW,HIGH | loguniform:LOW,HIGH | normal:MEAN,STD | NUMBER,  or chance:P:RANGE (else it is off)
+NAME    an effect with one parameter (input_delay), EFFECT.PARAMETER (arm_spring.k), or one of `RIG`
+        EFFECT=chance:P lets an effect act with probability P, at a size of its own
+        theta=posterior draws θ from the plant's covariance; theta=physical:S draws masses, lengths, inertias,
+        frictions and gain within ± S of themselves, so that every rig drawn could be built
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..plant.effects import EFFECTS, Effect
+from ..plant.plant import Plant
+
+UNIFORM, NORMAL, LOG_UNIFORM, PHYSICAL = range(4)
+_KINDS = {"uniform": UNIFORM, "normal": NORMAL, "loguniform": LOG_UNIFORM}
+_FORMS = "uniform:LOW,HIGH, loguniform:LOW,HIGH, normal:MEAN,STD, a number, or one of these after chance:P:"
+_WIDEST_SHARE = 0.5  # of theta=physical:S; beyond it a rig is another rig
+
+
+class Entry(NamedTuple):
+    """What may be drawn beside the plant: number of values, bounds, unit, meaning."""
+
+    values: int
+    low: float
+    high: float
+    unit: str
+    meaning: str
+
+
+# In the order of the rows NOISE1 … of `kernels`.
+RIG: dict[str, Entry] = {
+    "noise_std": Entry(2, 0.0, 0.5, "rad", "white noise of the two angles"),
+    "encoder_offset": Entry(2, -math.pi, math.pi, "rad", "what the two encoders read at zero"),
+    "u_max": Entry(1, 1e-6, 1e6, "command", "largest command that the supply gives; the action's scale stays"),
+    "jitter": Entry(1, 0.0, 0.3, "share of the sample time", "spread of the sample time"),
+    "push": Entry(1, 0.0, 100.0, "rad/s", "change of q̇2 by a tap on the pendulum during the episode"),
+    "push_rate": Entry(1, 0.0, 10.0, "1/s", "mean number of taps a second (0.5 unless given)"),
+}
+
+
+@dataclass(frozen=True)
+class Range:
+    """A distribution: kind with its two numbers, and the probability that it is drawn from at all."""
+
+    kind: int
+    a: float
+    b: float
+    chance: float = 1.0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest value; a normal one ends at four standard deviations."""
+        return (self.a - 4 * self.b, self.a + 4 * self.b) if self.kind == NORMAL else (self.a, self.b)
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What `randomize` asks for.
+
+    posterior: θ, r and carried effects from the covariance. physical: share of theta=physical, 0 for none. ranges:
+    of rig entries and of "effect.parameter". chances: of effects that act at a size of their own.
+    """
+
+    posterior: bool
+    physical: float
+    ranges: Mapping[str, Range]
+    chances: Mapping[str, float]
+
+    @property
+    def names(self) -> set[str]:
+        """Names of everything that is drawn: effects, entries of the rig, and "theta"."""
+        found = {name.partition(".")[0] for name in self.ranges} | {n for n, p in self.chances.items() if p > 0}
+        return found | ({"theta"} if self.posterior or self.physical else set())
+
+
+def as_mapping(given: Any) -> dict[str, str]:
+    """`randomize` as {name: range}: from "a=… b=…", from a list of such words, or from a mapping. Raises ValueError."""
+    if isinstance(given, Mapping):
+        return {str(name): str(value) for name, value in given.items()}
+    words = given.split() if isinstance(given, str) else given
+    if not isinstance(words, Iterable):
+        raise ValueError(f'randomize must be True, False, "NAME=RANGE …" or a mapping, got {given!r}')
+    found: dict[str, str] = {}
+    for word in words:
+        name, equals, value = str(word).partition("=")
+        if not (name and equals and value):
+            raise ValueError(f"randomize: expected NAME=RANGE such as input_delay=uniform:0,0.03, got {word!r}")
+        if name in found:
+            raise ValueError(f"randomize: {name} is given twice")
+        found[name] = value
+    return found
+
+
+def draws(given: Any, plant: Plant) -> Draws:
+    """What to draw on `plant`. True means what the plant file's "randomize" says, else the covariance.
+
+    Raises ValueError (got, expected) on unknown names and impossible ranges.
+    """
+    if given is True and plant.randomize:
+        given = plant.randomize
+    if isinstance(given, bool | np.bool_):
+        return Draws(bool(given), 0.0, {}, {})
+    posterior, physical = False, 0.0
+    ranges: dict[str, Range] = {}
+    chances: dict[str, float] = {}
+    for name, text in as_mapping(given).items():
+        if name == "theta":
+            posterior, physical = _theta(text)
+        elif name in RIG:
+            ranges[name] = _inside(name, _range(name, text), RIG[name].low, RIG[name].high, RIG[name].unit)
+        else:
+            _effect(name, text, ranges, chances)
+    if "push_rate" in ranges and "push" not in ranges:
+        raise ValueError("randomize: push_rate says how often; give push=RANGE [rad/s] too")
+    return Draws(posterior, physical, ranges, chances)
+
+
+def _effect(name: str, text: str, ranges: dict[str, Range], chances: dict[str, float]) -> None:
+    effect, dot, wanted = name.partition(".")
+    if effect not in EFFECTS:
+        raise ValueError(
+            f"randomize: nothing is called {name!r}; expected theta, {', '.join(RIG)}, an effect "
+            f"({', '.join(EFFECTS)}), or EFFECT.PARAMETER"
+        )
+    parameters = {p.name: p for p in EFFECTS[effect].parameters}
+    head, _, rest = text.partition(":")
+    if head == "chance" and ":" not in rest and not dot:
+        chances[effect] = _number(name, text, rest)
+        if not 0.0 <= chances[effect] <= 1.0:
+            raise ValueError(f"randomize: {name}: a chance must lie in [0, 1], got {text!r}")
+        return
+    if not dot and len(parameters) > 1:
+        raise ValueError(
+            f"randomize: {effect} has several parameters; give {', '.join(f'{effect}.{p}' for p in parameters)}, "
+            f"or {effect}=chance:P"
+        )
+    wanted = wanted or next(iter(parameters))
+    if wanted not in parameters:
+        raise ValueError(f"randomize: {effect} has no parameter {wanted!r}; it has {', '.join(parameters)}")
+    p = parameters[wanted]
+    ranges[f"{effect}.{wanted}"] = _inside(name, _range(name, text), p.lower, p.upper, p.unit)
+
+
+def _theta(text: str) -> tuple[bool, float]:
+    if text == "posterior":
+        return True, 0.0
+    head, _, rest = text.partition(":")
+    share = _number("theta", text, rest) if head == "physical" else math.nan
+    if not 0.0 < share <= _WIDEST_SHARE:
+        raise ValueError(
+            f"randomize: theta must be posterior, or physical:S with S in (0, {_WIDEST_SHARE:g}], got {text!r}"
+        )
+    return False, share
+
+
+def _range(name: str, text: str) -> Range:
+    head, colon, rest = text.partition(":")
+    if head == "chance" and colon:
+        share, _, inner = rest.partition(":")
+        p = _number(name, text, share)
+        if not 0.0 <= p <= 1.0:
+            raise ValueError(f"randomize: {name}: a chance must lie in [0, 1], got {text!r}")
+        made = _range(name, inner)
+        return Range(made.kind, made.a, made.b, p * made.chance)
+    if not colon:
+        value = _number(name, text, text)
+        return Range(UNIFORM, value, value)
+    parts = rest.split(",")
+    if head not in _KINDS or len(parts) != 2:
+        raise ValueError(f"randomize: {name}={text}: expected {_FORMS}")
+    a, b = (_number(name, text, part) for part in parts)
+    kind = _KINDS[head]
+    if (kind == NORMAL and b < 0) or (kind != NORMAL and b < a) or (kind == LOG_UNIFORM and a <= 0):
+        raise ValueError(f"randomize: {name}={text}: expected LOW ≤ HIGH, 0 < LOW for loguniform, 0 ≤ STD for normal")
+    return Range(kind, a, b)
+
+
+def _number(name: str, text: str, part: str) -> float:
+    try:
+        value = float(part)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"randomize: {name}={text}: expected {_FORMS}")
+    return value
+
+
+def _inside(name: str, made: Range, low: float, high: float, unit: str) -> Range:
+    """A normal range is cut at the bounds; any other must lie inside."""
+    least, most = (made.a, made.a) if made.kind == NORMAL else made.bounds
+    if not low <= least <= most <= high:
+        raise ValueError(f"randomize: {name} must lie in [{low:g}, {high:g}] {unit}, got {least:g} … {most:g}")
+    return made
+
+
+def never_drawn(wanted: Draws, plant: Plant, probabilities: Mapping[str, float]) -> list[str]:
+    """Effects and entries of the rig that no episode has: neither carried by the plant nor drawn."""
+    had = wanted.names | {e.name for e in plant.effects} | {n for n, p in probabilities.items() if p > 0}
+    return [name for name in (*EFFECTS, "theta", *RIG) if name not in had and name != "push_rate"]
+
+
+def with_drawn_effects(plant: Plant, wanted: Draws) -> Plant:
+    """The plant with the effects added that ranges draw, their other parameters at a size worth noticing."""
+    carried = {effect.name for effect in plant.effects}
+    new = {name.partition(".")[0] for name in wanted.ranges if "." in name} - carried
+    added = []
+    for name in sorted(new):
+        default = plant.default_effect(name).parameters
+        sizes = {p.name: p.neutral for p in EFFECTS[name].parameters if p.role == "size"}
+        added.append(Effect(name, {**default, **sizes}))
+    return plant.with_effects(*added)

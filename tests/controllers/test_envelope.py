@@ -1,0 +1,198 @@
+"""The envelope: whatever comes in, what goes out is finite and limited, in Python and in compiled C."""
+
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.envelope import REASONS, Envelope, Guarded
+from controllers.exports.c import c_header
+from furuta_gym.plant import QUBE, TABLE_3, Effect
+
+COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+LIMITS = {"arm_travel": 2.0, "arm_speed": 60.0, "slew": 400.0, "supply": 8.0}
+RIG = QUBE.replace(limits=LIMITS)
+STRANGE = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e30, math.nan, 5e-324, 9999.0, -0.0)
+
+MAIN = """\
+#include <stdio.h>
+#include "c.h"
+int main(void)
+{
+    c_state s;
+    int again;
+    double q1, q2, r;
+    c_reset(&s);
+    while (scanf("%d %lf %lf %lf", &again, &q1, &q2, &r) == 4) {
+        if (again) c_reset(&s);
+        printf("%.17g", (double)c_step(&s, (REAL)q1, (REAL)q2, (REAL)r));
+        printf(" %d\\n", s.off);
+    }
+    return 0;
+}
+"""
+
+
+def compiled(header: str, folder: Path, real: str) -> Path:
+    (folder / "c.h").write_text(header)
+    (folder / "main.c").write_text(MAIN.replace("REAL", real))
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-ffp-contract=off"]
+    subprocess.run([str(COMPILER), *flags, "-o", folder / "c", folder / "main.c", "-lm"], check=True, timeout=60)
+    return folder / "c"
+
+
+def played(program: Path, rows: list[tuple[int, float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    text = "\n".join(f"{a} {x!r} {y!r} {r!r}" for a, x, y, r in rows)
+    out = subprocess.run([program], input=text, capture_output=True, text=True, check=True, timeout=60).stdout
+    numbers = np.array([line.split() for line in out.splitlines()], dtype=float)
+    assert len(numbers) == len(rows)
+    return numbers[:, 0], numbers[:, 1].astype(int)
+
+
+def hostile(n: int, seed: int) -> list[tuple[int, float, float, float]]:
+    """Random walks near upright with strange numbers, jumps and resets among them."""
+    rng = np.random.default_rng(seed)
+    rows, q, gone = [], np.zeros(2), 0
+    for _ in range(n):
+        again = rng.random() < 0.02
+        q = rng.uniform(-0.3, 0.3, 2) if again else q + rng.normal(0, [0.02, 0.02])
+        row = [float(q[0]), float(q[1]), 0.1]
+        gone = 4 if rng.random() < 0.005 else gone - 1
+        if rng.random() < 0.05 or gone > 0:
+            row[rng.integers(3)] = float(rng.choice(STRANGE))
+        if rng.random() < 0.01:
+            row[rng.integers(2)] += float(10.0 ** rng.uniform(-3, 300))
+        rows.append((int(again), *row))
+    return rows
+
+
+def check(u: np.ndarray, off: np.ndarray, rows: list[tuple[int, float, float, float]], e: Envelope, T: float) -> None:
+    assert np.isfinite(u).all()
+    assert np.abs(u).max() <= e.u_max * (1 + 1e-6)
+    assert (u[off > 0] == 0).all()
+    again = np.array([row[0] for row in rows], dtype=bool)
+    held = ~again[1:] & (off[:-1] > 0)
+    assert (off[1:][held] == off[:-1][held]).all(), "off until reset, for the same reason"
+    bad = np.array([not all(abs(v) <= 1e4 for v in row[1:]) for row in rows])
+    assert (u[bad] == 0).all()
+    smooth = ~again[1:] & ~bad[1:] & (off[1:] == 0)
+    assert np.abs(np.diff(u))[smooth].max() <= e.slew * T * (1 + 1e-5)
+
+
+LAWS = {
+    "lqg": (RIG, "lqg"),
+    "lqi": (RIG, "lqi"),
+    "lqg-friction": (RIG, "lqg-friction"),
+    "map": (RIG.with_effects(Effect("input_dead_zone", {"w": 0.1}), Effect("input_delay", {"d": 0.007})), "dlqr"),
+}
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+@pytest.mark.parametrize("law", LAWS)
+def test_fuzzed_linear_headers(law, single, tmp_path):
+    plant, name = LAWS[law]
+    controller = make_controller(name, plant, 0.004)
+    envelope = Envelope.of(controller, soft_start=0.02)
+    program = compiled(c_header(controller, "c", envelope, single), tmp_path, "float" if single else "double")
+    rows = hostile(4000, 1)
+    u, off = played(program, rows)
+    check(u, off, rows, envelope, 0.004)
+    assert set(off) >= {0, 1, 2}
+    assert (u != 0).mean() > 0.1
+
+    calm = [(again, q1, q2, 0.1) for again, q1, q2, _ in rows if abs(q1) <= 1e4 and abs(q2) <= 1e4]
+    u, off = played(program, calm)
+    guarded = Guarded(controller, envelope)
+    controller.reference = 0.1
+    ours, reasons = [], []
+    for again, q1, q2, _ in calm:
+        if again:
+            guarded.reset()
+        ours.append(guarded((q1, q2)))
+        reasons.append(REASONS.index(guarded.off))
+    if not single:
+        assert reasons == off.tolist()
+        np.testing.assert_allclose(u, ours, atol=1e-9 * envelope.u_max)
+    else:
+        same = np.array(reasons) == off
+        assert same.mean() > 0.99
+        assert np.median(np.abs(u - ours)[same]) < 1e-3
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+def test_fuzzed_policy_headers(single, tmp_path):
+    pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
+    from controllers.exports.policy_c import policy_c_header
+
+    path = Path(__file__).parents[2] / "controllers" / "policies" / "swing-up-qube.zip"
+    controller = make_controller(str(path), RIG, 0.02)
+    envelope = Envelope.of(controller)
+    assert envelope.tilt == math.inf
+    program = compiled(policy_c_header(controller, "c", envelope, single), tmp_path, "float" if single else "double")
+    rows = hostile(4000, 2)
+    u, off = played(program, rows)
+    check(u, off, rows, envelope, 0.02)
+    assert (u != 0).mean() > 0.1
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+def test_one_nan_costs_one_sample_and_three_switch_off(tmp_path):
+    program = compiled(c_header(make_controller("lqg", TABLE_3, 0.002), "c"), tmp_path, "double")
+    good, bad = (0, 0.05, 0.02, 0.0), (0, math.nan, 0.02, 0.0)
+    u, off = played(program, [good, good, bad, good, good, bad, bad, good, bad, bad, bad, good])
+    assert off.tolist() == [0] * 10 + [1, 1]
+    assert [x != 0 for x in u] == [True, True, False, True, True, False, False, True] + [False] * 4
+
+
+def guarded(**changes):
+    controller = make_controller("dlqr", QUBE.replace(limits=None), 0.004)
+    return Guarded(controller, Envelope.of(controller, **changes))
+
+
+class TestEachRule:
+    def test_without_limits_it_changes_nothing(self):
+        inside, plain = guarded(), make_controller("dlqr", QUBE, 0.004)
+        y = 0.01 * np.random.default_rng(0).standard_normal((200, 2)).cumsum(axis=0)
+        assert [inside(row) for row in y] == [plain(row) for row in y]
+
+    @pytest.mark.parametrize(
+        ("changes", "readings", "reason"),
+        [
+            ({}, [(7.0, 0.0)], "arm"),
+            ({"arm_travel": 0.5}, [(0.6, 0.0)], "arm"),
+            ({"arm_speed": 5.0}, [(0.0, 0.0), (0.03, 0.0)], "speed"),
+            ({}, [(0.0, 1.7)], "tilt"),
+            ({"bad_readings": 2}, [(math.nan, 0.0), (0.0, math.inf)], "reading"),
+        ],
+    )
+    def test_it_goes_off_with_a_reason_until_reset(self, changes, readings, reason):
+        inside = guarded(**changes)
+        for y in readings:
+            u = inside(y)
+        assert (u, inside.off) == (0.0, reason)
+        assert inside((0.1, 0.1)) == 0.0
+        inside.reset()
+        assert inside((0.1, 0.1)) != 0.0
+
+    def test_soft_start_and_slew(self):
+        full, soft = guarded()((0.0, 0.1)), guarded(soft_start=0.04)
+        first = [soft((0.0, 0.1)) for _ in range(3)]
+        assert abs(first[0]) == pytest.approx(abs(full) / 11, rel=1e-6)
+        slow = guarded(slew=25.0)
+        assert np.abs(np.diff([0.0] + [slow((0.0, 0.3)) for _ in range(20)])) == pytest.approx(0.1)
+
+    def test_a_law_that_gives_no_number(self):
+        inside = guarded()
+        inside.controller._command = lambda y, r: math.nan
+        assert (inside((0.0, 0.1)), inside.off) == (0.0, "law")
+
+    def test_bad_numbers_are_refused(self):
+        for change in ({"slew": 0.0}, {"tilt": -1}, {"arm_travel": math.nan}, {"soft_start": math.inf}):
+            with pytest.raises(ValueError, match="envelope"):
+                guarded(**change)

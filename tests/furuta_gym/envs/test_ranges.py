@@ -1,0 +1,148 @@
+"""Ranged randomisation: the grammar, what is drawn, and that no drawn rig is impossible."""
+
+import numpy as np
+import pytest
+
+from furuta_gym.envs.furuta import FurutaEnv
+from furuta_gym.envs.ranges import as_mapping, draws, never_drawn
+from furuta_gym.envs.vector import FurutaVectorEnv
+from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Plant, physical_consistency
+
+ALL = (
+    "theta=physical:0.2 input_delay=uniform:0,0.03 arm_spring.k=chance:0.5:uniform:0.1,0.5 "
+    "actuator_lag=loguniform:1e-3,0.02 noise_std=uniform:0,0.002 encoder_offset=normal:0,0.01 u_max=uniform:6,10 "
+    "jitter=uniform:0,0.2 push=uniform:0,3 push_rate=2 arm_backlash=chance:0.3"
+)
+
+
+def test_one_grammar_for_words_lists_mappings_and_files(tmp_path):
+    as_map = as_mapping(ALL)
+    file = QUBE.replace(randomize=as_map).save(tmp_path / "rig.json")
+    assert Plant.load(file).randomize == as_map
+    first = [FurutaEnv("qube", randomize=given).reset(seed=3)[1] for given in (ALL, ALL.split(), as_map)]
+    first.append(FurutaEnv(str(file), randomize=True).reset(seed=3)[1])
+    for other in first[1:]:
+        np.testing.assert_array_equal(first[0]["plant"]["theta"], other["plant"]["theta"])
+        assert str(first[0]) == str(other)
+    assert "plant" not in FurutaEnv(str(file)).reset(seed=3)[1]
+
+
+def test_what_is_drawn_has_its_distribution():
+    n = 4000
+    batch = FurutaVectorEnv(n, "qube", randomize=ALL)
+    info = batch.reset(seed=0)[1]
+    effects, rig = info["plant"]["effects"], info["rig"]
+    d = effects["input_delay"]["d"]
+    assert d.min() >= 0.0
+    assert np.histogram(d, 10, (0, 0.03))[0].std() < 3 * np.sqrt(n / 10)
+    k = effects["arm_spring"]["k"]
+    assert (k == 0).mean() == pytest.approx(0.5, abs=0.04)
+    assert ((k == 0) | ((k >= 0.1) & (k <= 0.5))).all()
+    lag = np.log(effects["actuator_lag"]["T"])
+    assert lag.mean() == pytest.approx(np.log(1e-3 * 0.02) / 2, abs=0.05)
+    assert rig["noise_std"].shape == (n, 2)
+    assert abs(np.corrcoef(rig["noise_std"].T)[0, 1]) < 0.06
+    assert rig["encoder_offset"].std() == pytest.approx(0.01, rel=0.05)
+    assert (rig["u_max"].min(), rig["u_max"].max()) == pytest.approx((6, 10), abs=0.02)
+    assert (rig["push_rate"] == 2).all()
+    assert (effects["arm_backlash"]["b"] > 0).mean() == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.parametrize("plant", [QUBE, LARGE_RIG, TABLE_3])
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_physical_draws_are_rigs_that_can_be_built(plant, share):
+    theta = FurutaVectorEnv(3000, plant, randomize={"theta": f"physical:{share}"}).reset(seed=1)[1]["plant"]["theta"]
+    assert (theta[:, 0] * theta[:, 3] > theta[:, 2] ** 2).all()
+    assert (theta[:, [0, 3, 4, 5, 6, 7, 8]] > 0).all()
+    if physical_consistency(plant.theta).consistent:
+        assert all(physical_consistency(row).consistent for row in theta)
+        assert (theta[:, 3] >= theta[:, 1]).all()
+    gain_and_friction = theta[:, 5] / plant.theta[5]
+    assert (1 - share) ** 2 <= gain_and_friction.min() < (1 - 0.8 * share) ** 2
+    assert (1 + 0.7 * share) ** 2 < gain_and_friction.max() <= (1 + share) ** 2
+    np.testing.assert_allclose(theta.mean(axis=0)[[4, 5, 7]], plant.theta[[4, 5, 7]], rtol=0.03)
+
+
+def test_a_low_supply_cuts_the_command_and_leaves_the_scale():
+    env = FurutaEnv("qube", randomize="u_max=4", normalize_action=True)
+    env.reset(seed=0)
+    assert env.step([1.0])[4]["command"] == 4.0
+    assert env.step([0.2])[4]["command"] == pytest.approx(2.0)
+
+
+def test_pushes_come_as_often_and_as_hard_as_asked():
+    """Without gravity's help in one sample, q̇2 jumps by the push; the arm answers by M's coupling."""
+    env = FurutaVectorEnv(1, "qube", randomize="push=5 push_rate=10", pendulum_limit=1e3, arm_limit=1e3,
+                          max_episode_steps=None)  # fmt: skip
+    env.reset(seed=0)
+    speeds = np.array([env.step(np.zeros((1, 1)))[4]["state"][0, 3] for _ in range(5000)])
+    jumps = np.abs(np.diff(speeds)) > 3.5
+    assert jumps.sum() == pytest.approx(5000 * 0.004 * 10, rel=0.25)
+    calm = FurutaVectorEnv(1, "qube", pendulum_limit=1e3, max_episode_steps=None)
+    calm.reset(seed=0)
+    quiet = np.array([calm.step(np.zeros((1, 1)))[4]["state"][0, 3] for _ in range(1000)])
+    assert np.abs(np.diff(quiet)).max() < 3.5
+
+
+def test_jitter_and_delay_stay_inside_the_memory():
+    env = FurutaEnv("qube", randomize="input_delay=uniform:0.02,0.1 jitter=0.3", task="swing_up")
+    for seed in range(5):
+        env.reset(seed=seed)
+        for _ in range(100):
+            assert np.isfinite(env.step([5.0])[4]["state"]).all()
+
+
+def test_what_was_never_drawn_is_named():
+    missing = never_drawn(draws(ALL, QUBE), QUBE, {"arm_ripple": 0.1})
+    drawn = {"input_delay", "arm_spring", "actuator_lag", "arm_backlash", "arm_ripple"}
+    assert set(missing) == set(EFFECTS) - drawn
+    everything = never_drawn(draws(False, QUBE), QUBE, {})
+    assert set(everything) == {*EFFECTS, "theta", "noise_std", "encoder_offset", "u_max", "jitter", "push"}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("gremlins=1", "nothing is called"),
+        ("theta=2", "posterior, or physical"),
+        ("theta=physical:0.9", "physical:S"),
+        ("theta=posterior", "covariance"),
+        ("input_delay=uniform:0,0.5", r"must lie in \[0, 0.1\]"),
+        ("input_delay=uniform:0.02,0.01", "LOW ≤ HIGH"),
+        ("input_delay=gauss:0,1", "expected uniform"),
+        ("input_delay=chance:2:uniform:0,0.01", r"\[0, 1\]"),
+        ("input_delay=nan", "expected uniform"),
+        ("noise_std=loguniform:0,0.1", "0 < LOW"),
+        ("arm_spring=0.3", "several parameters"),
+        ("arm_spring.kk=0.3", "has no parameter"),
+        ("push_rate=2", "give push"),
+        ("input_delay", "expected NAME=RANGE"),
+        ("jitter=0.1 jitter=0.2", "given twice"),
+        (3, "randomize must be"),
+    ],
+)
+def test_bad_ranges_say_what_is_expected(given, message):
+    plant = QUBE.replace(u_max=9.0)  # not the set, which has a stated spread
+    with pytest.raises(ValueError, match=message):
+        FurutaEnv(plant, randomize=given)
+
+
+def test_limits_of_the_plant_file(tmp_path):
+    limits = {"arm_travel": 1.0, "arm_speed": 8.0, "slew": 200.0, "supply": 6.0}
+    plant = Plant.load(QUBE.replace(limits=limits).save(tmp_path / "rig.json"))
+    assert plant.limits == limits
+    assert "limits" not in QUBE.to_dict()
+    env = FurutaEnv(plant, "swing_up")
+    assert env.observation_space.high[0] == pytest.approx(2.0)
+    for state, over in (([0, 3, 0, 0], False), ([1.1, 3, 0, 0], True), ([0, 3, 9.0, 0], True)):
+        env.reset(options={"state": state})
+        _, _, terminated, _, info = env.step([10.0 if not over else 0.0])
+        assert terminated == over
+        assert abs(info["command"]) <= 6.0
+    assert FurutaEnv(plant, arm_limit=3.0).setup.arm_limit == 3.0
+
+
+@pytest.mark.parametrize("limits", [{"arm": 1.0}, {"slew": 0}, {"supply": float("inf")}, {"supply": True}, [1.0]])
+def test_bad_limits_are_refused(limits):
+    with pytest.raises(ValueError, match="limits"):
+        QUBE.replace(limits=limits)
