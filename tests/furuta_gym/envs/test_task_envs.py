@@ -149,12 +149,12 @@ def test_what_gymnasiums_wrappers_need_is_there(tmp_path):
     from gymnasium.wrappers import RecordVideo
     from gymnasium.wrappers.vector import NumpyToTorch
 
-    env = RecordVideo(gym.make("FurutaSwingUp-v0", render_mode="rgb_array", time_limit=0.2), str(tmp_path))
+    env = RecordVideo(gym.make("FurutaSwingUp-v0", render_mode="rgb_array", time_limit=0.2), str(tmp_path / "films"))
     env.reset(seed=0)
     while not any(env.step(env.action_space.sample())[2:4]):
         pass
     env.close()
-    assert [file.suffix for file in tmp_path.iterdir()] == [".mp4"]
+    assert [file.suffix for file in (tmp_path / "films").iterdir()] == [".mp4"]
     batch = NumpyToTorch(gym.make_vec("FurutaSwingUp-v0", num_envs=2, vectorization_mode="vector_entry_point"))
     assert isinstance(batch.reset(seed=0)[0], torch.Tensor)
     assert batch.step(torch.zeros(2, 1))[1].shape == (2,)

@@ -23,6 +23,8 @@ FULL = with_spread(LARGE_RIG).replace(
     sensors=Sensors().to_dict(),
     provenance={"logs": [{"file": "a.csv", "sha256": "00", "read_as": "q1"}], "torque_noise": [1e-6, 0.0]},
     effects=(Effect("arm_spring", {"k": 0.3, "q1n": -0.5}, std={"k": 0.01}), Effect("input_delay", {"d": 0.01})),
+    limits={"arm_travel": 3.0, "arm_speed": 50.0, "slew": 400.0, "supply": 5.0},
+    randomize={"input_delay": "uniform:0,0.03", "theta": "physical:0.2"},
 )
 
 
@@ -38,6 +40,9 @@ REFUSED = {
     "too sharp": ({"friction_sharpness": 1e9}, "up to 1e[+]06 s/rad"),
     "no list": ({"effects": 5}, '"effects" must be a list'),
     "no log": ({"provenance": {"logs": 3}}, '"logs" must be a list'),
+    "limit": ({"limits": {"arm_travel": -1}}, "limits: arm_travel must be a positive number"),
+    "no such limit": ({"limits": {"arm": 1}}, "limits has no 'arm'"),
+    "range": ({"randomize": {"input_delay": [0, 0.03]}}, "randomize must be a mapping"),
     "noise": ({"provenance": {"torque_noise": ["a", 1]}}, "torque_noise"),
 }
 
