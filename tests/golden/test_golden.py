@@ -7,6 +7,7 @@ compares two commits bit for bit, and renews the expected results where numbers 
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,21 @@ from tests.golden.results import EXPECTED, LOGS, diagnose_arguments, names, run_
 pytest.importorskip("jinja2", reason="furuta diagnose needs the extra 'report'")
 
 CASES = sorted(path.stem for path in EXPECTED.glob("*.json") if path.stem != "envs")
+QUICK = (
+    "delay-workshop",
+    "drag-servo-hanging",
+    "lag-faint-desk",
+    "lag-servo",
+    "none-servo",
+    "none-table3",
+    "offset-table3",
+    "outside-slipping-coupling",
+    "spring-table3",
+    "still-pendulum",
+    "still-rig",
+    "two-offset-dead-zone-table3",
+)
+"""Every verdict among them. The others take minutes: FURUTA_GOLDEN=all, or `python -m tests.golden.results`."""
 SHARE = 0.01  # of a standard deviation
 GAP = 1e-3  # of a ratio to the noise floor
 FLOAT32 = 2.0**-23  # observations are stored so: their last bit may turn
@@ -50,6 +66,8 @@ def test_every_stored_log_has_an_expected_result() -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_stored_log_gives_what_it_gave(name: str, tmp_path: Path) -> None:
+    if name not in QUICK and os.environ.get("FURUTA_GOLDEN") != "all":
+        pytest.skip("takes long: run it with FURUTA_GOLDEN=all")
     if name not in names():
         pytest.skip("its measured log is not here: set FURUTA_DATA to the folder that holds qube_darmstadt/")
     before = expected(name)
