@@ -38,13 +38,13 @@ def effect(name: str, form: str, ratio: float) -> Hidden:
 
 
 NAMED = [
-    trial(1, "library", "table3", effect("arm_stribeck", "table", 2.0)),
+    trial(1, "library", "workshop", effect("arm_stribeck", "table", 2.0)),
     trial(2, "library", "servo", effect("input_dead_zone", "bench", 2.5)),
     trial(3, "library", "workshop", effect("arm_spring", "bench", 3.0)),
-    trial(4, "library", "table3", effect("actuator_lag", "table", 2.0)),
+    trial(4, "library", "servo", effect("actuator_lag", "table", 2.0)),
 ]
 NOTHING = trial(5, "none", "servo")
-OUTSIDE = trial(6, "outside", "table3", effect("slipping_payload", "bench", 5.0))
+OUTSIDE = trial(6, "outside", "workshop", effect("slipping_payload", "bench", 5.0))
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ from ..kalman.coordinates import Coordinate, filled_noise, filled_plant
 from ..kalman.noise_model import Noise
 from ..kalman.record import Record
 from ..logs.log import Log
+from ..logs.signs import motion_signs
 from .optimise import Optimum, minimise
 from .pool import mapped
 from .prediction_error import PredictionError
@@ -92,7 +93,9 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
     row2 = _nonnegative([-c * a1, s, v1 * v1 * s * c, -v2, -soft[1]], a2)
     regressed = (float(np.clip(row2[0], 0.1, 8.0)), float(np.clip(row2[1], 8.0, 500.0)))
     command = m.u
-    if _nonnegative([a1, v1, soft[0]], command)[0] <= 0:  # a cable that is stronger than the inertia hides it
+    hidden = _nonnegative([a1, v1, soft[0]], command)[0] <= 0
+    if hidden and not any(motion_signs(log.t, log.q1, log.q2, log.u).command < 0 for log in logs):
+        # a cable that is stronger than the inertia hides it
         pull = np.column_stack([m.q[:, 0], np.ones_like(a1)])
         command = command - pull @ np.linalg.lstsq(pull, command, rcond=None)[0]
     starts = []

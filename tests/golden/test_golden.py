@@ -20,21 +20,8 @@ from tests.golden.results import EXPECTED, LOGS, diagnose_arguments, names, run_
 pytest.importorskip("jinja2", reason="furuta diagnose needs the extra 'report'")
 
 CASES = sorted(path.stem for path in EXPECTED.glob("*.json") if path.stem != "envs")
-QUICK = (
-    "delay-workshop",
-    "drag-servo-hanging",
-    "lag-faint-desk",
-    "lag-servo",
-    "none-servo",
-    "none-table3",
-    "offset-table3",
-    "outside-slipping-coupling",
-    "spring-table3",
-    "still-pendulum",
-    "still-rig",
-    "two-offset-dead-zone-table3",
-)
-"""Every verdict among them. The others take minutes: FURUTA_GOLDEN=all, or `python -m tests.golden.results`."""
+QUICK = ("drag-servo-hanging", "lag-faint-desk", "lag-servo", "none-servo", "still-pendulum", "still-rig")
+"""Those that are quick. The others take minutes: FURUTA_GOLDEN=all, or `python -m tests.golden.results`."""
 SHARE = 0.01  # of a standard deviation
 GAP = 1e-3  # of a ratio to the noise floor
 FLOAT32 = 2.0**-23  # observations are stored so: their last bit may turn
