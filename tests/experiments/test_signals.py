@@ -21,7 +21,7 @@ from experiments.workers import workers
 from furuta_gym.processes import ending_in_order, temporary_folder
 
 def work(n):
-    os.write(1, f"{os.getpid()}\n".encode())  # in one piece, as the other worker writes too
+    os.write(1, b"%d\\n" % os.getpid())  # in one piece, as the other worker writes too
     time.sleep(300)
 
 try:
