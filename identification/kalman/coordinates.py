@@ -230,7 +230,8 @@ def zero_coordinates(plant: Plant, records: Sequence[Record], free: Iterable[int
         record = next(r for r in records if r.log == log)
         count = np.maximum(record.quantum, np.sqrt(12.0 * record.variance))
         if placed(plant):
-            found.append(_zero(log, 0, ARM_ZERO_STD, float(count[0])))
+            # a descent moves by a scale at most: it must reach a zero a radian away in a few steps
+            found.append(_zero(log, 0, ARM_ZERO_STD, 0.3 * ARM_ZERO_STD))
         found.append(_zero(log, 1, PENDULUM_ZERO_STD * float(count[1]), float(count[1])))
     return found
 
@@ -242,4 +243,4 @@ def placed(plant: Plant) -> bool:
 
 def _zero(log: int, axis: int, std: float, scale: float) -> Coordinate:
     name = f"log{log + 1}.zero{axis + 1}"
-    return Coordinate(name, axis, log=False, scale=scale, step=0.05, prior=(0.0, std), zero_of=log)
+    return Coordinate(name, axis, log=False, scale=scale, step=0.05 if axis else 0.005, prior=(0.0, std), zero_of=log)

@@ -1,0 +1,33 @@
+"""Logs of one rig that count from different zeros."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification.estimation.identify import identify
+from identification.estimation.zeros import aligned
+from identification.logs.checks import LogWarning
+from identification.validation.gap import validate
+from tests.factories import loop_log
+
+ZERO = 0.4  # rad, of the arm in the second log
+
+
+def test_a_held_out_log_is_predicted_from_its_own_zero() -> None:
+    log, plant = loop_log("arm_spring", duration=6.0, seed=3)
+    other = log.moved(-ZERO, 0.0)
+    found = aligned(plant, [other])
+    assert found.zeros[0][0] == pytest.approx(ZERO, abs=0.02)
+    blind, own = validate(plant, other, own_zeros=False), validate(plant, other)
+    assert own.ratio_to_floor < 1.2 < 2.0 < blind.ratio_to_floor
+
+
+def test_a_fit_finds_the_zero_of_the_second_log() -> None:
+    first, plant = loop_log("arm_spring", duration=6.0)
+    second = loop_log("arm_spring", duration=6.0, seed=3)[0].moved(-ZERO, 0.0)
+    with pytest.warns(LogWarning, match="counted from a zero"):
+        estimate = identify([first, second], plant.replace(effects=()), effects=["arm_spring"])
+    spring = plant.effect("arm_spring")
+    assert spring is not None
+    assert estimate.zeros[1][0] == pytest.approx(ZERO, abs=0.02)
+    assert estimate.value("arm_spring.k") == pytest.approx(spring.parameters["k"], rel=0.05)
