@@ -117,7 +117,7 @@ class Bowls:
         anchor: Plant | None = None,
         policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
         iterations: int = 40,
-        coarse: bool = False,
+        effort: str = "restarted",
         zeros: Zeros | None = None,
     ) -> Any:
         names = [e.name for e in plant.effects]
