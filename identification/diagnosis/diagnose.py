@@ -14,6 +14,7 @@ from furuta_gym.plant import EFFECTS, Plant
 from ..estimation.estimate import Estimate
 from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
+from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
@@ -28,6 +29,7 @@ from .policy import DecisionPolicy
 from .verify import verified
 
 
+@one_blas_thread
 def diagnose(
     logs: Log | Sequence[Log],
     held_out: Log | Sequence[Log] | None = None,
@@ -120,7 +122,8 @@ def _named(
 
     def left(fitted: Fit) -> float:
         if id(fitted) not in known:
-            known[id(fitted)] = locate(fitted.plant, moved(logs, fitted.zeros), policy).evidence
+            found = locate(fitted.plant, moved(logs, fitted.zeros), policy)
+            known[id(fitted)] = 0.0 if found.negligible else found.evidence
         return known[id(fitted)]
 
     naming = name_effects(nominal, search, most, left, thorough, held)
@@ -171,7 +174,7 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
     explained = sum(suspect.net for suspect in naming.accepted)
     names = " and ".join(suspect.name for suspect in naming.accepted)
     remains = ""
-    if rest.found:
+    if rest.matters:
         remains = f"what remains {_against(rest)}, which no effect of the library explains"
     elif structured(rest, policy):
         remains = "what remains changes along the log: the parameters are not the same all the time"
@@ -183,8 +186,11 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
     if not naming.accepted:
         if remains:
             return "unknown", remains
-        return "none", "no effect of the library improves on model (5) by more than chance would"
-    if rest.evidence > explained:
+        sentence = "no effect of the library improves on model (5) by more than chance would"
+        if rest.found:
+            sentence += f"; what is left changes a prediction by {rest.counts.max():.2g} counts, which is negligible"
+        return "none", sentence
+    if rest.matters and rest.evidence > explained:
         return "unknown", f"{remains}; {names} comes nearest, but explains less than it leaves"
     equals = any(naming.equals)
     taken_back = " and ".join(s.name for s in naming.taken_back)

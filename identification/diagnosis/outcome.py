@@ -168,4 +168,4 @@ class Diagnosis:
 def structured(rest: Where, policy: DecisionPolicy) -> bool:
     """Whether what a plant leaves of its logs is more than noise: torques that go with the motion, the command or
     time, or parameters that are not the same all along."""
-    return rest.found or rest.constancy.joint_p < policy.constant
+    return rest.matters or rest.constancy.joint_p < policy.constant

@@ -29,6 +29,7 @@ from ..policy import DecisionPolicy
 COARSER = 2.0  # times the integration step
 _TOLERANCE = 0.05  # nats, of the optimum
 _ROUGH = 1.0  # nats, where a gain is large
+_MANY, _FEW = 40, 10  # iterations
 
 Effort = Literal["coarse", "quick", "full", "restarted"]
 """coarse: longer integration steps and frozen gains, on one thread: within a nat or so, for a multi-start.
@@ -83,7 +84,7 @@ class Fitter(Protocol):
         *,
         anchor: Plant | None = None,
         policy: DecisionPolicy = ...,
-        iterations: int = ...,
+        iterations: int | None = ...,
         effort: Effort = ...,
         zeros: Zeros | None = ...,
     ) -> Fit: ...
@@ -96,7 +97,7 @@ def fit(
     *,
     anchor: Plant | None = None,
     policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-    iterations: int = 40,
+    iterations: int | None = None,
     effort: Effort = "restarted",
     zeros: Zeros | None = None,
 ) -> Fit:
@@ -115,6 +116,7 @@ def fit(
     step, pool = (COARSER, None) if coarse else (1.0, shared_pool())
     problem = PredictionError(plant, records, coordinates, noise, step, pool, zeros=zeros)
     tolerance = _ROUGH if effort == "quick" else _TOLERANCE
+    iterations = iterations or (_FEW if effort == "quick" else _MANY)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=exact)
     if effort == "restarted":
         optimum = restarted(problem, optimum, iterations, tolerance, exact=True)

@@ -220,7 +220,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bo
 def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
     """The same with more equals, where what is left goes with the very variable that an effect found depends on. Its
     form is wrong then, and a look-alike of the same variable that explains nearly as much may as well be the name."""
-    if not remains.found:
+    if not remains.matters:
         return naming
     equals = []
     for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):

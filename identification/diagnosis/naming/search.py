@@ -191,7 +191,8 @@ class Search:
             ):
                 self.progress(f"fitting {name} to the end")
                 nearest = stepped(fitted, current, self)
-                chase.fits[name] = chase.finished[name] = self.fitted(nearest.plant, nearest, chase.effort)
+                effort = chase.effort if fitted.value == best else "full"
+                chase.fits[name] = chase.finished[name] = self.fitted(nearest.plant, nearest, effort)
         self.progress("fitting the model without it")
         again = self._rival(without(chase.best, current), current, chase.best)
         return again if again.value < current.value else current
@@ -230,7 +231,7 @@ class Search:
             self.progress(f"reconsidering {name}")
             reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
-            nearest = stepped(current, reduced, self)
+            nearest = stepped(current, reduced, self, rough=False)
             if nearest is not current:
                 current, changed = self.fitted(nearest.plant, nearest), True
             gain = reduced.value - current.value
