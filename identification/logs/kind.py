@@ -6,6 +6,8 @@ import numpy as np
 
 from .log import Log
 
+_NEAR_THE_TOP = np.cos(np.pi / 4)
+
 
 def kind_of(log: Log) -> str:
     """ "hanging" or "upright" where the pendulum stays on that side of the horizontal all the time, else "whole turns"
