@@ -11,13 +11,12 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 
-from .checks import GAP, LogError, LogWarning
+from .checks import GAP, LogError, LogWarning, check_length
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
 from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
@@ -244,7 +243,8 @@ def read_log(
     than three quarters of a turn from upright.
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
-    time_unit: "s", "ms" or "us". constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
+    time_unit: "s", "ms", "us" or "d" (days). constant_command: "error", "warn" or "ignore" (no word about free
+    decays, u = 0).
     skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
@@ -266,9 +266,14 @@ def read_log(
         time_unit=time_unit,
         constant_command=constant_command,
     )
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    with open(path, "rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     log = Log(**mapped.signals, **mapped.facts, source=table.name, sha256=digest, metadata=mapped.metadata)
-    return replace(log.slice(float(log.t[0]) + skip), skipped=float(skip)) if skip else log
+    if not skip:
+        return log
+    rest = replace(log.slice(float(log.t[0]) + skip), skipped=float(skip))
+    check_length(f"{log.source} after the {skip:g} s that are left out (--skip)", len(rest))
+    return rest
 
 
 def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: Any) -> tuple[Log, ...]:
