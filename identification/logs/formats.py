@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from furuta_gym.files import whole_file
+
 from .checks import LogError
 from .mat_file import mat_variables
 from .number_block import number_block
@@ -93,17 +95,13 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
-    """Write a table whole or not at all: into a file beside it that then takes its name."""
+    """Write a table whole or not at all. Raises OSError with its name."""
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
         raise LogError(f"{path.name}: cannot write {path.suffix!r}. Expected one of {', '.join(WRITERS)}.")
-    part = path.with_name(f".{path.stem}.part{path.suffix}")  # keeps the ending: some writers would add it
-    try:
-        writer(part, columns, metadata)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as new:  # keeps the ending: some writers would add it
+        writer(new, columns, metadata)
 
 
 # --- text -------------------------------------------------------------------------------------------------
