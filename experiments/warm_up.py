@@ -55,7 +55,7 @@ def _logs() -> None:
         estimate = identify(fitted, method=method)
     estimate = identify(fitted, effects=["arm_spring"])
     validate(estimate.plant, [held_out])
-    diagnose([fitted], [held_out], max_effects=1)
+    diagnose([fitted], [held_out], most=1, only=["arm_spring", "input_delay"])
 
 
 def _experiments() -> None:

@@ -21,7 +21,12 @@ def cache_root() -> Path | None:
     user = os.geteuid() if hasattr(os, "geteuid") else "user"
     wanted = Path(os.environ.get("FURUTA_CACHE") or os.path.join(home, "furuta-gym"))
     reasons = []
-    for folder in (wanted, Path(tempfile.gettempdir()) / f"furuta-gym-{user}"):
+    for place in (lambda: wanted, lambda: Path(tempfile.gettempdir()) / f"furuta-gym-{user}"):
+        try:
+            folder = place()  # looking for the temporary folder writes there, which a full disk refuses
+        except OSError as error:
+            reasons.append(str(error))
+            continue
         reason = _not_private(folder)
         if not reason:
             return folder

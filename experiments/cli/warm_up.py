@@ -16,5 +16,5 @@ def warm_up_command() -> None:
     compiled = warm_up(lambda step: typer.echo(f"{step} …", err=True))
     place = cache_root()
     kept = f"kept in {place}" if place else "not kept, as no folder is private (see the warning)"
-    what = f"{compiled} functions compiled, {kept}" if compiled else f"nothing was left to compile ({place})"
+    what = f"Compiled, and {kept}" if compiled else f"Nothing was left to compile ({place})"
     typer.echo(f"{what}; {time.monotonic() - started:.0f} s.")

@@ -76,7 +76,7 @@ def _install(new: Path, target: Path, own: set[str]) -> None:
 
 
 def _only(folder: Path, names: set[str]) -> bool:
-    return not folder.is_mount() and all(entry.name in names for entry in os.scandir(folder))
+    return not folder.is_mount() and names.issuperset(os.listdir(folder))
 
 
 def _put(new: Path, place: Path) -> None:

@@ -10,6 +10,7 @@ full disk is a limit on the size of files (RLIMIT_FSIZE), and the read-only disk
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import random
@@ -20,6 +21,7 @@ import sys
 import tempfile
 import time
 import uuid
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -159,9 +161,6 @@ def whole(name: str, data: bytes) -> bool:
         elif ending == ".jsonl":
             return all(isinstance(json.loads(line), dict) for line in data.splitlines()[:-1])
         elif ending in (".zip", ".npz"):
-            import io
-            import zipfile
-
             return zipfile.ZipFile(io.BytesIO(data)).testzip() is None
         elif ending == ".png":
             return data.startswith(b"\x89PNG") and data.endswith(b"IEND\xaeB`\x82")
@@ -172,7 +171,7 @@ def whole(name: str, data: bytes) -> bool:
             return data.rstrip().endswith((b"</html>", b"</mujoco>"))
         elif ending == ".h":
             return data.rstrip().endswith((b"#endif", b"*/", b"}"))
-    except (ValueError, OSError):
+    except (ValueError, OSError, zipfile.BadZipFile):
         return False
     return True
 

@@ -113,7 +113,7 @@ def _read_csv(path: Path) -> Table:
 
 
 def _read_long(name: str, raw: bytes) -> Table | None:
-    """As `_read_text`, in a tenth of its time and memory; None for a file that it cannot read so."""
+    """As `_read_text`, in a fraction of its time and memory; None for a file that it cannot read so."""
     block = number_block(raw)
     if block is None:
         return None
