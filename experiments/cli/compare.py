@@ -10,7 +10,6 @@ from rich.console import Console
 
 from . import options as opt
 from .output import busy, check_folder, print_json, progress_bar
-from .whole import whole_folder
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison
@@ -52,6 +51,8 @@ def compare_command(
     from controllers.evaluation import compare
     from controllers.film import require_film
     from controllers.plots import draw_comparison
+
+    from .whole import whole_folder
 
     if gif:
         require_film()

@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from . import options as opt
+from .command import Command
 from .output import check_folder, errors, print_json, write_json
-from .whole import whole_folder
 
 if TYPE_CHECKING:
     from experiments.report import Examination
 
 
-class DiagnoseCommand(TyperCommand):
+class DiagnoseCommand(Command):
     """Takes several logs after one --held-out where the logs to be fitted stand before it."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -82,6 +81,8 @@ def diagnose_command(
     from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
     from furuta_gym.plant import Plant
     from identification.logs.log import read_logs
+
+    from .whole import whole_folder
 
     require_extra()
     check_folder(output)

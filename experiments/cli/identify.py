@@ -36,6 +36,12 @@ def identify_command(
     u_max: Annotated[
         float | None, typer.Option(help="Largest command of the rig; default: guessed from the logs.")
     ] = None,
+    every_sample: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="Fit every sample of long logs (above 300 000 together), not the most informative stretches."
+        ),
+    ] = False,
     columns: opt.Columns = None,
     unit: opt.Unit = None,
     pendulum_zero: opt.PendulumZero = None,
@@ -68,7 +74,16 @@ def identify_command(
         for log in read:
             typer.echo(str(log))
     with busy("fitting …"):
-        estimate = identify(read, start, method, fixed=fixed, priors=priors, physical=physical, u_max=u_max)
+        estimate = identify(
+            read,
+            start,
+            method,
+            fixed=fixed,
+            priors=priors,
+            physical=physical,
+            u_max=u_max,
+            every_sample=every_sample,
+        )
     estimate.save(output)
     with busy("profiling …"):
         profiles = [estimate.profile(name) for name in profiled]

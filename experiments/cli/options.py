@@ -35,7 +35,7 @@ EncoderCounts = Annotated[
     typer.Option(help="Counts per revolution, one number or two: 2048 or 2048,4096.", rich_help_panel=_MAPPING),
 ]
 InputUnit = Annotated[str | None, typer.Option(help="Unit of the command: V or N·m.", rich_help_panel=_MAPPING)]
-TimeUnit = Annotated[str, typer.Option(help="Of the time column: s, ms or us.", rich_help_panel=_MAPPING)]
+TimeUnit = Annotated[str, typer.Option(help="Of the time column: s, ms, us or d (days).", rich_help_panel=_MAPPING)]
 Skip = Annotated[
     float,
     typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller."),

@@ -13,8 +13,6 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from furuta_gym.files import write_whole
-
 errors = Console(stderr=True)
 
 
@@ -25,6 +23,8 @@ def print_json(data: Any) -> None:
 
 def write_json(path: Path, data: Any) -> None:
     """Write a JSON file, whole or not at all."""
+    from furuta_gym.files import write_whole
+
     text = json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False) + "\n"
     write_whole(path, text)
 

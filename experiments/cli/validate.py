@@ -9,7 +9,6 @@ import typer
 
 from . import options as opt
 from .output import busy, check_folder, print_json, write_json
-from .whole import whole_folder
 
 
 def validate_command(
@@ -54,6 +53,8 @@ def validate_command(
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
     if plots is not None:
         from identification.validation.plots import plot_horizons, plot_innovations, plot_predictions
+
+        from .whole import whole_folder
 
         with whole_folder(plots) as folder:
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)

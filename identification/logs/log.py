@@ -11,13 +11,12 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 
-from .checks import GAP, LogError, LogWarning
+from .checks import GAP, LogError, LogWarning, check_length
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
 from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
@@ -167,7 +166,7 @@ class Log:
                 f"{self.source}: {inside.sum()} samples between {start:g} and {stop:g} s. Expected at least 2; "
                 f"the log runs from {self.t[0]:g} to {self.t[-1]:g} s."
             )
-        return self._where(inside)
+        return self.taken(inside)
 
     def moved(self, zero1: float, zero2: float) -> Log:
         """The same with zeros [rad] of the arm's and the pendulum's encoder taken off."""
@@ -184,7 +183,7 @@ class Log:
         """The log cut at gaps of its clock (dropped samples); lone samples between two gaps are left out."""
         cuts = np.flatnonzero(np.diff(self.t) > GAP * self.sample_time) + 1
         groups = np.split(np.arange(len(self)), cuts)
-        return tuple(self._where(group) for group in groups if len(group) >= 2)
+        return tuple(self.taken(group) for group in groups if len(group) >= 2)
 
     def resampled(self, sample_time: float | None = None) -> Log:
         """On an even grid (default: the mean spacing): angles interpolated linearly, the command held.
@@ -201,7 +200,8 @@ class Log:
         q1, q2 = np.interp(t, self.t, self.q1), np.interp(t, self.t, self.q2)
         return replace(self, t=t, q1=q1, q2=q2, u=self.u[held])
 
-    def _where(self, index: np.ndarray) -> Log:
+    def taken(self, index: np.ndarray | slice) -> Log:
+        """The samples of an index that increases."""
         return replace(self, t=self.t[index], q1=self.q1[index], q2=self.q2[index], u=self.u[index])
 
     def __str__(self) -> str:
@@ -244,7 +244,8 @@ def read_log(
     than three quarters of a turn from upright.
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
-    time_unit: "s", "ms" or "us". constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
+    time_unit: "s", "ms", "us" or "d" (days). constant_command: "error", "warn" or "ignore" (no word about free
+    decays, u = 0).
     skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
@@ -266,9 +267,14 @@ def read_log(
         time_unit=time_unit,
         constant_command=constant_command,
     )
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    with open(path, "rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     log = Log(**mapped.signals, **mapped.facts, source=table.name, sha256=digest, metadata=mapped.metadata)
-    return replace(log.slice(float(log.t[0]) + skip), skipped=float(skip)) if skip else log
+    if not skip:
+        return log
+    rest = replace(log.slice(float(log.t[0]) + skip), skipped=float(skip))
+    check_length(f"{log.source} after the {skip:g} s that are left out (--skip)", len(rest))
+    return rest
 
 
 def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: Any) -> tuple[Log, ...]:

@@ -7,13 +7,14 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from . import checks as log_checks
 from .checks import LogError
-from .formats import Table
+from .formats import Table, listed
 from .signs import motion_signs
 
 COLUMNS = ("t", "q1", "q2", "u")
@@ -27,7 +28,9 @@ _SYNONYMS = {
     "u": ("u", "voltage", "volts", "command", "input", "tau", "torque", "vm", "motor_voltage"),
 }
 _UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "d": 86400.0}
+_LOOKED_AT = 500  # columns of a file, when guessing which one is meant
+_LONGEST_NAME = 80  # letters of such a column
 _TURN = 2 * np.pi
 _UNIT_ENDING = re.compile(r"_(s|sec|ms|us|rad|deg|degrees|counts|v|volts?)$")
 
@@ -180,6 +183,7 @@ def map_table(
     facts["read_as"] = _read_as(names, units, zero, sign, known)
 
     log_checks.warn_about_clock(name, t)
+    log_checks.warn_about_command(name, names["u"], raw["u"])
     log_checks.check_motion(name, q1, q2)
     if not any(odd_unit):
         if counts is not None:
@@ -233,16 +237,17 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
         else:
             missing.append(ours)
     if missing:
-        free = [c for c in table.columns if c not in found.values()]
+        taken = set(found.values())
+        free = [c for c in islice(table.columns, _LOOKED_AT) if c not in taken and len(c) <= _LONGEST_NAME]
         guesses = [f"{ours}={guess}" for ours in missing if (guess := _guess(ours, free))]
-        absent = ", ".join(wanted.get(ours, ours) for ours in missing)
+        absent = listed([wanted.get(ours, ours) for ours in missing])
         hint = ",".join(guesses) if guesses else ",".join(f"{ours}=..." for ours in missing)
         hint = shlex.quote(hint) if guesses else hint
         endings = " ".join(c.lower() for c in free)
         hint += " --unit deg" if re.search(r"[_ (\[]deg", endings) else ""
         hint += " --time-unit ms" if re.search(r"[_ (\[]ms\b", endings) else ""
         raise LogError(
-            f"{table.name}: no column {absent}. Found: {', '.join(table.columns) or 'none'}. Expected t, q1 (arm), "
+            f"{table.name}: no column {absent}. Found: {listed(list(table.columns)) or 'none'}. Expected t, q1 (arm), "
             f"q2 (pendulum), u; map names that differ, {'perhaps ' if guesses else ''}--columns {hint}"
         )
     used = list(found.values())

@@ -20,6 +20,7 @@ from scipy.signal import savgol_filter
 from .checks import GAP
 
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
+_MOST_ROWS = 200_000  # of the regressions: more would make a sign no surer
 _TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
 _TRUSTED_R2_ARM = 0.5
 _TRUSTED_T = 20.0  # the regression's own t ratio is optimistic: its residuals are far from white
@@ -72,7 +73,7 @@ def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -
     window = int(_SPAN / T) | 1
     if window < 5 or len(t) < 4 * window:
         return Signs(0, 0, 0)
-    inner = slice(window, -window)
+    inner = slice(window, -window, -(-len(t) // _MOST_ROWS))
 
     def derivative(q: np.ndarray, order: int) -> np.ndarray:
         return np.asarray(savgol_filter(q, window, 3, deriv=order, delta=T))
@@ -92,7 +93,7 @@ def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -
 def _first_two(regressors: np.ndarray, output: np.ndarray) -> tuple[tuple[int, int], float]:
     """Clear signs of the first two coefficients of a least-squares fit, and its R²."""
     scale = np.linalg.norm(regressors, axis=0)
-    if np.ptp(output) == 0 or scale[0] == 0:
+    if not np.var(output) > 0 or scale[0] == 0:  # of the smallest numbers the square is zero
         return (0, 0), 0.0
     scaled = regressors / np.where(scale > 0, scale, 1.0)
     coefficients, *_ = np.linalg.lstsq(scaled, output, rcond=1e-10)
