@@ -185,6 +185,6 @@ def test_equals_that_predict_the_same_ask_for_no_experiment() -> None:
 
 @pytest.mark.parametrize(("n", "told"), [(1.0, True), (7.0, False)])
 def test_a_ripple_of_one_period_a_turn_is_told_as_what_it_is(n: float, told: bool) -> None:
-    ripple = Effect("arm_ripple", {"a": 0.05, "phase": 0.3, "n": n})
+    ripple = Effect("arm_ripple", {"A": 0.05, "φ": 0.3, "n": n})
     found = a_diagnosis("arm_ripple", rest=None, after=SimpleNamespace(plant=TABLE_3.with_effects(ripple)))
     assert ("no cogging" in str(found)) is told
