@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
+from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import ABSORBED, Diagnosis
 
 from . import prediction_figures, search_figures, tables, where_figures
@@ -21,13 +22,13 @@ from .words import joined
 _SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure
 
 
-def diagnosis_page(x: Examination) -> Page:
-    """The report of an examined diagnosis."""
+def diagnosis_page(x: Examination, extra: tuple[Section, ...] = ()) -> Page:
+    """The report of an examined diagnosis; extra: sections of the caller's, before the one about the logs."""
     d = x.diagnosis
     names = joined([log.source for log in x.logs], "and")
     held = f" · held out: {joined([log.source for log in x.held_out], 'and')}" if x.held_out else ""
     first = verdict(d, x.next_experiment)
-    sections = (_measured(x), _where(x), _compared(d), _parameters(d), _errors(x), _about(x))
+    sections = (_measured(x), _where(x), _compared(d), _parameters(d), _errors(x), *extra, _about(x))
     return Page(
         "Diagnosis",
         f"furuta diagnose · {names}{held}",
@@ -112,16 +113,25 @@ def _where_sentence(x: Examination) -> str:
     d = x.diagnosis
     missing = f"Without any addition, the model misses {place(x.where)}."
     if x.where_after is None:
+        if x.where.found and x.where.negligible:
+            return f"There is {place(x.where)}, but it is negligible ({_counts(x.where)})."
         return missing if x.where.found else "No torque stands out of the noise on the searched logs."
     before = missing if x.where.found else ""
-    if x.where_after.found:
+    small = x.where_after.found and x.where_after.negligible
+    if x.where_after.matters:
         after = f"With {_them(d)} added, there is still {place(x.where_after)}."
     elif d.leftover:
         after = f"With {_them(d)} added, no torque stands out on the searched logs; the part that remains shows "
         after += f"on new data only ({times(d.still_off)} times the noise)." if d.still_off > 1 else "in other tests."
     else:
         after = f"With {_them(d)} added, no torque stands out of the noise any more."
+    if small:
+        after += f" What can still be made out, {place(x.where_after)}, is negligible ({_counts(x.where_after)})."
     return f"{before} {after}".strip()
+
+
+def _counts(where: Where) -> str:
+    return f"it moves predictions 0.3 s ahead by {where.counts.max():.2g} encoder counts"
 
 
 def _them(d: Diagnosis) -> str:
@@ -175,7 +185,10 @@ def _errors(x: Examination) -> Section:
         blocks.append(Figure(prediction_figures.horizons(prediction_figures.sides(gap))))
         source = ", here the spread of repeated runs" if gap.before.repeats else ""
         floor = f"The noise floor is what readings and torque noise leave if the plant is right{source}."
-        blocks += [Text(floor), Details("Errors, intervals and likelihood", (tables.gaps(gap), _likelier(gap)))]
+        inner: tuple[Block, ...] = (tables.gaps(gap), _likelier(gap))
+        if len(gap.logs) > 1:
+            inner += (tables.parts(gap.by_log, "log"), tables.parts(gap.by_kind, "kind of experiment"))
+        blocks += [Text(floor), Details("Errors, intervals and likelihood", inner)]
         if gap.own_tail is not None:
             blocks += _own_tail(gap.own_tail)
     if x.where is not None:

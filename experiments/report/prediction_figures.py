@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
-from identification.diagnosis.verify import readings_at
+from identification.diagnosis.held_out import readings_at
 from identification.logs.log import Log
 from identification.validation.gap import Gap
 from identification.validation.resimulation import Resimulation

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from furuta_gym.plant.parameters import THETA_MEANING
-from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
+from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
 from identification.estimation.estimate import Estimate, rounded, unit_of
 from identification.logs.log import Log
@@ -72,6 +72,18 @@ def gaps(change: GapChange) -> Table:
         rows += [_error_row(f"{name}, {side}", gap, axis, change.floor[axis]) for side, gap in change.sides]
         rows.append(_floor_row(name, change.floor[axis], change.before.counts[axis]))
     return Table(_ERRORS, rows, _windows(change.before))
+
+
+def parts(found: Sequence[Part], what: str) -> Table:
+    """The error over the floor of each log, or of each kind of experiment."""
+    rows = []
+    for part in found:
+        before, after = (f"{ratio:.3g}" for ratio in part.over_floor)
+        low, high = (100 * end for end in part.closed.interval)
+        closed = f"{100 * part.closed.value:.1f} % ({low:.1f} … {high:.1f})"
+        rows.append((part.name, before, after, closed + (" grows" if part.grows else "")))
+    head = (what, "times the floor, before", "after", "of the gap closed (95 %)")
+    return Table(head, rows, f"The same by {what}.")
 
 
 def gap(found: Gap) -> Table:

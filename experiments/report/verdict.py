@@ -97,7 +97,7 @@ def _found(d: Diagnosis) -> str:
     if d.verdict == "insufficient_excitation":
         return "These logs move the rig too little to determine the model, so nothing can be said of missing effects."
     start = "Something is missing from the model, and the library has no name for it"
-    if d.found or d.rest is None or not d.rest.found:
+    if d.found or d.rest is None or not d.rest.matters:
         return f"{start}."
     return f"{start}: {place(d.rest)}."
 
@@ -137,7 +137,7 @@ def _doubts(d: Diagnosis) -> list[str]:
         doubts.append(f"These logs cannot tell this from {others}.")
     remains = []
     if d.verdict in ("named", "ambiguous"):
-        if d.rest is not None and d.rest.found:
+        if d.rest is not None and d.rest.matters:
             remains.append(f"on the searched logs there is still {place(d.rest)}")
         elif d.rest is not None and structured(d.rest, d.policy):
             remains.append("the parameters are not the same all along the searched logs")

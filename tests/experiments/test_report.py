@@ -27,6 +27,7 @@ from experiments.report.validation_page import adequacy
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import GapChange, rms_interval
+from identification.diagnosis.held_out import HeldOut
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
@@ -65,6 +66,11 @@ def checked(examined, logs) -> tuple[str, str]:
         render(estimate_page(before, [logs[0]], gap, "", "rig.json")),
         render(validation_page(gap, before.plant, [logs[1]], "rig.json")),
     )
+
+
+def held(log: Log, *held_out: Log) -> HeldOut:
+    """What judges a search in a log: others, or its own last part."""
+    return HeldOut((log,), held_out, DecisionPolicy())
 
 
 def with_gap(examined: Examination, gap: GapChange | None) -> Examination:
@@ -199,7 +205,7 @@ def test_the_gap_is_that_of_the_validation(examined, logs):
 
 def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
     log = logs[0]
-    change = measure_gap(examined.diagnosis, [log])
+    change = measure_gap(examined.diagnosis, held(log))
     assert change.tail == 0.3
     assert change.to_dict()["held_out"] is False
     starts = change.before.times - change.before.horizon
@@ -208,7 +214,7 @@ def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
     assert change.closed.value > 0.8
     rest = log.slice(stop=float(log.t[0]) + 0.7 * log.duration)  # what the plants may know
     moved = replace(log, q1=np.where(log.t > rest.t[-1], log.q1 + 0.05, log.q1))
-    assert measure_gap(examined.diagnosis, [moved]).before.rms[0] > change.before.rms[0]
+    assert measure_gap(examined.diagnosis, held(moved)).before.rms[0] > change.before.rms[0]
 
 
 def test_intervals_of_the_rms_cover_it(examined):
@@ -295,7 +301,7 @@ def test_the_badge_says_what_the_validation_says(examined, ratio, torque):
 
 def test_the_page_shows_the_tail_that_judged_a_repeating_effect(page, examined, logs):
     assert "On the last part of the searched logs" not in page
-    own_tail = measure_gap(examined.diagnosis, [logs[0]])
+    own_tail = measure_gap(examined.diagnosis, held(logs[0]))
     html = build(with_gap(examined, replace(examined.gap, own_tail=own_tail)))
     assert "On the last part of the searched logs" in html
     windows = f", {len(own_tail.before.errors)} windows."
@@ -341,7 +347,11 @@ def test_a_file_name_cannot_write_into_the_page(examined):
 def test_what_could_not_be_measured_is_said(examined):
     plain = Log(examined.logs[0].t, examined.logs[0].q1, examined.logs[0].q2, examined.logs[0].u)
     short = plain.slice(stop=0.9)
-    x = examine(verified(replace(examined.diagnosis, rest=None, gap=None), [short], [short]), [short], [short])
+    x = examine(
+        verified(replace(examined.diagnosis, rest=None, gap=None), held(short, short)),
+        [short],
+        [short],
+    )
     assert {"where", "gap", "closed loop"} <= set(x.remarks)
     html = build(x)
     assert "Not available" in html
@@ -392,7 +402,11 @@ def at_once(monkeypatch, examined) -> None:
     import identification.diagnosis.diagnose as search
 
     found = replace(examined.diagnosis, gap=None, still_off=1.0)
-    monkeypatch.setattr(search, "diagnose", lambda logs, held_out, *args, **options: verified(found, logs, held_out))
+    monkeypatch.setattr(
+        search,
+        "diagnose",
+        lambda logs, held_out, *args, **options: verified(found, held(*logs, *held_out)),
+    )
 
 
 def test_the_command_writes_all_three_files(files, at_once, tmp_path):
