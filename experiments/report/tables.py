@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.parameters import THETA_MEANING
 from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
@@ -27,8 +28,9 @@ def parameters(before: Estimate, after: Estimate, leftover: bool) -> Table:
     rows = []
     for name in names:
         effect, _, parameter = name.partition(".")
-        meaning = THETA_MEANING[name][0] if name in THETA_MEANING else (f"{parameter} of {effect}" if parameter else "")
-        meaning = meaning or "sharpness of Coulomb friction"
+        meaning = THETA_MEANING[name][0] if name in THETA_MEANING else "sharpness of Coulomb friction"
+        if parameter:
+            meaning = next(p.meaning for p in EFFECTS[effect].parameters if p.name == parameter)
         cells = [_value(before, name)] + ([_value(after, name), _shift(before, after, name)] if changed else [])
         rows.append((name.replace("theta", "θ"), meaning, *cells, unit_of(name, after.plant)))
     columns = ("before", "after", "change") if changed else ("value",)

@@ -90,10 +90,12 @@ def partials(law: Law, after: Where) -> list[Drawing]:
     for row in acting:
         mine = [m for m in after.maps if m.row == row]
         both = [mean + part.mean for part in mine for _, mean in [law.mean(part)]]
-        reach = 1.1 * max(float(np.nanmax(np.abs(b) + NORMAL_95 * m.std)) for b, m in zip(both, mine, strict=True))
+        ends = [side * NORMAL_95 * m.std + b for b, m in zip(both, mine, strict=True) for side in (-1, 1)]
+        low, high = min(0.0, *map(np.nanmin, ends)), max(0.0, *map(np.nanmax, ends))
+        margin = 0.06 * (high - low)
         for part in mine:
             figure = _partial(law, part, after.unit)
-            figure.update_yaxes(range=[-reach, reach])
+            figure.update_yaxes(range=[low - margin, high + margin])
             text = f"{row}'s row against {part.variable}"
             name = f"law-{row}-{part.variable}".replace(" ", "-")
             alt = f"Torque on the {text}: the fitted law through what the log asks for."
@@ -142,7 +144,7 @@ def _map(found: Map, where: Where, after: Where | None, reach: float) -> Drawing
         )  # fmt: skip
     figure.update_xaxes(title_text=_SYMBOLS[found.variable].format(u=where.unit))
     figure.update_yaxes(title_text=f"torque [{where.unit}]", range=[-reach, reach])
-    here = where.found and (where.channel, where.variable) == (found.row, found.variable)
+    here = after is None and where.found and (where.channel, where.variable) == (found.row, found.variable)
     if here:
         figure.update_layout(plot_bgcolor=MARK)
     text = f"{found.row}'s row against {found.variable}"
