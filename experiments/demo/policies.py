@@ -37,10 +37,27 @@ class Played:
 
 @dataclass(frozen=True)
 class Trial:
-    """All that was played. training: seconds on the clock and of CPU that each policy took to learn."""
+    """All that was played. training: seconds on the clock and of CPU that each policy took to learn; steps: of each;
+    unit: of the command."""
 
     played: tuple[Played, ...]
     training: dict[str, dict[str, float]]
+    steps: int
+    unit: str
+
+    @property
+    def head(self) -> tuple[str, ...]:
+        """Of the table of `rows`."""
+        return ("controller", "held", "rms q1 [rad]", "rms q2 [rad]", f"∫u² dt [({self.unit})² s]")
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """A controller in each, with 95 % intervals."""
+        return [
+            (f"{p.name}, made {p.side} the effect", f"{100 * p.figures['success'].value:.0f} %")
+            + tuple(_interval(p.figures[name]) for name in ("rms_q1", "rms_q2", "energy"))
+            for p in self.played
+        ]
 
     def verdict(self, name: str) -> str:
         """What the runs allow to say of a controller made with the effect against one made without."""
@@ -60,7 +77,7 @@ class Trial:
         return {
             "runs": RUNS,
             "duration_s": DURATION,
-            "steps": STEPS,
+            "steps": self.steps,
             "rows": rows,
             "with_against_without": {name: self.verdict(name) for name in self.names},
             "training": self.training,
@@ -90,4 +107,8 @@ def try_on_rig(
             runs = tuple(run_on_bench(rig, controller, SEED + i, DURATION) for i in range(RUNS))
             played.append(Played(name, side, runs))
     played.sort(key=lambda p: p.name)
-    return Trial(tuple(played), spent)
+    return Trial(tuple(played), spent, steps, without.unit)
+
+
+def _interval(x: Interval) -> str:
+    return f"{x.value:.3g} ({x.low:.3g} … {x.high:.3g})"

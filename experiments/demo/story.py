@@ -188,12 +188,9 @@ def _play(without: Plant, with_it: Plant, out: Path, seed: int, steps: int, say:
     except ValueError as error:
         say(f"   left out: {error}")
         return None
-    say(f"   {policies.RUNS} runs of {policies.DURATION:g} s on the rig, from the same starts; ± of the 95 % interval")
-    say("      controller       made       held         rms q1 [rad]     rms q2 [rad]     ∫u² dt [V²·s]")
-    for p in trial.played:
-        held, *figures = (p.figures[name] for name in ("success", "rms_q1", "rms_q2", "energy"))
-        cells = "".join(f"{figure!s:<17}" for figure in figures)
-        say(f"      {p.name:<16} {p.side:<10} {100 * held.value:3.0f} %        {cells}".rstrip())
+    say(f"   {policies.RUNS} runs of {policies.DURATION:g} s on the rig, from the same starts (95 % intervals)")
+    for row in (trial.head, *trial.rows):
+        say("   " + "".join(f"{cell:<{width}}" for cell, width in zip(row, (34, 8, 26, 28, 0), strict=True)).rstrip())
     for name in trial.names:
         say(f"   {name} with the effect, against without it: {trial.verdict(name)}")
     return trial
