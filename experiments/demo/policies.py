@@ -54,8 +54,11 @@ class Trial:
     def rows(self) -> list[tuple[str, ...]]:
         """A controller in each, with 95 % intervals."""
         return [
-            (f"{p.name}, made {p.side} the effect", f"{100 * p.figures['success'].value:.0f} %")
-            + tuple(_interval(p.figures[name]) for name in ("rms_q1", "rms_q2", "energy"))
+            (
+                f"{p.name}, made {p.side} the effect",
+                f"{100 * p.figures['success'].value:.0f} %",
+                *(_interval(p.figures[name]) for name in ("rms_q1", "rms_q2", "energy")),
+            )
             for p in self.played
         ]
 
