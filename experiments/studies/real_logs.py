@@ -81,7 +81,10 @@ class Finding:
 
 
 def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
-    """Fit and validate one rig. look: find what is missing, too (some minutes). Raises OSError where a file is missing; a log that a plant loses is told in words."""
+    """Fit and validate one rig. look: find what is missing, too (some minutes).
+
+    Raises OSError where a file is missing; a log that a plant loses is told in words.
+    """
     logs = _read(folder, rig, rig.fitted)
     estimate = identify(logs)
     unbounded = identify(logs, negative_friction=True)

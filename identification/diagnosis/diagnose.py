@@ -27,6 +27,7 @@ from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import Search
 from .outcome import Diagnosis, structured
 from .policy import DecisionPolicy
+from .second_witness import with_second_witness
 from .verify import verified
 
 
@@ -58,7 +59,11 @@ def diagnose(
     held = HeldOut(logs, held_out, policy)
     found = searched(held, start, most, only, say)
     say("predicting data that no fit saw")
-    return replace(verified(found, held), runtime_s=time.monotonic() - began)
+    found = verified(found, held)
+    if found.still_off > 1.0:
+        say("asking a second witness: multiple shooting")
+        found = with_second_witness(found, held)
+    return replace(found, runtime_s=time.monotonic() - began)
 
 
 def searched(

@@ -26,6 +26,28 @@ ONCE_A_TURN = "one period a turn is no cogging: a cable, a spring or a tilted ba
 
 
 @dataclass(frozen=True)
+class SecondWitness:
+    """The same structure fitted by multiple shooting: its plant, the parameters about which it disagrees beyond the
+    errors of both, how the gap changes from the first fit to this one, and whether it is better for certain."""
+
+    plant: Plant
+    disagreeing: tuple[str, ...]
+    change: GapChange
+    better: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "method": "multiple shooting",
+            "theta": self.plant.theta.tolist(),
+            "effects": [effect.to_dict(self.plant.unit) for effect in self.plant.effects],
+            "disagreeing": list(self.disagreeing),
+            "closed_fraction": self.change.closed.value,
+            "closed_interval": list(self.change.closed.interval),
+            "better": self.better,
+        }
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in a sentence.
 
@@ -35,7 +57,8 @@ class Diagnosis:
 
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
-    error over the noise floor that the effects leave on such data, where that is much; 1 otherwise.
+    error over the noise floor that the effects leave on such data, where that is much; 1 otherwise. second: what
+    multiple shooting makes of the same structure, where much is left.
     """
 
     verdict: str
@@ -52,6 +75,7 @@ class Diagnosis:
     gap_remark: str = ""
     confirmed: bool = True
     still_off: float = 1.0
+    second: SecondWitness | None = field(default=None, repr=False)
 
     @property
     def leftover(self) -> bool:
@@ -68,7 +92,10 @@ class Diagnosis:
 
     @property
     def plant(self) -> Plant | None:
-        """The plant to use: with the effects found, unless held-out data speak against them."""
+        """The plant to use: with the effects found, unless held-out data speak against them; that of the second
+        witness where it is better."""
+        if self.confirmed and self.second is not None and self.second.better:
+            return self.second.plant
         best = self.after if self.confirmed else self.before
         return best.plant if best else None
 
@@ -127,6 +154,7 @@ class Diagnosis:
             "left_over_torque": self.left_over,
             "command_rms": self.command_rms,
             "gap": self.gap.to_dict() if self.gap else None,
+            "second_witness": self.second.to_dict() if self.second else None,
             "policy": self.policy.to_dict(),
             "runtime_s": self.runtime_s,
         }

@@ -1,0 +1,54 @@
+"""A second witness where names leave much: the same structure fitted by multiple shooting.
+
+Where both fits disagree beyond their errors, torque noise hides structure that the model lacks. The plant that predicts
+data which no fit saw better for certain is the one to use.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..estimation.estimate import Estimate
+from ..validation.shooting import Shooting, shooting
+from .held_out import HeldOut
+from .outcome import Diagnosis, SecondWitness
+
+_APART = (
+    4.0  # standard deviations of the difference, from which two estimates disagree: one of fifteen by chance in 10⁴
+)
+
+
+def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
+    """The diagnosis with the plant after the search fitted by multiple shooting as well, if held-out logs are still
+    predicted much worse than noise would; without such logs nobody could say which plant is better."""
+    after = diagnosis.after
+    if after is None or diagnosis.gap is None or not held.whole or diagnosis.still_off <= 1.0:
+        return diagnosis
+    try:
+        shot = shooting(after.plant, held.logs, after.zeros)
+        change = held.change(diagnosis.gap.after, held.gap(shot.plant))
+    except ValueError:  # too short, or lost: no second witness then
+        return diagnosis
+    plant = shot.plant.replace(provenance=dict(after.plant.provenance) | {"method": "multiple shooting"})
+    second = SecondWitness(plant, _disagreeing(after, shot), change, better=change.closed.interval[0] > 0.0)
+    summary = diagnosis.summary
+    if second.disagreeing:
+        told = ", ".join(second.disagreeing)
+        summary += f"; a fit by multiple shooting disagrees about {told}: torque noise hides structure here"
+    if second.better:
+        summary += "; it predicts data that no fit saw better for certain, and is the plant written"
+    return replace(diagnosis, second=second, summary=summary)
+
+
+def _disagreeing(after: Estimate, shot: Shooting) -> tuple[str, ...]:
+    """Parameters about which both fits disagree beyond their errors."""
+    found = []
+    for name, value, std in zip(shot.names, shot.values, shot.std, strict=True):
+        if name in after.names:
+            i = after.names.index(name)
+            spread = float(np.hypot(std, after.std[i]))
+            if np.isfinite(spread) and abs(value - after.values[i]) > _APART * spread:
+                found.append(name)
+    return tuple(found)

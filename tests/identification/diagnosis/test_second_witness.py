@@ -1,0 +1,53 @@
+"""When multiple shooting is asked, and what its answer changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis import second_witness
+from identification.diagnosis.held_out import HeldOut
+from identification.validation.shooting import Shooting
+from tests.factories import made_log
+from tests.identification.diagnosis.fits import POLICY, a_change, a_diagnosis
+
+SHOT = TABLE_3.replace(theta=TABLE_3.theta * np.array([1.0, 1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0]))
+
+
+def _asked(
+    monkeypatch: pytest.MonkeyPatch, closed: tuple[float, float], still_off: float = 3.0, whole: bool = True
+) -> Any:
+    """A diagnosis after the second witness, whose θ5 lies a tenth off with errors of a hundredth."""
+    names = tuple(f"theta{i}" for i in range(1, 10))
+    std = 0.01 * TABLE_3.theta
+    shot = Shooting(SHOT, names, SHOT.theta, std, True)
+    monkeypatch.setattr(second_witness, "shooting", lambda *_: shot)
+    monkeypatch.setattr(HeldOut, "gap", lambda *_: None)
+    monkeypatch.setattr(HeldOut, "change", lambda *_: a_change(closed))
+    after: Any = SimpleNamespace(plant=TABLE_3, names=names, values=TABLE_3.theta, std=std, zeros={})
+    found = replace(a_diagnosis("arm_spring", after=after), gap=a_change(), still_off=still_off)
+    held = HeldOut((made_log(),), (made_log(),) if whole else (), POLICY)
+    return second_witness.with_second_witness(found, held)
+
+
+@pytest.mark.parametrize(("closed", "better"), [((0.1, 0.4), True), ((-0.1, 0.4), False), ((-0.5, -0.1), False)])
+def test_the_plant_that_predicts_better_for_certain_is_used_and_marked(
+    monkeypatch: pytest.MonkeyPatch, closed: tuple[float, float], better: bool
+) -> None:
+    found = _asked(monkeypatch, closed)
+    assert found.second.better is better
+    assert found.second.disagreeing == ("theta5",)
+    assert "torque noise hides structure" in found.summary
+    assert (found.plant.theta[4] == SHOT.theta[4]) is better
+    assert (found.plant.provenance.get("method") == "multiple shooting") is better
+    assert found.to_dict()["second_witness"]["better"] is better
+
+
+def test_it_is_not_asked_where_nothing_is_left_or_nobody_could_judge(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _asked(monkeypatch, (0.1, 0.4), still_off=1.0).second is None
+    assert _asked(monkeypatch, (0.1, 0.4), whole=False).second is None

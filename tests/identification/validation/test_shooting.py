@@ -1,0 +1,28 @@
+"""Multiple shooting: the truth from wrong starts, and what it says of itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.validation.shooting import shooting
+from tests.factories import loop_log
+
+WRONG = np.array([1.1, 0.9, 1.1, 1.1, 1.1, 0.8, 1.3, 0.9, 1.2])
+
+
+def test_the_truth_is_found_from_a_wrong_start_within_its_errors() -> None:
+    log, truth = loop_log(duration=10.0)
+    found = shooting(TABLE_3.replace(theta=TABLE_3.theta * WRONG), log)
+    assert found.converged
+    assert found.names[:2] == ("theta1", "theta2")
+    assert found.values[[0, 2, 3, 4]] == pytest.approx(truth.theta[[0, 2, 3, 4]], rel=0.02)
+    assert np.abs((found.values - truth.theta) / found.std).max() < 4.0
+    assert found.plant.theta == pytest.approx(found.values)
+
+
+def test_a_log_that_is_too_short_is_told() -> None:
+    log, _ = loop_log(duration=1.0)
+    with pytest.raises(ValueError, match="no log is long enough"):
+        shooting(TABLE_3, log)
