@@ -32,7 +32,7 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     except ValueError:  # too short, or lost: no second witness then
         return diagnosis
     plant = shot.plant.replace(provenance=dict(after.plant.provenance) | {"method": "multiple shooting"})
-    second = SecondWitness(plant, _disagreeing(after, shot), change, better=change.closed.interval[0] > 0.0)
+    second = SecondWitness(plant, _disagreeing(after, shot), change, better=bool(change.closed.interval[0] > 0.0))
     summary = diagnosis.summary
     if second.disagreeing:
         told = ", ".join(second.disagreeing)

@@ -43,7 +43,7 @@ def test_the_plant_that_predicts_better_for_certain_is_used_and_marked(
     assert found.second.better is better
     assert found.second.disagreeing == ("theta5",)
     assert "torque noise hides structure" in found.summary
-    assert (found.plant.theta[4] == SHOT.theta[4]) is better
+    assert bool(found.plant.theta[4] == SHOT.theta[4]) is better
     assert (found.plant.provenance.get("method") == "multiple shooting") is better
     assert found.to_dict()["second_witness"]["better"] is better
 
