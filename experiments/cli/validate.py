@@ -19,6 +19,7 @@ def validate_command(
     ] = None,
     horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
+    report: opt.Report = None,
     columns: opt.Columns = None,
     unit: opt.Unit = None,
     pendulum_zero: opt.PendulumZero = None,
@@ -34,6 +35,7 @@ def validate_command(
         opt.output_file(json_file, [".json"], [Path(plant), *logs])
     if plots is not None:
         check_folder(plots)
+    opt.report_file(report, [Path(plant), *logs])
     from furuta_gym.plant import Plant
     from identification.logs.log import read_logs
 
@@ -60,6 +62,11 @@ def validate_command(
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)
             plot_horizons({"plant": result}).savefig(folder / "horizons.png", dpi=120)
             plot_innovations(result).savefig(folder / "innovations.png", dpi=120)
+    if report is not None:
+        from experiments.report import render, validation_page
+        from furuta_gym.files import write_whole
+
+        write_whole(report, render(validation_page(result, rig, read, Path(plant).name, seen)))
     if printed:
         print_json(result.to_dict())
         return
@@ -69,3 +76,5 @@ def validate_command(
     if json_file is not None:
         write_json(json_file, result.to_dict())
         typer.echo(f"Written: {json_file}")
+    if report is not None:
+        typer.echo(f"Written: {report}")

@@ -38,7 +38,7 @@ from .informative import informative
 from .long_logs import begin
 from .methods import DEFAULT, method_named
 from .optimise import TOLERANCE, Optimum, minimise
-from .pool import shared_pool
+from .pool import one_blas_thread, shared_pool
 from .prediction_error import PredictionError, quietest
 from .restarts import restarted
 from .start import Start, candidates, race
@@ -63,6 +63,7 @@ _R_RANGE = (3.0, 2000.0)  # s/rad
 _R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
 
 
+@one_blas_thread
 def identify(
     logs: Log | Sequence[Log],
     start: Plant | str | None = None,
@@ -460,20 +461,22 @@ def _provenance(
 
 
 def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
+    signs = {log.source: motion_signs(log.t, log.q1, log.q2, log.u) for log in logs}
+    doubted = any(found.wrong for found in signs.values())
     for name in at_bound:
         if name in THETA_NAMES[5:]:
+            cause = "as a wrong sign does, see below" if doubted else "so an effect is probably missing"
             yield (
-                f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, the mark of an effect "
-                "that model (5) lacks (run `furuta diagnose`), or of a sign that should be flipped"
+                f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, which no rig has; "
+                f"{cause} (`furuta diagnose` looks for it)"
             )
         elif name in SHARPNESS_NAMES:
             yield f"{name} ends at its bound {_value_of(plant, name):.3g} s/rad: friction near rest is not told; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
-    for log in logs:
-        signs = motion_signs(log.t, log.q1, log.q2, log.u)
-        if wrong := signs.wrong:
-            yield f"{log.source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
+    for source, found in signs.items():
+        if wrong := found.wrong:
+            yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
     if failures := physical_consistency(plant.theta).failures:
         remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
         yield "; ".join(failures) + f". {remedy}"
