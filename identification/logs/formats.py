@@ -10,46 +10,15 @@ import csv
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .checks import LogError
+from .table import Table, number
 
 _MAX_MATRIX_COLUMNS = 32  # a wider matrix is not a table of samples
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns by name (1-D arrays, of text where a cell is not a number), metadata, and where a row came from."""
-
-    name: str
-    columns: dict[str, np.ndarray]
-    metadata: dict[str, str] = field(default_factory=dict)
-    lines: np.ndarray | None = None  # line of the file for each row, in text files
-
-    def where(self, row: int) -> str:
-        """The place of a row as a person would look for it."""
-        return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
-
-    def numbers(self, column: str) -> np.ndarray:
-        """A column as float64. Raises LogError, naming the row, where a cell holds text."""
-        values = self.columns[column]
-        if values.dtype.kind in "fiub":
-            return values.astype(np.float64)
-        if values.dtype.kind in "OUS":
-            for row, cell in enumerate(values):
-                if _number(cell) is None:
-                    shown = "an empty cell" if str(cell).strip() == "" else f"the text {str(cell)[:40]!r}"
-                    raise LogError(
-                        f"{self.name}: {shown} in column {column} at {self.where(row)}. Expected a number. "
-                        "Delete or mend that row (the log is cut where a stamp is missing, and prediction starts anew)."
-                    )
-            return np.array([_number(cell) for cell in values], dtype=np.float64)
-        kind = {"M": "dates", "m": "durations", "c": "complex numbers"}.get(values.dtype.kind, "no numbers")
-        raise LogError(f"{self.name}: column {column} holds {kind}. Expected real numbers (time in seconds).")
 
 
 Reader = Callable[[Path], Table]
@@ -122,7 +91,7 @@ def _read_csv(path: Path) -> Table:
     else:
         split = [line.split() for _, line in body]
     header, rows, lines = split[0], split[1:], [i for i, _ in body[1:]]
-    if all(_number(cell) is not None for cell in header):
+    if all(number(cell) is not None for cell in header):
         header, rows, lines = _commented_header(path.name, comments, len(header)), split, [i for i, _ in body]
     while header and not header[-1]:  # a delimiter at the end of each line
         header = header[:-1]
@@ -138,7 +107,7 @@ def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
     separators = [max(map(line.count, ",;\t")) for _, line in body[:10]]
     start = separators.index(max(separators))
     cells = [cell.strip() for cell in re.split(r"[,;\t]", body[start][1])]
-    return body if all(_number(cell) is not None for cell in cells if cell) else body[start:]
+    return body if all(number(cell) is not None for cell in cells if cell) else body[start:]
 
 
 def _csv_rows(name: str, lines: list[str], delimiter: str) -> list[list[str]]:
@@ -180,15 +149,6 @@ def _columns(name: str, header: list[str], rows: list[list[str]], lines: list[in
         except ValueError:
             columns[column] = np.array(cells, dtype=object)
     return columns
-
-
-def _number(cell: Any) -> float | None:
-    """A cell as a number, also with a decimal comma; None if it is none."""
-    text = cell.decode(errors="replace") if isinstance(cell, bytes) else str(cell)
-    try:
-        return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
-    except ValueError:
-        return None
 
 
 def _write_csv(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
