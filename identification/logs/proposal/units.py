@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..encoders import encoder_step
-from ..mapping import KNOWN_KEYS, SECONDS
+from ..mapping import SECONDS
 from ..table import Table
-from ..vocabulary import unit_in, unit_of
+from ..vocabulary import unit_in, unit_of, words
 from .motion import RADIANS, Motion, Pair
 from .policy import ProposalPolicy
 from .values import Confidence
@@ -20,13 +20,20 @@ ANGLE_UNITS = ("rad", "deg", "counts")
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit with its reason. against: what the data say instead, where they contradict what the file states."""
+    """A unit with its reason. looks: the unit that the data show instead, where they contradict what the file states,
+    and against: that in a sentence."""
 
     unit: str | None
     confidence: Confidence
     reason: str
     alternatives: tuple[str, ...] = ()
     against: str = ""
+    looks: str | None = None
+
+    def believed(self, said: str | None) -> str | None:
+        """The unit to go on with: what the data show, else what is said."""
+        sure = self.confidence is Confidence.sure
+        return self.looks or (self.unit if sure and self.unit else said or self.unit)
 
 
 def stated(table: Table, column: str, known: Collection[str | None]) -> tuple[str | None, str]:
@@ -67,6 +74,7 @@ def time_unit(table: Table, column: str, t: np.ndarray, policy: ProposalPolicy) 
             tuple(possible),
             f"{column} is stated in {unit}, which would be {spaced(unit)}; in {possible[0]} it is "
             f"{spaced(possible[0])}.",
+            possible[0],
         )
     if not possible:
         return Unit(None, Confidence.open, f"a spacing of {step:g} suits no unit", tuple(SECONDS))
@@ -164,6 +172,7 @@ def _angle(
             f"{why}, but the data do not",
             ANGLE_UNITS,
             f"{column} is stated in {unit}, but looks like {choice}: {reason}.",
+            choice,
         )
     if len(by_motion) == 1:
         return Unit(
@@ -183,9 +192,7 @@ def _angle(
 
 def command_unit(table: Table, column: str, u: np.ndarray, policy: ProposalPolicy) -> tuple[Unit, float | None]:
     """Unit of the command and what its numbers are multiplied by to be in it (None: nothing)."""
-    from ..vocabulary import words
-
-    if "input_unit" in table.metadata and "input_unit" in KNOWN_KEYS:
+    if "input_unit" in table.metadata:
         return Unit(None, Confidence.sure, f"the file says {table.metadata['input_unit']}"), None
     units = ("V", "N·m")
     unit = any_unit(table, column)

@@ -165,6 +165,14 @@ def test_what_is_said_of_zero_and_signs_is_held_against_the_motion(kind: str) ->
     assert problem.text.startswith("the file says")
 
 
+def test_what_a_reader_would_take_without_a_word_is_held_against_the_data() -> None:
+    log = hanging()
+    assert not propose(table(log), assumed=True).problems
+    text = "\n".join(map(str, propose(table(log, angle="deg", time=1e-3, zero="hanging"), assumed=True).fatal))
+    for option in ("--time-unit ms", "--unit q1=deg", "--unit q2=deg", "--pendulum-zero hanging and no --flip"):
+        assert option in text
+
+
 def test_a_zero_that_is_neither_is_a_problem() -> None:
     log = hanging()
     (problem,) = propose(table(log, q2=log.q2 + np.pi / 2)).fatal
