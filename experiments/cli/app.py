@@ -16,6 +16,7 @@ from .errors import explained
 from .excite import excite_command
 from .export import export_command
 from .identify import identify_command
+from .init import init_command
 from .simulate import simulate_command
 from .train import train_command
 from .trials import trials_command
@@ -61,6 +62,7 @@ def options(
 
 
 app.command("demo")(demo_command)
+app.command("init")(init_command)
 app.command("identify")(identify_command)
 app.command("validate")(validate_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)

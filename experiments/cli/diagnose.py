@@ -11,6 +11,8 @@ from typer.core import TyperCommand
 
 from . import options as opt
 from .output import check_folder, errors, print_json, write_json
+from .reading import Reading, reads_logs
+from .reading import read as read_logs
 from .whole import whole_folder
 
 if TYPE_CHECKING:
@@ -49,8 +51,10 @@ def _show_policy(wanted: bool) -> None:
         raise typer.Exit
 
 
+@reads_logs
 def diagnose_command(
     logs: opt.Logs,
+    reading: Reading,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html.")],
     held_out: Annotated[
         list[Path] | None,
@@ -68,28 +72,17 @@ def diagnose_command(
         ),
     ] = False,
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 3,
-    columns: opt.Columns = None,
-    unit: opt.Unit = None,
-    pendulum_zero: opt.PendulumZero = None,
-    flip: opt.Flip = None,
-    encoder_counts: opt.EncoderCounts = None,
-    input_unit: opt.InputUnit = None,
-    time_unit: opt.TimeUnit = "s",
-    skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
     from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
     from furuta_gym.plant import Plant
-    from identification.logs.log import read_logs
 
     require_extra()
     check_folder(output)
-    if plant is not None:
-        Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
-    read = read_logs(logs, **mapping)
-    held = read_logs(held_out, constant_command="ignore", **mapping) if held_out else ()
+    known = None if plant is None else Plant.resolve(plant)
+    read = read_logs(logs, reading, known)
+    held = read_logs(held_out, reading, known, "ignore") if held_out else ()
     from identification.diagnosis.diagnose import diagnose
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)

@@ -9,25 +9,21 @@ import typer
 
 from . import options as opt
 from .output import busy, check_folder, print_json, write_json
+from .reading import Reading, reads_logs
+from .reading import read as read_logs
 from .whole import whole_folder
 
 
+@reads_logs
 def validate_command(
     plant: Annotated[str, typer.Argument(help="Plant file (or table3, qube, large).", metavar="PLANT")],
     logs: opt.Logs,
+    reading: Reading,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the gap as JSON to this file; - prints it.", metavar="FILE")
     ] = None,
     horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
-    columns: opt.Columns = None,
-    unit: opt.Unit = None,
-    pendulum_zero: opt.PendulumZero = None,
-    flip: opt.Flip = None,
-    encoder_counts: opt.EncoderCounts = None,
-    input_unit: opt.InputUnit = None,
-    time_unit: opt.TimeUnit = "s",
-    skip: opt.Skip = 0.0,
 ) -> None:
     """Measure the gap between a plant and logs that were not fitted, against the noise floor."""
     printed = json_file is not None and str(json_file) == "-"
@@ -36,11 +32,9 @@ def validate_command(
     if plots is not None:
         check_folder(plots)
     from furuta_gym.plant import Plant
-    from identification.logs.log import read_logs
 
     rig = Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
-    read = read_logs(logs, constant_command="ignore", **mapping)
+    read = read_logs(logs, reading, rig, "ignore")
     if rig.unit != read[0].input_unit:
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"

@@ -439,6 +439,7 @@ def _provenance(
             | ({"skipped_s": log.skipped} if log.skipped else {})
             for log in logs
         ],
+        **({} if logs[0].mapping.empty else {"mapping": logs[0].mapping.to_dict()}),
         "method": estimate.method,
         "start": "from the logs" if start is None else start if isinstance(start, str) else "a plant given",
         "fixed": dict(estimate.fixed),

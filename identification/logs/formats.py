@@ -17,6 +17,7 @@ import numpy as np
 
 from .checks import LogError
 from .table import Table, number
+from .text import comment_of, dates, decoded, units_row
 
 _MAX_MATRIX_COLUMNS = 32  # a wider matrix is not a table of samples
 
@@ -44,15 +45,22 @@ def register(ending: str, reader: Reader, writer: Writer | None = None) -> None:
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read a file in the format that its ending names. Raises LogError for anything that is not such a file."""
     path = Path(path)
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
-    if not path.is_file():
+    reader = READERS.get(ending_of(path))
+    if path.is_dir() and (path / "metadata.yaml").is_file():  # a bag of ROS 2
+        reader = READERS[".bag"]
+    elif not path.is_file() and (reader is not None or path.is_dir()):
         what = "is a folder" if path.is_dir() else "does not exist"
         nearby = sorted(p.name for p in path.parent.glob(f"*{path.suffix}"))[:5] if path.parent.is_dir() else []
         hint = f" In that folder: {', '.join(nearby)}." if nearby else ""
         raise LogError(f"{path}: this log {what}. Expected a file.{hint}")
+    if reader is None:
+        raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
     return reader(path)
+
+
+def ending_of(path: Path) -> str:
+    """The ending by which a reader is found: that of a packed file without the .gz."""
+    return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
@@ -73,15 +81,11 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray],
 
 
 def _read_csv(path: Path) -> Table:
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise LogError(f"{path.name}: not a text file in UTF-8 ({error.reason}). Save it as CSV in UTF-8.") from None
-    if "\0" in text:
-        raise LogError(f"{path.name}: holds zero bytes, so it is not a text file. Save it as CSV in UTF-8.")
+    text, notes = decoded(path)
     numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
-    comments = [line.lstrip()[1:].strip() for _, line in numbered if line.lstrip().startswith("#")]
-    body = [(i, line) for i, line in numbered if not line.lstrip().startswith("#")]
+    said = [comment_of(line) for _, line in numbered]
+    comments = [comment for comment in said if comment is not None]
+    body = [pair for pair, comment in zip(numbered, said, strict=True) if comment is None]
     if not body:
         raise LogError(f"{path.name}: the file holds no rows. Expected a header t,q1,q2,u and one row per sample.")
     body = _from_header(body)
@@ -95,9 +99,13 @@ def _read_csv(path: Path) -> Table:
         header, rows, lines = _commented_header(path.name, comments, len(header)), split, [i for i, _ in body]
     while header and not header[-1]:  # a delimiter at the end of each line
         header = header[:-1]
+    units = units_row(header, rows[0]) if rows else {}
+    if units:
+        rows, lines = rows[1:], lines[1:]
     columns = _columns(path.name, header, rows, lines)
     pairs = (comment.split(":", 1) for comment in comments if ":" in comment)
-    return Table(path.name, columns, {k.strip(): v.strip() for k, v in pairs}, np.array(lines, dtype=int))
+    metadata = {k.strip(): v.strip() for k, v in pairs}
+    return Table(path.name, columns, metadata, np.array(lines, dtype=int), units, notes)
 
 
 def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -147,7 +155,8 @@ def _columns(name: str, header: list[str], rows: list[list[str]], lines: list[in
         try:
             columns[column] = np.array([float(cell) for cell in cells], dtype=np.float64)
         except ValueError:
-            columns[column] = np.array(cells, dtype=object)
+            stamps = dates(cells)
+            columns[column] = np.array(cells, dtype=object) if stamps is None else stamps
     return columns
 
 

@@ -262,8 +262,6 @@ def read_log(
     if not 0.0 <= skip < np.inf:
         raise LogError(f"skip {skip:g} (--skip): expected seconds, not negative")
     table = read_table(path) if table is None else table
-    for note in table.notes:
-        warn(note)
     mapped = map_table(
         table,
         columns=columns,
@@ -289,6 +287,8 @@ def read_log(
         input_scale=None if input_scale == 1.0 else input_scale,
         skip=skip or None,
     )
+    for note in table.notes if said.empty else ():  # where names are given, they were found
+        warn(note)
     digest = file_hash(path)
     about = {"source": table.name, "sha256": digest, "mapping": said}
     log = Log(**mapped.signals, **mapped.facts, **about, metadata=mapped.metadata)

@@ -134,7 +134,8 @@ class RigMapping:
 
     def to_dict(self) -> dict[str, Any]:
         """What is said, as JSON and TOML hold it."""
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in vars(self).items() if v is not None}
+        said = {k: v for k, v in vars(self).items() if v is not None}
+        return {k: [_short(part) for part in v] if isinstance(v, tuple) else _short(v) for k, v in said.items()}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> RigMapping:
@@ -146,6 +147,10 @@ class RigMapping:
             raise LogError(f"a mapping of a log: {', '.join(strange)} is not known. Expected of {', '.join(names)}")
         values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
         return cls(**values)
+
+
+def _short(value: Any) -> Any:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _seconds(value: Any) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..encoders import encoder_step
-from ..mapping import COLUMNS
+from ..mapping import COLUMNS, parse_unit
 from ..signs import Signs
 from .columns import SPOKEN
 from .look import Look
@@ -73,7 +73,8 @@ def _unit_items(look: Look) -> list[Item]:
     unit, scale = command_unit(look.table, column, u, look.policy)
     row = item("input_unit", "command in", unit, "--input-unit")
     if row.value is None and "input_unit" in look.table.metadata:
-        row = Item("input_unit", row.says, None, look.table.metadata["input_unit"], row.confidence, row.reason)
+        stated = parse_unit(look.table.metadata["input_unit"])
+        row = Item("input_unit", row.says, stated, stated, row.confidence, "the file says so", (), row.option)
     rows.append(row)
     scale = look.given.input_scale or scale
     if scale is not None and scale != 1.0:
@@ -92,9 +93,9 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
         rows.append(_zero_item(look, look.given.pendulum_zero, Confidence.sure, _AS_YOU_SAY))
     elif signs.gravity:
         falls = "away from 0" if signs.gravity > 0 else "towards 0"
-        rows.append(_zero_item(look, zero, Confidence.sure, f"the pendulum falls {falls}", stated))
+        rows.append(_zero_item(look, zero, Confidence.sure, f"the pendulum falls {falls}"))
     elif stated is not None:
-        rows.append(_zero_item(look, stated, Confidence.sure, "the file says so", stated))
+        rows.append(_zero_item(look, stated, Confidence.sure, "the file says so"))
     else:
         rows.append(_zero_item(look, _usual_zero(look), Confidence.open, "the motion does not tell it"))
     known_zero = look.given.pendulum_zero or (zero if signs.gravity else stated)
@@ -138,13 +139,11 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
     return rows
 
 
-def _zero_item(look: Look, zero: str, confidence: Confidence, reason: str, stated: str | None = None) -> Item:
-    value = None if stated == zero or (zero == "upright" and stated is None) else zero
-    value = zero if look.given.pendulum_zero else value
+def _zero_item(look: Look, zero: str, confidence: Confidence, reason: str) -> Item:
     return Item(
         "pendulum_zero",
         "pendulum's zero",
-        value,
+        zero,
         zero,
         confidence,
         reason,

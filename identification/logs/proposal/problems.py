@@ -52,7 +52,8 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
     if {"q1", "q2"} <= set(finite) and look.factors is not None:
         q1, q2 = (finite[q] * f for q, f in zip(("q1", "q2"), look.factors, strict=True))
         found += _said(name, lambda: checks.check_motion(name, q1, q2))
-    return [*found, *look.found, *_zero_problems(look)]
+    notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in look.table.notes]
+    return [*found, *look.found, *_zero_problems(look), *notes]
 
 
 def _unit_problem(look: Look, ours: str, unit: Unit, name: str, option: str) -> list[Problem]:
