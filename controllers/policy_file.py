@@ -11,6 +11,7 @@ import io
 import json
 import os
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.files import read_json, write_whole
+from furuta_gym.files import in_short, read_json, write_whole
 
 from . import tensors
 from .layers import ACTIVATIONS, Layer, Network
@@ -28,6 +29,8 @@ RECORD, WEIGHTS, LEARNING = "policy.json", "weights.safetensors", "learning.safe
 
 _LARGEST = 1 << 26  # bytes of one member
 _MOST_LAYERS = 32
+_BROKEN = (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError, zlib.error)
+"""What zipfile raises for one that is damaged; OSError where it is led to a place before the file's start."""
 
 
 def write_policy(
@@ -74,7 +77,7 @@ def read_policy(path: str | os.PathLike[str], trust: bool = False) -> tuple[Netw
         record = _record(members[RECORD])
         network = _network(record.pop("network", None), tensors.from_bytes(members[WEIGHTS]))
     except ValueError as error:
-        raise ValueError(f"{path}: cannot be read as a policy: {error}") from error
+        raise ValueError(f"{path}: cannot be read as a policy: {in_short(error)}") from error
     return network, record
 
 
@@ -84,7 +87,7 @@ def read_learning(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     try:
         return tensors.from_bytes(members[LEARNING])
     except ValueError as error:
-        raise ValueError(f"{path}: cannot be read as a policy: {error}") from error
+        raise ValueError(f"{path}: cannot be read as a policy: {in_short(error)}") from error
 
 
 def read_record(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -103,7 +106,7 @@ def read_record(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         record = _record(raw)
     except ValueError as error:
-        raise ValueError(f"{where}: the training record cannot be read: {error}") from error
+        raise ValueError(f"{where}: the training record cannot be read: {in_short(error)}") from error
     record.pop("network", None)
     return record
 
@@ -121,7 +124,7 @@ def from_stable_baselines3(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             names = set(archive.namelist())
-    except (zipfile.BadZipFile, NotImplementedError, ValueError):
+    except (zipfile.BadZipFile, NotImplementedError, OSError, ValueError):
         return False
     return "data" in names and RECORD not in names
 
@@ -141,8 +144,8 @@ def _members(path: Path, names: tuple[str, ...], missing: str = "") -> dict[str,
     except KeyError as error:
         reason = missing or f"it has no {error.args[0].split(chr(39))[1]}"
         raise ValueError(f"{path}: no policy that `furuta train` wrote: {reason}") from None
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, zipfile.zlib.error) as error:  # type: ignore[attr-defined]
-        raise ValueError(f"{path}: no policy that `furuta train` wrote: {error}") from None
+    except _BROKEN as error:
+        raise ValueError(f"{path}: no policy that `furuta train` wrote: {in_short(error)}") from None
     return found
 
 

@@ -45,6 +45,12 @@ def read_json(text: str | bytes) -> Any:
     raise ValueError(too_deep)
 
 
+def in_short(error: Exception, most: int = 500) -> str:
+    """What an error says of a file, without the middle of what the file holds."""
+    text = str(error)
+    return text if len(text) <= most else f"{text[: most - 100]} … {text[-90:]}"
+
+
 def write_whole(path: str | os.PathLike[str], data: bytes | str) -> Path:
     """Write a file (text as UTF-8) whole or not at all: beside its place, to the disk, then by one rename.
 

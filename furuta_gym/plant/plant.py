@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.files import read_json, write_whole
+from furuta_gym.files import in_short, read_json, write_whole
 
 from .covariance import Covariance
 from .effects.effect import Effect
@@ -258,7 +258,7 @@ class Plant:
         except FileNotFoundError:
             raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None
         except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+            raise ValueError(f"{path}: {in_short(error)}") from error
 
     @classmethod
     def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":

@@ -21,6 +21,11 @@ GAP = 1.5
 _MAX_STEP_RAD = 0.02  # encoders below 314 counts per revolution are not built into such rigs
 _MIN_STEP_DEG = 0.0126  # nor above 28 600 as a rule; as radians, this is an encoder of 500
 _SLOWEST = 0.5  # s between samples; slower is no log of a swinging pendulum
+_STILL = 1e-12  # s
+_HUGE = 1e12  # of any number in a log, whatever its unit
+_FASTEST = 1e-6  # s between samples; faster is no rig's computer
+_DAY = 86400.0  # s
+_LARGEST_COMMAND = 1e6
 _MAX_SPEED = 60.0  # rad/s; a pendulum of 5 cm that falls from upright reaches about 30
 
 
@@ -38,7 +43,7 @@ def warn(message: str) -> None:
 
 
 def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[int], str]) -> None:
-    """Raise `LogError` at the first NaN or infinity of a column."""
+    """Raise `LogError` at the first number of a column that is NaN, infinite or beyond any measurement."""
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         kind = "NaN (or an empty cell)" if np.isnan(values[bad[0]]) else "infinity"
@@ -47,18 +52,24 @@ def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[i
             f"{name}: {kind} in column {column} at {where(int(bad[0]))}{more}. Expected finite numbers. Delete those "
             "rows rather than invent values: the log is cut where stamps are missing, and prediction starts anew."
         )
+    large = np.flatnonzero(np.abs(values) > _HUGE)
+    if large.size:
+        raise LogError(
+            f"{name}: column {column} holds {values[large[0]]:.3g} at {where(int(large[0]))} ({large.size} such rows). "
+            f"Expected numbers up to {_HUGE:.0g}: check how the column was written, and delete rows that are damaged."
+        )
 
 
 def check_clock(name: str, t: np.ndarray, where: Callable[[int], str]) -> None:
-    """Raise `LogError` unless time increases strictly."""
+    """Raise `LogError` unless time increases, by more than rounding."""
     steps = np.diff(t)
-    bad = np.flatnonzero(steps <= 0)
+    bad = np.flatnonzero(steps <= _STILL)
     if not bad.size:
         return
     k = int(bad[0]) + 1
-    if steps[k - 1] == 0:
+    if steps[k - 1] >= 0:
         raise LogError(
-            f"{name}: time stands still at {where(k)} (t = {t[k]:g} s twice; {bad.size} such rows). Expected "
+            f"{name}: time stands still at {where(k)} (t = {t[k]:.9g} s twice; {bad.size} such rows). Expected "
             "strictly increasing time. Write the stamps with more digits, or delete the repeated rows."
         )
     raise LogError(
@@ -92,6 +103,15 @@ def check_command(name: str, u: np.ndarray, severity: str) -> None:
         raise LogError(message)
 
 
+def warn_about_command(name: str, column: str, u: np.ndarray) -> None:
+    """Warn about a command that no rig has."""
+    if (largest := float(np.abs(u).max())) > _LARGEST_COMMAND:
+        warn(
+            f"{name}: the command {column} reaches {largest:.3g}. Expected volts or N·m, which no rig has so many of; "
+            "check the column, or scale it."
+        )
+
+
 def check_motion(name: str, q1: np.ndarray, q2: np.ndarray) -> None:
     """Warn about an angle that never changes."""
     for column, q, part in (("q1", q1, "arm"), ("q2", q2, "pendulum")):
@@ -111,6 +131,12 @@ def warn_about_clock(name: str, t: np.ndarray) -> None:
         raise LogError(
             f"{name}: the samples are {typical:g} s apart. Expected less than {_SLOWEST:g} s, as a pendulum swings. "
             "If the time column is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python."
+        )
+    if typical < _FASTEST:
+        day = f" In days, as spreadsheets keep time, it would be {1e3 * typical * _DAY:.3g} ms: --time-unit d."
+        warn(
+            f"{name}: the samples are {typical:.3g} s apart, faster than any rig's computer. Expected seconds; check "
+            f"the time column and its unit.{day if 1e-4 < typical * _DAY < _SLOWEST else ''}"
         )
     gaps = np.flatnonzero(steps > GAP * typical)
     if gaps.size:

@@ -1,37 +1,36 @@
 """From the decoded variables of a MAT or NPZ file to a `Table`, whatever layout they were saved in. Pure functions.
 
-Known: vectors, matrices, structures (of structures) of these, structures with time as Simulink's To Workspace writes
-them, timeseries objects as structures, To File matrices (time in the first of few rows), QUARC and dSPACE recordings.
+Variables come by name: fields of structures as `struct.field`, those of arrays of structures as `struct.1.field`.
+Known layouts: vectors, matrices, structures of these, structures with time (Simulink's To Workspace and scopes), pairs
+of Time and Data, To File and QUARC matrices (one signal a row, time in the first), and recordings with X and Y.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from .table import Table
 
-_MAX_MATRIX_COLUMNS = 32  # a wider matrix is not a table of samples
-_DEEPEST = 6
-_LEAST_ROWS = 20  # a matrix with fewer rows than this and ten times as many columns has its samples in columns
+MAX_MATRIX_COLUMNS = 32
+"""A wider matrix is not a table of samples."""
+_LYING = 10  # times as many columns as rows, from which the samples of a matrix lie side by side
+_SIGNAL = re.compile(r"(?P<of>.*)\.signals(\.(?P<i>\d+))?\.values")
+_CHANNEL = re.compile(r"(?P<of>.*)\.(?P<side>[XY])(\.(?P<i>\d+))?\.Data")
+_PAIR = re.compile(r"(?P<of>.*)\.(?P<what>[Dd]ata|[Vv]alues)")
 
 
 def from_variables(name: str, variables: Mapping[str, Any]) -> Table:
     """Columns are the vectors and the columns of matrices (`data.1`, …); scalars and text are metadata.
 
-    variables: arrays, numbers, text, mappings, objects with `_fieldnames` (scipy's structures) and lists of these."""
-    flat: dict[str, Any] = {}
-    for key, value in variables.items():
-        if not key.startswith("__"):
-            flat |= _opened(key, value)
-    arrays = {key: np.asarray(value) for key, value in flat.items()}
+    variables: arrays of numbers or text by name."""
+    arrays = _named({key: np.asarray(value) for key, value in variables.items() if not key.startswith("__")})
     longest = max((max(array.shape) for array in arrays.values() if array.ndim and array.size), default=0)
     columns: dict[str, np.ndarray] = {}
     metadata: dict[str, str] = {}
-    units: dict[str, str] = {}
     for key, array in arrays.items():
         array = np.squeeze(array) if array.ndim > 2 else array
         if array.ndim == 0 or (array.ndim == 1 and array.size <= 4 < longest):
@@ -42,114 +41,54 @@ def from_variables(name: str, variables: Mapping[str, Any]) -> Table:
             columns[key] = array.ravel()
         elif array.ndim == 2:
             columns |= _matrix(key, array)
-    for key in [k for k in metadata if k.endswith((".units", ".unit", ".Unit", ".Units"))]:
-        units |= {c: metadata[key] for c in columns if c.startswith(key.rpartition(".")[0] + ".")}
-    units |= {key: unit for key, unit in units.items() if key in columns}
-    return Table(name, _renamed(columns), metadata, units={_short(k): u for k, u in units.items()})
+    units = {c: unit for c in columns if (unit := metadata.get(f"{c}.unit", metadata.get(f"{c}.units", "")))}
+    return Table(name, columns, metadata, units=units)
 
 
 def _matrix(key: str, array: np.ndarray) -> dict[str, np.ndarray]:
-    """The columns of a matrix; its rows where samples lie side by side, as To File writes them."""
-    rows, columns = array.shape
-    lying = rows <= _LEAST_ROWS and columns >= 10 * rows
-    if lying:
-        array = array.T
-    if array.shape[1] > _MAX_MATRIX_COLUMNS:
+    """The columns of a matrix; its rows where samples lie side by side, as To File and QUARC write them."""
+    lying = array.shape[1] >= _LYING * array.shape[0]
+    array = array.T if lying else array
+    if array.shape[1] > MAX_MATRIX_COLUMNS:
         return {}
-    if lying and array.shape[1] > 1 and (np.diff(array[:, 0].astype(float, copy=False)) > 0).all():
-        rest = {f"{key}.{j}": array[:, j] for j in range(1, array.shape[1])}
-        return {f"{key}.time": array[:, 0]} | rest
-    return {f"{key}.{j + 1}": array[:, j] for j in range(array.shape[1])}
-
-
-def _opened(key: str, value: Any, depth: int = 0) -> dict[str, Any]:
-    """A structure as its fields, `key.field`; a structure with time as its signals, each by its own name."""
-    fields = _fields(value)
-    if fields is None or depth > _DEEPEST:
-        if isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object and value.size):
-            parts = list(np.atleast_1d(np.asarray(value, dtype=object)).ravel()) if not isinstance(value, list) else value
-            if any(_fields(part) is not None for part in parts) and len(parts) <= _MAX_MATRIX_COLUMNS:
-                return _list_of_structures(key, parts, depth)
-            if not isinstance(value, np.ndarray):
-                return {}
-        return {} if fields is not None else {key: value}
-    found: dict[str, Any] = {}
-    named = _signals(key, fields) or _channels(key, fields)
-    if named is not None:
-        return named
-    for sub, inner in fields.items():
-        found |= _opened(f"{key}.{sub}", inner, depth + 1)
+    found = {f"{key}.{j + 1}": array[:, j] for j in range(array.shape[1])}
+    if lying and array.dtype.kind in "fiu" and (np.diff(array[:, 0]) > 0).all():
+        return {f"{key}.time": array[:, 0]} | dict(list(found.items())[1:])
     return found
 
 
-def _list_of_structures(key: str, parts: Sequence[Any], depth: int) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for i, part in enumerate(parts, 1):
-        fields = _fields(part)
-        if fields is None:
-            continue
-        label = next((_text(fields[n]) for n in ("name", "label", "Name", "blockName") if _text(fields.get(n))), str(i))
-        found |= _opened(f"{key}.{label}", {k: v for k, v in fields.items() if k not in ("name", "label", "Name")}, depth + 1)
-    return found
+def _named(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The same with signals under the names that their structures give them, and one time for all."""
+    found: dict[str, np.ndarray] = {}
+    for key, array in arrays.items():
+        if match := _SIGNAL.fullmatch(key):
+            own = key.removesuffix("values")
+            label = _text(arrays, own + "label") or _text(arrays, own + "blockName").rpartition("/")[2]
+            found[f"{match['of']}.{label or 'signal' + (match['i'] or '')}"] = array
+        elif match := _CHANNEL.fullmatch(key):
+            own = key.removesuffix("Data")
+            label = _text(arrays, own + "Name").strip('"').rpartition("/")[2] or match["side"] + (match["i"] or "")
+            found[f"{match['of']}.{'time' if match['side'] == 'X' else label}"] = array
+        elif ".signals." not in key and not re.search(r"\.[XY](\.\d+)?\.", key):
+            found[key] = array
+    return _one_time(found)
 
 
-def _signals(key: str, fields: Mapping[str, Any]) -> dict[str, Any] | None:
-    """A structure with time: `time` and `signals`, each with `values` and a `label`."""
-    if "signals" not in fields:
-        return None
-    signals = fields["signals"]
-    parts = [signals] if _fields(signals) is not None else list(np.atleast_1d(np.asarray(signals, dtype=object)).ravel())
-    found: dict[str, Any] = {}
-    if np.size(fields.get("time", ())):
-        found[f"{key}.time"] = fields["time"]
-    for i, part in enumerate(parts, 1):
-        inner = _fields(part)
-        if inner is None or "values" not in inner:
-            continue
-        label = _text(inner.get("label")) or _text(inner.get("blockName")).rpartition("/")[2] or f"signal{i}"
-        found[f"{key}.{label}"] = inner["values"]
-    return found
+def _one_time(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Signals that bring a time each, `theta.Time` and `theta.Data`, as `theta` beside one `time`."""
+    pairs = {key: match["of"] for key in arrays if (match := _PAIR.fullmatch(key)) and _time_of(arrays, match["of"])}
+    times = [np.ravel(arrays[_time_of(arrays, of) or ""]) for of in pairs.values()]
+    if not times or any(not np.array_equal(times[0], time) for time in times[1:]):
+        return arrays
+    own = {_time_of(arrays, of) for of in pairs.values()}
+    rest = {key: array for key, array in arrays.items() if key not in pairs and key not in own}
+    return {"time": times[0]} | {of: arrays[key] for key, of in pairs.items()} | rest
 
 
-def _channels(key: str, fields: Mapping[str, Any]) -> dict[str, Any] | None:
-    """A recording of dSPACE or of a measurement card: X (time) and Y (signals), each with `Name` and `Data`."""
-    if "Y" not in fields or "X" not in fields:
-        return None
-    found: dict[str, Any] = {}
-    for side in ("X", "Y"):
-        value = fields[side]
-        parts = [value] if _fields(value) is not None else list(np.atleast_1d(np.asarray(value, dtype=object)).ravel())
-        for i, part in enumerate(parts, 1):
-            inner = _fields(part)
-            if inner is None or "Data" not in inner:
-                return None
-            label = _text(inner.get("Name")).strip('"').replace("Model Root/", "") or f"{side}{i}"
-            found[f"{key}.{'time' if side == 'X' and len(parts) == 1 else label}"] = inner["Data"]
-    return found
+def _time_of(arrays: Mapping[str, np.ndarray], of: str) -> str | None:
+    return next((key for key in (f"{of}.Time", f"{of}.time") if key in arrays), None)
 
 
-def _fields(value: Any) -> dict[str, Any] | None:
-    """The fields of a structure, None for anything else."""
-    if isinstance(value, Mapping):
-        return {str(k): v for k, v in value.items()}
-    if hasattr(value, "_fieldnames"):
-        return {k: getattr(value, k) for k in value._fieldnames}
-    return None
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.item()
-    return value.strip() if isinstance(value, str) else ""
-
-
-def _renamed(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Without what encloses every column twice over: `recording.data.theta` is `data.theta`, if no two are the same."""
-    short = {key: _short(key) for key in columns}
-    if len(set(short.values())) < len(short):
-        return columns
-    return {short[key]: values for key, values in columns.items()}
-
-
-def _short(key: str) -> str:
-    return re.sub(r"^(.*)\.(values|Data|data)$", r"\1", key)
+def _text(arrays: Mapping[str, np.ndarray], key: str) -> str:
+    value = arrays.get(key)
+    return str(value.ravel()[0]).strip() if value is not None and value.dtype.kind in "US" and value.size == 1 else ""

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .checks import GAP, LogError, LogWarning, warn
+from .checks import GAP, LogError, LogWarning, check_length, warn
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
 from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_flip, parse_gain, parse_unit
@@ -251,8 +251,8 @@ def read_log(
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
     input_scale: what the file's command is multiplied by to be in input_unit, as 0.001 for millivolts.
-    time_unit: "s", "ms", "us", "ns" or "days"; dates need none. constant_command: "error", "warn" or "ignore" (no word
-    about free decays, u = 0).
+    time_unit: "s", "ms", "us", "ns" or "d" (days); dates need none.
+    constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
     skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
     table: the file's content, where it has been read already.
 
@@ -292,14 +292,21 @@ def read_log(
     digest = file_hash(path)
     about = {"source": table.name, "sha256": digest, "mapping": said}
     log = Log(**mapped.signals, **mapped.facts, **about, metadata=mapped.metadata)
-    return replace(log.slice(float(log.t[0]) + skip), skipped=float(skip)) if skip else log
+    if not skip:
+        return log
+    rest = replace(log.slice(float(log.t[0]) + skip), skipped=float(skip))
+    check_length(f"{log.source} after the {skip:g} s that are left out (--skip)", len(rest))
+    return rest
 
 
 def file_hash(path: str | os.PathLike[str]) -> str:
     """SHA-256 of a file, or of the files of a folder (a bag of ROS 2) one after the other by name."""
     path = Path(path)
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
     digest = hashlib.sha256()
-    for part in sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]:
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
         digest.update(part.read_bytes())
     return digest.hexdigest()
 

@@ -7,6 +7,7 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from . import checks as log_checks
 from .checks import LogError
 from .signs import motion_signs
-from .table import Table
+from .table import Table, listed
 from .vocabulary import ROLES, core, fits, unit_in
 
 COLUMNS = ("t", "q1", "q2", "u")
@@ -22,8 +23,10 @@ KNOWN_KEYS = ("input_unit", "pendulum_zero", "encoder_counts", "device", "contro
 """Metadata that a file may declare about itself; any other key is kept as it is."""
 
 _UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "days": 86400.0}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
 """What one unit of a time column is in s."""
+_LOOKED_AT = 500  # columns of a file, when guessing which one is meant
+_LONGEST_NAME = 80  # letters of such a column
 _TURN = 2 * np.pi
 _DATE = 1e7  # s; stamps beyond this count from some date, and lose digits unless they are counted from the first
 
@@ -203,6 +206,7 @@ def map_table(
     facts["read_as"] = _read_as(names, units, zero, sign, known, gain_of_u)
 
     log_checks.warn_about_clock(name, t)
+    log_checks.warn_about_command(name, names["u"], u)
     log_checks.check_motion(name, q1, q2)
     if not any(odd_unit):
         if counts is not None:
@@ -259,9 +263,10 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
         else:
             missing.append(ours)
     if missing:
-        free = [c for c in table.columns if c not in found.values()]
+        taken = set(found.values())
+        free = [c for c in islice(table.columns, _LOOKED_AT) if c not in taken and len(c) <= _LONGEST_NAME]
         guesses = [f"{ours}={guess}" for ours in missing if (guess := _guess(ours, free))]
-        absent = ", ".join(wanted.get(ours, ours) for ours in missing)
+        absent = listed([wanted.get(ours, ours) for ours in missing])
         hint = ",".join(guesses) if guesses else ",".join(f"{ours}=..." for ours in missing)
         hint = shlex.quote(hint) if guesses else hint
         meant = {ours: theirs for ours, _, theirs in (guess.partition("=") for guess in guesses)}
@@ -270,7 +275,7 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
         hint += " --unit deg" if "deg" in angles else ""
         hint += f" --time-unit {time}" if time in SECONDS and time != "s" else ""
         raise LogError(
-            f"{table.name}: no column {absent}. Found: {', '.join(table.columns) or 'none'}. Expected t, q1 (arm), "
+            f"{table.name}: no column {absent}. Found: {listed(list(table.columns)) or 'none'}. Expected t, q1 (arm), "
             f"q2 (pendulum), u; map names that differ, {'perhaps ' if guesses else ''}--columns {hint}"
         )
     used = list(found.values())

@@ -27,7 +27,7 @@ ANGLES = ("q1", "q2")
 class RigMapping:
     """What is said of how to read the files of a rig; None is not said, and `read_log` then takes its default.
 
-    t, q1, q2, u: names of the columns. time_unit: s, ms, us, ns or days. unit_q1, unit_q2: rad, deg or counts.
+    t, q1, q2, u: names of the columns. time_unit: s, ms, us, ns or d (days). unit_q1, unit_q2: rad, deg or counts.
     pendulum_zero: upright or hanging. flip: of q1, q2 and u. encoder_counts: per revolution, of q1 and q2.
     input_unit: V or N·m, after the file's numbers are multiplied by input_scale. skip [s]: left out at the start.
     Raises LogError for a value that is none of these.

@@ -20,6 +20,7 @@ from scipy.signal import savgol_filter
 from .checks import GAP
 
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
+_MOST_ROWS = 200_000  # of the regressions: more would make a sign no surer
 TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
 TRUSTED_R2_ARM = 0.5
 _TRUSTED_T = 20.0  # the regression's own t ratio is optimistic: its residuals are far from white
@@ -107,14 +108,18 @@ def smoothed(q: np.ndarray, T: float, window: int) -> Smoothed:
     """An angle of a stretch without gaps, sampled every T [s], by a polynomial over `window` samples."""
 
     def derivative(order: int) -> np.ndarray:
-        return np.asarray(savgol_filter(q, window, 3, deriv=order, delta=T))[window:-window]
+        return np.asarray(savgol_filter(q, window, 3, deriv=order, delta=T))[_inner(q, window)]
 
-    return Smoothed(np.asarray(q)[window:-window], derivative(1), derivative(2))
+    return Smoothed(np.asarray(q)[_inner(q, window)], derivative(1), derivative(2))
 
 
 def smoothed_command(u: np.ndarray, window: int) -> np.ndarray:
     """A command of a stretch, smoothed as the angles' derivatives are."""
-    return np.asarray(savgol_filter(u, window, 3))[window:-window]
+    return np.asarray(savgol_filter(u, window, 3))[_inner(u, window)]
+
+
+def _inner(q: np.ndarray, window: int) -> slice:
+    return slice(window, -window, -(-len(q) // _MOST_ROWS))
 
 
 def pendulum_row(arm: Smoothed, pendulum: Smoothed) -> Row:
@@ -148,7 +153,7 @@ def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -
 def _fit(regressors: np.ndarray, output: np.ndarray) -> Row:
     """Least squares; a sign is clear where the coefficient is many times its error."""
     scale = np.linalg.norm(regressors, axis=0)
-    if np.ptp(output) == 0 or scale[0] == 0:
+    if not np.var(output) > 0 or scale[0] == 0:  # of the smallest numbers the square is zero
         return NO_ROW
     scaled = regressors / np.where(scale > 0, scale, 1.0)
     coefficients, *_ = np.linalg.lstsq(scaled, output, rcond=1e-10)

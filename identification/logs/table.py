@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,6 +49,12 @@ class Table:
             values.dtype.kind, "no numbers"
         )
         raise LogError(f"{self.name}: column {column} holds {kind}. Expected real numbers (time in seconds).")
+
+
+def listed(names: Sequence[str], most: int = 40) -> str:
+    """Names with commas: the first `most` of them, and of each so many letters as belong in a sentence."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(name if len(name) <= 60 else f"{name[:57]}..." for name in names[:most]) + more
 
 
 def number(cell: Any) -> float | None:

@@ -21,29 +21,28 @@ _LARGEST = 1 << 30  # bytes of a packed file when unpacked
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}([.,]\d+)?)?)?\s*(Z|[+-]\d{2}:?\d{2})?\s*")
 
 
-def decoded(path: Path) -> tuple[str, tuple[str, ...]]:
-    """The text of a file, unpacked where its name ends in .gz, and a note where it is not in UTF-8.
-
-    Raises LogError for what is no text."""
+def unpacked(path: Path) -> bytes:
+    """The bytes of a file, unpacked where its name ends in .gz. Raises LogError."""
     raw = path.read_bytes()
-    if path.suffix.lower() == ".gz":
-        raw = _unpacked(path.name, raw)
+    return _unpacked(path.name, raw) if path.suffix.lower() == ".gz" else raw
+
+
+def decoded(name: str, raw: bytes) -> tuple[str, tuple[str, ...]]:
+    """The text that bytes of a file are, and a note where it is not in UTF-8. Raises LogError for what is no text."""
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):  # Windows tools call it Unicode
-        return _clean(path.name, raw.decode("utf-16", errors="replace")), ()
+        return _clean(name, raw.decode("utf-16", errors="replace")), ()
     try:
-        return _clean(path.name, raw.decode("utf-8-sig")), ()
+        return _clean(name, raw.decode("utf-8-sig")), ()
     except UnicodeDecodeError:
         if b"\0" in raw:
-            raise LogError(
-                f"{path.name}: holds zero bytes, so it is not a text file. Save it as CSV in UTF-8."
-            ) from None
+            raise LogError(f"{name}: holds zero bytes, so it is not a text file. Save it as CSV in UTF-8.") from None
     if not _readable(raw):
-        raise LogError(f"{path.name}: not a text file in UTF-8 or Latin-1. Save it as CSV in UTF-8.")
+        raise LogError(f"{name}: not a text file in UTF-8 or Latin-1. Save it as CSV in UTF-8.")
     try:
-        text, name = raw.decode("cp1252"), "Windows-1252"
+        text, encoding = raw.decode("cp1252"), "Windows-1252"
     except UnicodeDecodeError:
-        text, name = raw.decode("latin-1"), "Latin-1"
-    return text, (f"{path.name}: not in UTF-8; read as {name}. Look whether its column names are right.",)
+        text, encoding = raw.decode("latin-1"), "Latin-1"
+    return text, (f"{name}: not in UTF-8; read as {encoding}. Look whether its column names are right.",)
 
 
 def _unpacked(name: str, raw: bytes) -> bytes:

@@ -44,7 +44,7 @@ _UNITS = {
     "ms": ("ms", "msec", "milliseconds", "millisekunden"),
     "us": ("us", "µs", "μs", "usec", "microseconds"),
     "ns": ("ns", "nsec", "nanoseconds"),
-    "days": ("d", "day", "days", "tage", "tag"),
+    "d": ("d", "day", "days", "tage", "tag"),
     "rad": ("rad", "radian", "radians", "bogenmaß"),
     "deg": ("deg", "°", "degree", "degrees", "grad", "º", "degre", "degres", "grados", "gradi"),
     "counts": ("counts", "count", "cnt", "cnts", "ticks", "tick", "inc", "inkr", "inkremente", "impulse", "pulses"),

@@ -14,7 +14,7 @@ from experiments.bench import HiddenEffect, Rig, record
 
 FOLDER = Path(__file__).parent
 RIG = Rig("servo", (HiddenEffect("arm_spring", 2.0, "bench"),), individual=11, scatter=0.08, sample_time=4e-3)
-RUNS = {"versuch1.csv": ("paper", 21), "versuch2.csv": ("wide", 22)}
+RUNS = {"versuch1.csv": ("hanging-chirp", 21), "versuch2.csv": ("wide", 22)}
 DURATION = 8.0  # s
 
 
@@ -24,7 +24,7 @@ def main() -> None:
         arm, pendulum = np.degrees(run.q1), np.degrees(np.pi - run.q2)
         head = [
             "# Prüfstand 3: Furuta-Pendel",
-            "# Versuch vom 14.03.2025, Regler an, Anregung überlagert",
+            "# Versuch vom 14.03.2025, Anregung vom Rechner",
             f"# Geber: {RIG.counts[0]} Striche je Umdrehung",
             "Zeit [ms];Arm [°];Pendel [°];Spannung [V]",
         ]

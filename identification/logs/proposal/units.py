@@ -80,7 +80,7 @@ def time_unit(table: Table, column: str, t: np.ndarray, policy: ProposalPolicy) 
         return Unit(None, Confidence.open, f"a spacing of {step:g} suits no unit", tuple(SECONDS))
     best = possible[0]
     if len(possible) == 1:
-        usual = best != "days"  # of spreadsheets; a stamp's last digits may be lost there
+        usual = best != "d"  # of spreadsheets; a stamp's last digits may be lost there
         reason = f"{spaced(best)}; every other unit would give a clock that no rig has"
         return Unit(best, Confidence.sure if usual else Confidence.likely, reason, tuple(SECONDS))
     return Unit(best, Confidence.likely, f"{spaced(best)}, but {' or '.join(possible[1:])} could be", tuple(possible))

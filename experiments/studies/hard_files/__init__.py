@@ -1,0 +1,1 @@
+"""Damaged, hostile and odd files for every reader: `python -m experiments.studies.hard_files --help`."""
