@@ -1,7 +1,8 @@
 """File formats: each reader returns a `Table` of named columns and text metadata, each writer takes one.
 
-CSV (also .txt, .tsv, .dat), Parquet, NPZ and MAT version 5. `register` adds a format by the ending of its files; every
-command and `read_log` then take it. Nothing here knows what a pendulum is.
+CSV (also .txt, .tsv, .dat, packed as .gz), Parquet, Feather, NPZ and MAT; with their packages installed MAT 7.3, TDMS,
+MCAP and bags of ROS. `register` adds a format by the ending of its files; every command and `read_log` then take it.
+Nothing here knows what a pendulum is.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from .bags import read_bag, read_mcap
 from .checks import LogError
+from .labview import read_tdms
 from .layouts import from_variables
 from .mat_file import mat_variables
 from .number_block import number_block
@@ -212,6 +215,21 @@ def _read_parquet(path: Path) -> Table:
     return Table(path.name, columns, text)
 
 
+def _read_feather(path: Path) -> Table:
+    _pyarrow()
+    from pyarrow import feather
+
+    try:
+        table = feather.read_table(path)
+        check_cells(path.name, table.num_rows * table.num_columns)
+        columns = {name: table[name].to_numpy() for name in table.column_names}
+    except LogError:
+        raise
+    except Exception as error:  # as with Parquet
+        raise LogError(f"{path.name}: not a readable Feather file ({_in_short(error)}).") from None
+    return Table(path.name, columns)
+
+
 def _write_parquet(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
     pyarrow, parquet = _pyarrow()
     parquet.write_table(pyarrow.table(dict(columns)).replace_schema_metadata(dict(metadata)), path)
@@ -262,8 +280,12 @@ def _write_mat(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[
 READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _read_csv),
     ".parquet": _read_parquet,
+    **dict.fromkeys((".feather", ".arrow"), _read_feather),
     ".npz": _read_npz,
     ".mat": _read_mat,
+    ".tdms": read_tdms,
+    ".mcap": read_mcap,
+    ".bag": read_bag,
 }
 WRITERS: dict[str, Writer] = {
     ".csv": _write_csv,
