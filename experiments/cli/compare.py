@@ -52,6 +52,7 @@ def compare_command(
     from controllers.evaluation import compare
     from controllers.film import require_film
     from controllers.plots import draw_comparison
+    from furuta_gym.plant import Plant
 
     if gif:
         require_film()
@@ -80,6 +81,10 @@ def compare_command(
     if as_json:
         print_json(result.to_dict())
         return
+    if "paper-lqr" in names and result.plant != Plant.resolve("table3"):
+        typer.echo(
+            "paper-lqr has the gains of the paper's rig (table3), not of this plant; it is there to compare with."
+        )
     console = Console()
     (console if console.is_terminal else Console(width=120)).print(result.table())
     typer.echo(f"Written in {output}: {', '.join(written)}")

@@ -10,9 +10,10 @@ import typer
 from typer.core import TyperCommand
 
 from . import options as opt
-from .output import check_folder, errors, print_json, write_json
+from .output import check_folder, print_json, write_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
+from .steps import steps
 from .whole import whole_folder
 
 if TYPE_CHECKING:
@@ -86,11 +87,7 @@ def diagnose_command(
     from identification.diagnosis.diagnose import diagnose
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
-    with whole_folder(output, own) as folder, errors.status("diagnosing …") as status:
-
-        def tell(text: str) -> None:
-            status.update(f"{text} …")
-
+    with whole_folder(output, own) as folder, steps("diagnose", sum(map(len, read))) as tell:
         found = diagnose(read, held, plant, max_effects, progress=tell)
         examination = examine(found, read, held, progress=tell)
         result = examination.to_dict()

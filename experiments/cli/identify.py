@@ -59,11 +59,13 @@ def identify_command(
     if not as_json:
         for log in read:
             typer.echo(str(log))
-    with busy("fitting …"):
+    with busy("fitting …", "identify", sum(map(len, read))):
         estimate = identify(read, start, method, fixed=fixed, priors=priors, physical=physical, u_max=u_max)
     estimate.save(output)
-    with busy("profiling …"):
-        profiles = [estimate.profile(name) for name in profiled]
+    profiles = []
+    for name in profiled:
+        with busy(f"profiling {name} …"):
+            profiles.append(estimate.profile(name))
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
         print_json(estimate.to_dict() | found | {"plant": str(output)})

@@ -41,9 +41,12 @@ def check_folder(path: Path) -> None:
 
 
 @contextmanager
-def busy(text: str) -> Iterator[None]:
-    """A spinner on stderr while something runs, where stderr is a terminal."""
-    with errors.status(text):
+def busy(text: str, command: str = "", samples: int | None = None) -> Iterator[None]:
+    """One step of a long work, see `steps.steps`; with the time to expect where samples are given."""
+    from .steps import steps
+
+    with steps(command, samples) as tell:
+        tell(text.removesuffix(" …"))
         yield
 
 

@@ -41,7 +41,7 @@ def validate_command(
         )
     from identification.validation.gap import HORIZON, validate
 
-    with busy("predicting …"):
+    with busy("predicting …", "validate", sum(map(len, read))):
         result = validate(rig, read, HORIZON if horizon is None else horizon)
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
     if seen := [log.source for log in read if log.sha256 in fitted]:

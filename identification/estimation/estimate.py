@@ -39,7 +39,7 @@ class Estimate:
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
     zeros: of the encoders in each log after the first, whose zeros are the plant's.
-    u_max_guessed: whether the plant's u_max was guessed from the largest command.
+    u_max_guessed: whether the plant's u_max was guessed from the largest command, which is largest_command [{u}].
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
     """
 
@@ -61,6 +61,7 @@ class Estimate:
     fixed: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     u_max_guessed: bool = False
+    largest_command: float = math.nan
     zeros: Zeros = field(default_factory=dict)
     problem: PredictionError | None = field(default=None, repr=False)
     optimum: Optimum | None = field(default=None, repr=False)
@@ -148,9 +149,8 @@ class Estimate:
             lines.append(f"  log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)")
         if self.u_max_guessed:
             limit = f"{self.plant.u_max:g} {self.plant.unit}"
-            lines.append(
-                f"  u_max = {limit}, guessed from the largest command; say --u-max if the amplifier gives more"
-            )
+            why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
+            lines.append(f"  u_max = {limit} (largest command {self.largest_command:.3g}, {why}); set it with --u-max")
         lines.append(f"Verdict: {self.verdict}")
         lines += [f"  ! {w}" for w in (*self.identifiability.advice, *self.warnings)]
         return "\n".join(lines)

@@ -407,7 +407,8 @@ def with_plant(
         provenance=_provenance(estimate, logs, start, u_max),
         checks=consistency.to_dict() | {"identifiability": estimate.identifiability.to_dict()},
     )
-    return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None)
+    largest = max(float(np.abs(log.u).max()) for log in logs)
+    return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None, largest_command=largest)
 
 
 def _value_of(plant: Plant, name: str) -> float:
