@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,6 +89,8 @@ def compare_command(
     console = Console()
     (console if console.is_terminal else Console(width=120)).print(result.table())
     typer.echo(f"Written in {output}: {', '.join(written)}")
+    if own := [name for name in names if name != "paper-lqr" and not name.endswith(".zip")]:
+        typer.echo(f"Next: furuta export {shlex.quote(plant)} --controller {own[-1]} -o {own[-1]}.h")
 
 
 def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[str]:

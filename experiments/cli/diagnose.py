@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -106,6 +107,8 @@ def diagnose_command(
     written = ["diagnosis.json", *(["plant.json"] if found.plant else []), "report.html"]
     written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
+    if found.plant is not None:
+        typer.echo(f"Next: furuta compare --plant {shlex.quote(str(output / 'plant.json'))} -o comparison")
 
 
 def _evidence(x: Examination) -> list[str]:

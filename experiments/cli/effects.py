@@ -66,7 +66,7 @@ def in_detail(kind: EffectType) -> str:
     if kind.mistaken_for:
         lines.append(f"  looks like   {', '.join(kind.mistaken_for)}")
     lines += [
-        f"Try it:        furuta simulate --plant table3 --controller lqr --excitation paper --effect {kind.name} -o log.csv",
+        f"Try it: furuta simulate --plant table3 --controller lqr --excitation paper --effect {kind.name} -o log.csv",
         "{u} is the command's unit, V or N·m.",
     ]
     return "\n".join(lines)

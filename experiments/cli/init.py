@@ -49,7 +49,7 @@ def init_command(
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
     proposal = propose(tables, reading.said)
-    talks = not as_json and not yes and sys.stdin.isatty() and sys.stderr.isatty()
+    talks = not as_json and not yes and _talks()
     if not as_json:
         show(proposal)
     if proposal.fatal and not reading.as_given:
@@ -74,6 +74,11 @@ def init_command(
     files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
     other = "" if target.name == NAME and target.parent == logs[0].parent else f" --mapping {target}"
     typer.echo(f"Next: furuta identify {files}{other} -o rig.json")
+
+
+def _talks() -> bool:
+    """Whether there is somebody to ask."""
+    return sys.stdin.isatty() and sys.stderr.isatty()
 
 
 _NOTHING = "\nNothing was written."

@@ -24,7 +24,7 @@ FIRST_TIME: dict[str, tuple[float, float]] = {
     "diagnose": (40.0, 40.0),
     "residuals": (15.0, 10.0),
 }
-"""Seconds, and seconds for a thousand samples, of a command that has never run here: two cores, 2000 to 5000 samples."""
+"""Seconds, and seconds for a thousand samples, of a command that has never run here; as measured on two cores."""
 
 
 @contextmanager

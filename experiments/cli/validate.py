@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +14,12 @@ from .output import busy, check_folder, print_json, write_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
 from .whole import whole_folder
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Plant
+
+SMALL = 1.2
+"""Times the noise floor, below which a gap is no reason to look for an effect."""
 
 
 @reads_logs
@@ -57,8 +65,20 @@ def validate_command(
         print_json(result.to_dict())
         return
     typer.echo(str(result))
+    _say_next(rig, logs, result.ratio_to_floor)
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
         write_json(json_file, result.to_dict())
         typer.echo(f"Written: {json_file}")
+
+
+def _say_next(rig: Plant, logs: Sequence[Path], ratio: float) -> None:
+    """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found."""
+    if ratio < SMALL:
+        return
+    sources = [str(entry.get("source")) for entry in rig.provenance.get("logs", [])]
+    places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]
+    fitted = " ".join("LOG" if place is None else shlex.quote(str(place)) for place in places) or "LOG"
+    held_out = " ".join(shlex.quote(str(log)) for log in logs)
+    typer.echo(f"Next: furuta diagnose {fitted} --held-out {held_out} -o diagnosis")
