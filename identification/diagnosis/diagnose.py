@@ -14,9 +14,11 @@ from furuta_gym.plant import EFFECTS, Plant
 from ..estimation.estimate import Estimate
 from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
+from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
+from .held_out import HeldOut
 from .locate.locate import locate, long_enough
 from .locate.location import Where
 from .naming.fits import Fit, fit
@@ -27,11 +29,12 @@ from .policy import DecisionPolicy
 from .verify import verified
 
 
+@one_blas_thread
 def diagnose(
     logs: Log | Sequence[Log],
     held_out: Log | Sequence[Log] | None = None,
     start: Plant | str | None = None,
-    most: int = 3,
+    most: int = 6,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
     policy: DecisionPolicy | None = None,
@@ -51,20 +54,21 @@ def diagnose(
     _check(logs, held_out, most, only)
     if start is not None:  # effects are for the search to find, and to be judged
         start = Plant.resolve(start).replace(effects=())
-    found = searched(logs, start, most, only, say, policy)
+    held = HeldOut(logs, held_out, policy)
+    found = searched(held, start, most, only, say)
     say("predicting data that no fit saw")
-    return replace(verified(found, logs, held_out), runtime_s=time.monotonic() - began)
+    return replace(verified(found, held), runtime_s=time.monotonic() - began)
 
 
 def searched(
-    logs: Sequence[Log],
+    held: HeldOut,
     start: Plant | None,
     most: int,
     only: Sequence[str] | None,
     progress: Callable[[str], None],
-    policy: DecisionPolicy,
 ) -> Diagnosis:
-    """The diagnosis from the fitted logs alone, not verified yet. Arguments as in `diagnose`."""
+    """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`."""
+    logs, policy = held.logs, held.policy
     rms = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
     progress("identifying model (5)")
     try:
@@ -77,7 +81,7 @@ def searched(
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress)
-    naming, after, rest = _settled(lambda thorough: _named(search, nominal, before, logs, most, thorough), search)
+    naming, after, rest = _settled(lambda thorough: _named(search, nominal, before, held, most, thorough), search)
     verdict, summary = _verdict(naming, rest, policy)
     before = _without_sharpness(before, naming, logs, policy)
     left = math.sqrt(naming.final.noise.torque[0] / 0.1)
@@ -110,15 +114,19 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
 
 
 def _named(
-    search: Search, nominal: Fit, before: Estimate, logs: Sequence[Log], most: int, thorough: bool
+    search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, thorough: bool
 ) -> tuple[Naming, Estimate, Where]:
     """The search for names, the estimate with what was found, and what that leaves."""
-    policy = search.policy
+    logs, policy = held.logs, search.policy
+    known: dict[int, float] = {}  # a search asks for the same fit again
 
     def left(fitted: Fit) -> float:
-        return locate(fitted.plant, moved(logs, fitted.zeros), policy).evidence
+        if id(fitted) not in known:
+            found = locate(fitted.plant, moved(logs, fitted.zeros), policy)
+            known[id(fitted)] = 0.0 if found.negligible else found.evidence
+        return known[id(fitted)]
 
-    naming = name_effects(nominal, search, most, left, thorough)
+    naming = name_effects(nominal, search, most, left, thorough, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
@@ -166,7 +174,7 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
     explained = sum(suspect.net for suspect in naming.accepted)
     names = " and ".join(suspect.name for suspect in naming.accepted)
     remains = ""
-    if rest.found:
+    if rest.matters:
         remains = f"what remains {_against(rest)}, which no effect of the library explains"
     elif structured(rest, policy):
         remains = "what remains changes along the log: the parameters are not the same all the time"
@@ -178,11 +186,17 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
     if not naming.accepted:
         if remains:
             return "unknown", remains
-        return "none", "no effect of the library improves on model (5) by more than chance would"
-    if rest.evidence > explained:
+        sentence = "no effect of the library improves on model (5) by more than chance would"
+        if rest.found:
+            sentence += f"; what is left changes a prediction by {rest.counts.max():.2g} counts, which is negligible"
+        return "none", sentence
+    if rest.matters and rest.evidence > explained:
         return "unknown", f"{remains}; {names} comes nearest, but explains less than it leaves"
     equals = any(naming.equals)
+    taken_back = " and ".join(s.name for s in naming.taken_back)
     sentence = f"the model misses {names}" + (" or a look-alike that these logs cannot tell from it" if equals else "")
+    if taken_back:
+        sentence += f"; {taken_back} would explain more of these logs, but brings nothing on data that no fit saw"
     return "ambiguous" if equals else "named", sentence + (f"; {remains}" if remains else "")
 
 

@@ -2,18 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..logs.kind import kind_of
 from ..logs.log import Log
-from ..validation.gap import ClosedFraction, Gap
+from ..validation.gap import ClosedFraction, Gap, closed_fraction
+from .policy import DecisionPolicy
 
 AXES = ("arm q1", "pendulum q2")
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Prediction errors before and after on some of the logs: one of them, or all of one kind of experiment.
+
+    rms_before, rms_after (2,) [rad]: at the horizon, for q1 and q2. over_floor: the same over the floor that both
+    sides share, before and after. closed: share of the squared gap above the floor.
+    """
+
+    name: str
+    logs: int
+    rms_before: Array
+    rms_after: Array
+    over_floor: tuple[float, float]
+    closed: ClosedFraction
+
+    @property
+    def grows(self) -> bool:
+        """Whether the error grows for certain."""
+        return self.closed.interval[1] < 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "logs": self.logs,
+            "before": {"rms_q1": float(self.rms_before[0]), "rms_q2": float(self.rms_before[1])},
+            "after": {"rms_q1": float(self.rms_after[0]), "rms_q2": float(self.rms_after[1])},
+            "ratio_to_floor": list(self.over_floor),
+            "closed_fraction": self.closed.value,
+            "closed_interval": list(self.closed.interval),
+        }
 
 
 @dataclass(frozen=True)
@@ -60,6 +94,26 @@ class GapChange:
         """Root mean square over the axes of a side's error over the floor that both share."""
         return float(np.sqrt(np.mean((side.rms / self.floor) ** 2)))
 
+    @property
+    def by_log(self) -> tuple[Part, ...]:
+        """Every log by itself."""
+        return tuple(self._part(log.source, [i]) for i, log in enumerate(self.logs) if np.any(self.before.log == i))
+
+    @property
+    def by_kind(self) -> tuple[Part, ...]:
+        """The logs by the kind of experiment: hanging, upright, or whole turns."""
+        kinds: dict[str, list[int]] = {}
+        for i, log in enumerate(self.logs):
+            if np.any(self.before.log == i):
+                kinds.setdefault(kind_of(log), []).append(i)
+        return tuple(self._part(kind, which) for kind, which in kinds.items())
+
+    def _part(self, name: str, which: list[int]) -> Part:
+        sides = [_of_logs(side, which, self.floor) for side in (self.before, self.after)]
+        ratios = [float(np.sqrt(np.mean((side.rms / side.floor) ** 2))) for side in sides]
+        closed = closed_fraction(sides[0], sides[1]) if self.changed else self.closed
+        return Part(name, len(which), sides[0].rms, sides[1].rms, (ratios[0], ratios[1]), closed)
+
     def to_dict(self) -> dict[str, Any]:
         """As the "gap" of diagnosis.json, and more."""
         sides = {
@@ -76,7 +130,24 @@ class GapChange:
             "own_tail": self.own_tail.to_dict() if self.own_tail else None,
             "horizon_s": self.before.horizon,
             "logs": [log.source for log in self.logs],
+            "by_log": [part.to_dict() for part in self.by_log],
+            "by_kind": [part.to_dict() for part in self.by_kind],
         }
+
+
+def speaks_against(gap: GapChange, policy: DecisionPolicy) -> bool:
+    """Whether held-out data speak against what was added: the gap grows for certain, or it closes for certain neither
+    there nor in the likelihood."""
+    low, high = gap.closed.interval
+    return gap.changed and (high <= 0.0 or not (low > 0.0 or gap.likelier > policy.likelier))
+
+
+def _of_logs(gap: Gap, which: list[int], floor: Array) -> Gap:
+    """A gap in the windows of some logs, over a floor (2,) [rad]."""
+    kept = np.isin(gap.log, which)
+    errors = gap.errors[kept]
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    return replace(gap, rms=rms, floor=floor, errors=errors, times=gap.times[kept], log=gap.log[kept])
 
 
 def rms_interval(gap: Gap, seed: int = 0, draws: int = 500, block: float = 1.0) -> Array:

@@ -11,7 +11,7 @@ from ..estimation.estimate import Estimate
 from .gap_change import GapChange
 from .locate.location import Where
 from .naming.forward import Naming
-from .naming.suspects import Suspect
+from .naming.suspects import Suspect, follows_clock
 from .policy import DecisionPolicy
 
 SCHEMA = "furuta-diagnosis/1"
@@ -82,8 +82,7 @@ class Diagnosis:
 
     @property
     def _timed(self) -> list[EffectType]:
-        found = [EFFECTS[suspect.name] for suspect in self.found]
-        return [effect for effect in found if any("t" in a for a in effect.arguments.values())]
+        return [EFFECTS[suspect.name] for suspect in self.found if follows_clock(suspect.name)]
 
     @property
     def found(self) -> tuple[Suspect, ...]:
@@ -169,4 +168,4 @@ class Diagnosis:
 def structured(rest: Where, policy: DecisionPolicy) -> bool:
     """Whether what a plant leaves of its logs is more than noise: torques that go with the motion, the command or
     time, or parameters that are not the same all along."""
-    return rest.found or rest.constancy.joint_p < policy.constant
+    return rest.matters or rest.constancy.joint_p < policy.constant

@@ -64,6 +64,9 @@ class DecisionPolicy:
     rounds: int = _rule(8, "rounds of the multi-start at most", COST, "rounds")
     catches_up: float = _rule(3.0, "rounds at its last pace within which a fit must reach the best", DEV, "rounds")
     rivals: int = _rule(2, "fits, besides the look-alikes, that restart from the best fit's parameters", COST, "fits")
+    plain: float = _rule(
+        100.0, "gain from which the model without an effect need not be fitted to the nat", COST, "nats"
+    )
     finalists: int = _rule(4, "effects that are fitted to the end at most", COST, "effects")
     dragged: float = _rule(0.3, "change of ln θ3 … θ5 from which a fit starts at the anchor's θ again", DEV)
     restart_noise: float = _rule(10.0, "factor on the torque noise of such a restart", DEV)
@@ -76,6 +79,7 @@ class DecisionPolicy:
 
     # whether structure is left
     left: float = _rule(8.0, "evidence from which a torque is said to be left", DEV, "nats")
+    negligible: float = _rule(0.2, "change of a prediction 0.3 s ahead that nobody would miss", DEV, "counts")
     constant: float = _rule(1e-3, "level of the test that parameters are the same all along a log", THEORY)
     simpler: float = _rule(10.0, "the simpler family of torques is preferred within so much", DEV, "nats")
     simpler_share: float = _rule(1e-3, "the same as a share of the best family's gain", DEV)
@@ -85,6 +89,7 @@ class DecisionPolicy:
     # whether held-out data agree
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")
     far: float = _rule(1.5, "times the noise floor: an error of this size says that more is missing", DEV)
+    worth: float = _rule(0.05, "of the held-out gap that a further, small effect must close", THEORY)
     tail: float = _rule(0.3, "of each log, held out where there is no other log", COST)
 
     def __post_init__(self) -> None:

@@ -36,7 +36,7 @@ from .estimate import Estimate, NoiseReport
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
 from .methods import DEFAULT, method_named
 from .optimise import TOLERANCE, Optimum, minimise
-from .pool import shared_pool
+from .pool import one_blas_thread, shared_pool
 from .prediction_error import PredictionError, quietest
 from .restarts import restarted
 from .start import Start, candidates, race
@@ -61,6 +61,7 @@ _R_RANGE = (3.0, 2000.0)  # s/rad
 _R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
 
 
+@one_blas_thread
 def identify(
     logs: Log | Sequence[Log],
     start: Plant | str | None = None,

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, ThreadPoolExecutor
-from functools import lru_cache
-from typing import TypeVar
+from functools import lru_cache, wraps
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import ThreadpoolController
 
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
+_Arguments = ParamSpec("_Arguments")
 
 
 @lru_cache
@@ -26,3 +29,20 @@ def shared_pool() -> Executor:
 def mapped(pool: Executor | None, work: Callable[[_In], _Out], items: Iterable[_In]) -> Iterable[_Out]:
     """work(item) of every item, in order: in the pool, or without one in the caller's own thread."""
     return map(work, items) if pool is None else pool.map(work, items)
+
+
+@lru_cache
+def _libraries() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def one_blas_thread(work: Callable[_Arguments, _Out]) -> Callable[_Arguments, _Out]:
+    """work, with linear algebra on one thread each: matrices here are small, and threads of BLAS that wait for one
+    another take several times the processor's time."""
+
+    @wraps(work)
+    def limited(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Out:
+        with _libraries().limit(limits=1, user_api="blas"):
+            return work(*args, **kwargs)
+
+    return limited

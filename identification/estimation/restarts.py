@@ -21,7 +21,7 @@ _SCALED = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
 _SCALES = (1.0, 4.0, 0.25)  # times the pendulum's row
 _LOUDER = 100.0  # times the torque noise
 _HIDING = 10.0  # times the least torque noise, from which noise may hide that a fit has stalled
-_SHORT = 12  # iterations of a restart before it is compared
+_SHORT = 4  # iterations of a restart before those that are behind are dropped
 _WORTH = 0.5  # nats, that a restart must come down by
 _ROUNDS = 3
 
@@ -35,7 +35,7 @@ def restarted(problem: PredictionError, found: Optimum, iterations: int, toleran
     for _ in range(_ROUNDS):
         if not _may_have_stalled(problem, found):
             break
-        best = min((_short(problem, found.z, scale, tolerance) for scale in _SCALES), key=lambda o: o.value)
+        best = _best_of(problem, [_shifted(problem, found.z, scale) for scale in _SCALES], found.value, tolerance)
         if not best.value < found.value - _WORTH:
             break
         again = minimise(problem, best.z, iterations, tolerance, exact=exact)
@@ -54,8 +54,28 @@ def _may_have_stalled(problem: PredictionError, found: Optimum) -> bool:
     return bool(np.any(problem.noise_at(found.z).torque > _HIDING * least))
 
 
-def _short(problem: PredictionError, z: NDArray[np.float64], scale: float, tolerance: float) -> Optimum:
-    """A short fit with frozen gains from more torque noise and another scale of the pendulum's row."""
+def _best_of(problem: PredictionError, starts: list[NDArray[np.float64]], reach: float, tolerance: float) -> Optimum:
+    """The best of short fits with frozen gains. After each round the worse half is dropped, and all are once the best
+    one's pace cannot reach the value `reach` in two more rounds."""
+    at = [(math.inf, z) for z in starts]
+    best = None
+    while at:
+        fits = [(value, minimise(problem, z, _SHORT, tolerance, exact=False)) for value, z in at]
+        fits.sort(key=lambda item: item[1].value)
+        before, first = fits[0]
+        if best is None or first.value < best.value:
+            best = first
+        if first.converged or first.value - 2.0 * (before - first.value) > reach:
+            break
+        at = [(fitted.value, fitted.z) for _, fitted in fits[: (len(fits) + 1) // 2] if not fitted.converged]
+        if len(fits) == 1 and first.value < reach - _WORTH:
+            break  # low enough for a full fit
+    assert best is not None
+    return best
+
+
+def _shifted(problem: PredictionError, z: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """More torque noise and another scale of the pendulum's row."""
     z = z.copy()
     p = {c.name: c.to_value(zi) for c, zi in zip(problem.coordinates, z, strict=True)}
     if all(name in p for name in ("theta1", "theta3", "theta4")):  # M stays positive definite
@@ -65,4 +85,4 @@ def _short(problem: PredictionError, z: NDArray[np.float64], scale: float, toler
             z[i] += math.log(_LOUDER)
         elif c.of_plant and c.name in _SCALED:
             z[i] = z[i] + math.log(scale) if c.log else z[i] * scale
-    return minimise(problem, np.clip(z, problem.low, problem.high), _SHORT, tolerance, exact=False)
+    return np.clip(z, problem.low, problem.high)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
+from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import aligned
 from ..kalman.coordinates import Zeros
 from ..kalman.likelihood import sample_costs
@@ -144,6 +145,7 @@ class Gap:
         return "the plant misses something; `furuta diagnose` looks for it"
 
 
+@one_blas_thread
 def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, *, own_zeros: bool = True) -> Gap:
     """The gap of a plant on logs that it was not fitted to, at a horizon [s].
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...discrepancy.basis import Family, Signals, parameter_torques
 from ...discrepancy.correction import Flexible, combined
+from ...discrepancy.prediction_change import prediction_change
 from ...discrepancy.response import Normal
 from ...kalman.likelihood import innovation_cost
 from ...kalman.noise import likeliest
@@ -24,6 +25,8 @@ from ..policy import DecisionPolicy
 from .location import Suspicion
 
 _REFITS = 4
+HORIZON = 0.3
+"""Seconds ahead, as gaps are measured."""
 
 Array = NDArray[np.float64]
 
@@ -41,23 +44,50 @@ class Look:
     signals: Signals
 
 
-def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: tuple[str, str]) -> float:
-    """Log-likelihood [nats] that a family adds beside free θ, less its price (of its directions, and of the search for
-    them), the noise estimated anew on both sides.
+@dataclass(frozen=True)
+class Evidence:
+    """How likely a family of torques makes the logs, and how much it changes of what the plant predicts.
+
+    nats: log-likelihood that it adds beside free θ, less its price. change (2,) [rad]: rms over the logs of what it
+    changes of q1 and q2 predicted `HORIZON` ahead.
+    """
+
+    nats: float
+    change: Array
+
+
+def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: tuple[str, str]) -> Evidence:
+    """Evidence of a family: the price is of its directions and of the search for them, the noise estimated anew on
+    both sides.
 
     With the noise held at what the plain model needs, a missing torque passes for torque noise and its evidence
     shrinks tenfold.
     """
     own = [[f for f in group if _merged(f) == chosen] for group in columns]
-    with_it, rank = _refit(looks, own)
-    without, _ = _refit(looks, [[] for _ in looks])
+    with_it = _refit(looks, own)
+    without = _refit(looks, [[] for _ in looks])
     samples = sum(2 * int(look.plain.used.sum()) for look in looks)
-    return without - with_it - 0.5 * rank * math.log(samples) - sum(f.price for f in own[0])
+    price = 0.5 * with_it.directions * math.log(samples) + sum(f.price for f in own[0])
+    return Evidence(without.value - with_it.value - price, with_it.change())
 
 
-def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> tuple[float, int]:
-    """V of the logs with θ and the added families free and the noise most likely, and the families' directions."""
-    best, rank = math.inf, 0
+@dataclass(frozen=True)
+class _Refitted:
+    """V of the logs with θ and families of torques free, the families' directions, and the corrections: the path of
+    each log, and the torque and the error of the readings (N, 2) beside its plant."""
+
+    value: float
+    directions: int
+    corrections: tuple[tuple[FilterPath, Array, Array], ...]
+
+    def change(self) -> Array:
+        """As in `Evidence`: logs by their length."""
+        squares = [prediction_change(path, torque, read, HORIZON) for path, torque, read in self.corrections]
+        return np.sqrt(np.average(squares, axis=0, weights=[len(torque) for _, torque, _ in self.corrections]))
+
+
+def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> _Refitted:
+    best = _Refitted(math.inf, 0, ())
     for paths in ([look.plain for look in looks], [look.flexible.uncorrected for look in looks]):
         value = math.inf
         for _ in range(_REFITS):
@@ -65,18 +95,20 @@ def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> tuple[float,
             total = _sum([Normal.of(path, group) for path, group in zip(paths, columns, strict=True)])
             coefficients = ScaledGram.of(total.gram).solve(total.right, 1e-9).solution
             rank = _gain(_apart(total, 9), np.arange(len(total.right) - 9))[1] if len(total.right) > 9 else 0
-            filtered = []
+            filtered, corrections = [], []
             for path, group in zip(paths, columns, strict=True):
                 torque, misreading = combined(group, coefficients)
                 corrected = refilter(path, path.noise, torque=torque, misreading=misreading)
                 noise, _ = likeliest(corrected)
                 filtered.append(refilter(corrected, noise))
+                corrections.append((path, torque, misreading))
             before, value = value, sum(innovation_cost(path.e, path.S) for path in filtered)
             paths = [refilter(path, new.noise) for path, new in zip(paths, filtered, strict=True)]
-            best = min(best, value)
+            if value < best.value:
+                best = _Refitted(value, rank, tuple(corrections))
             if before - value < 0.5:
                 break
-    return best, rank
+    return best
 
 
 def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy: DecisionPolicy) -> list[Suspicion]:

@@ -7,6 +7,7 @@ torques, their maps and their predictability are for the eye and for the leftove
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from furuta_gym.plant import THETA_NAMES, Plant
 from ...discrepancy.basis import ZEROS, Knots, Signals, families
 from ...discrepancy.correction import flexible
 from ...discrepancy.response import answers
+from ...estimation.pool import one_blas_thread
 from ...kalman.likelihood import whiten
 from ...kalman.noise import likeliest
 from ...kalman.path import along, follow, refilter, smooth
@@ -26,7 +28,7 @@ from ...logs.checks import LogError
 from ...logs.log import Log
 from ..policy import DecisionPolicy
 from .constancy import Constancy, constancy
-from .evidence import Look, evidence_of, parameters_of, suspicions_of
+from .evidence import HORIZON, Look, evidence_of, parameters_of, suspicions_of
 from .location import MissingTorque, Suspicion, Where
 from .structure import largest_line, predictable
 from .torque_maps import VARIABLES, torque_map
@@ -36,6 +38,7 @@ _BLOCK = 0.25  # s
 Array = NDArray[np.float64]
 
 
+@one_blas_thread
 def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | None = None) -> Where:
     """Where the plant fails on these logs, usually those it was fitted to.
 
@@ -51,15 +54,20 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
     suspicions = suspicions_of(looks, columns, policy)
     best = suspicions[0]
     evidence = evidence_of(looks, columns, (best.channel, best.variable))
-    found = evidence > policy.left
+    counts = evidence.change / _count(logs)
+    found = evidence.nats > policy.left
     torques = tuple(_missing(look, logs[look.log].source) for look in looks)
     spans = tuple(_spans(torque, policy.stands_out) if found else () for torque in torques)
     longest = max(range(len(looks)), key=lambda i: len(torques[i].t))
     r2, line, frequencies = _structure(looks[longest], torques[longest])
     return Where(
         found=found,
-        sentence=_sentence(best, spans, torques, frequencies, evidence, plant.unit) if found else _nothing(evidence),
-        evidence=evidence,
+        sentence=_sentence(best, spans, torques, frequencies, evidence.nats, counts, plant.unit)
+        if found
+        else _nothing(evidence.nats),
+        evidence=evidence.nats,
+        counts=counts,
+        negligible=bool(counts.max() < policy.negligible),
         channel=_channel(best) if found else None,
         variable=best.variable if found else None,
         intervals_s=spans,
@@ -89,6 +97,13 @@ def long_enough(logs: Sequence[Log], policy: DecisionPolicy) -> list[Stretch]:
             "Expected one at least, to say what a model misses; record without dropping samples, or more slowly."
         )
     return found
+
+
+def _count(logs: Sequence[Log]) -> Array:
+    """One count of each encoder (2,) [rad]; of readings that are not rounded, the step that would give their noise."""
+    counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
+    noise = math.sqrt(12.0) * np.asarray(logs[0].noise_std)
+    return np.where(counts > 0, 2 * np.pi / np.maximum(counts, 1.0), noise)
 
 
 def _channel(best: Suspicion) -> str:
@@ -173,7 +188,7 @@ def _nothing(evidence: float) -> str:
     )
 
 
-def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, unit: str) -> str:
+def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, counts: Array, unit: str) -> str:
     row = 1 if best.channel == "pendulum" else 0
     read = ZEROS.get(best.variable, best.variable)
     places = {"input": "between the command and the motor", "sensor": f"in the reading of the {read}"}
@@ -195,5 +210,7 @@ def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, uni
     when = "all along" if all(lasting) or not first else "most at " + ", ".join(first)
     return (
         f"The model fails {place}: what is missing {against} ({100 * best.share:.0f} % of what any function could "
-        f"explain), {when}; smoothed, it is {rms[row]:.2g} {unit} rms (evidence {evidence:.0f} nats)."
+        f"explain), {when}; smoothed, it is {rms[row]:.2g} {unit} rms, "
+        f"which changes a prediction {HORIZON:g} s ahead by {counts.max():.2g} counts of the encoder "
+        f"(evidence {evidence:.0f} nats)."
     )

@@ -43,7 +43,9 @@ class Where:
     """What `locate` found.
 
     found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, the noise
-    estimated anew, less the price of its parameters. suspicions: families, the likeliest first. channel, variable:
+    estimated anew, less the price of its parameters. counts (2,): what it changes of q1 and q2 predicted 0.3 s ahead,
+    in counts of their encoders; negligible: so little that nobody would miss it.
+    suspicions: families, the likeliest first. channel, variable:
     of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
     stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's
     g and frequencies (2,) [Hz] of its periodogram.
@@ -52,6 +54,8 @@ class Where:
     found: bool
     sentence: str
     evidence: float
+    counts: Array
+    negligible: bool
     channel: str | None
     variable: str | None
     intervals_s: tuple[tuple[tuple[float, float], ...], ...]
@@ -65,6 +69,11 @@ class Where:
     maps: tuple[Map, ...] = field(repr=False)
     unit: str = "V"
 
+    @property
+    def matters(self) -> bool:
+        """Whether something is left that somebody would miss."""
+        return self.found and not self.negligible
+
     def to_dict(self) -> dict[str, Any]:
         """As the "where" of diagnosis.json, and more; intervals_s are those of the first log."""
         first = [
@@ -77,6 +86,8 @@ class Where:
             "map": self.sentence,
             "found": self.found,
             "evidence": self.evidence,
+            "counts": self.counts.tolist(),
+            "negligible": self.negligible,
             "suspicions": [vars(s) for s in self.suspicions[:6]],
             "predictable_r2": self.predictable.tolist(),
             "fisher_g": self.line.tolist(),

@@ -25,13 +25,13 @@ def starts_of(start: Effect, current: Fit, setting: Setting) -> list[Start]:
     return starts
 
 
-def stepped(found: Fit, current: Fit, setting: Setting) -> Fit:
+def stepped(found: Fit, current: Fit, setting: Setting, rough: bool = True) -> Fit:
     """The fit, better where steps in such parameters of the effect that it adds improve it: whole numbers (periods a
-    turn), which a score chose at another θ, by one; rough sizes by factors."""
+    turn), which a score chose at another θ, by one; rough sizes, if asked for, by factors."""
     for p in added(found, current).type.parameters:
         if p.integer and p.role == "shape":
             found = _walked(found, current, setting, p, (-1.0, 1.0))
-        elif p.rough:
+        elif p.rough and rough:
             for factor in _FACTORS:
                 found = _walked(found, current, setting, p, (1.0 / factor, factor))
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
@@ -28,6 +28,13 @@ from ..policy import DecisionPolicy
 
 COARSER = 2.0  # times the integration step
 _TOLERANCE = 0.05  # nats, of the optimum
+_ROUGH = 1.0  # nats, where a gain is large
+_MANY, _FEW = 40, 10  # iterations
+
+Effort = Literal["coarse", "quick", "full", "restarted"]
+"""coarse: longer integration steps and frozen gains, on one thread: within a nat or so, for a multi-start.
+quick: frozen gains, stopped early: within some nats, where hundreds are at stake.
+full: to the optimum. restarted: and again from elsewhere, where it may have stalled."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +84,8 @@ class Fitter(Protocol):
         *,
         anchor: Plant | None = None,
         policy: DecisionPolicy = ...,
-        iterations: int = ...,
-        coarse: bool = ...,
+        iterations: int | None = ...,
+        effort: Effort = ...,
         zeros: Zeros | None = ...,
     ) -> Fit: ...
 
@@ -90,14 +97,14 @@ def fit(
     *,
     anchor: Plant | None = None,
     policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-    iterations: int = 40,
-    coarse: bool = False,
+    iterations: int | None = None,
+    effort: Effort = "restarted",
     zeros: Zeros | None = None,
 ) -> Fit:
     """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
 
-    anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). coarse: with longer integration steps and frozen gains,
-    on one thread: within a nat or so, for a multi-start. zeros: of the encoders, to start from.
+    anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). effort: how well (see `Effort`). zeros: of the
+    encoders, to start from.
     """
     coordinates = plant_coordinates(plant, free_sharpness=False)
     coordinates += noise_coordinates(quietest(anchor or plant, records))
@@ -105,11 +112,14 @@ def fit(
     if anchor is not None:
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
-    step = COARSER if coarse else 1.0
-    problem = PredictionError(plant, records, coordinates, noise, step, None if coarse else shared_pool(), zeros=zeros)
-    optimum = minimise(problem, problem.start(), iterations, _TOLERANCE, exact=not coarse)
-    if not coarse:
-        optimum = restarted(problem, optimum, iterations, _TOLERANCE, exact=True)
+    coarse, exact = effort == "coarse", effort in ("full", "restarted")
+    step, pool = (COARSER, None) if coarse else (1.0, shared_pool())
+    problem = PredictionError(plant, records, coordinates, noise, step, pool, zeros=zeros)
+    tolerance = _ROUGH if effort == "quick" else _TOLERANCE
+    iterations = iterations or (_FEW if effort == "quick" else _MANY)
+    optimum = minimise(problem, problem.start(), iterations, tolerance, exact=exact)
+    if effort == "restarted":
+        optimum = restarted(problem, optimum, iterations, tolerance, exact=True)
     noise = filled_noise(coordinates, optimum.z, problem.noise)
     return Fit(
         filled_plant(plant, coordinates, optimum.z),

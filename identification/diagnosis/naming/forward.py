@@ -5,8 +5,11 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
 
 from furuta_gym.plant import EFFECTS
 
@@ -28,7 +31,7 @@ class Naming:
 
     accepted: the effects found. equals: beside each of them, what cannot be told from it. absorbed: share of each
     effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
-    told from a wrong form.
+    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
     """
 
     nominal: Fit = field(repr=False)
@@ -38,6 +41,7 @@ class Naming:
     rankings: tuple[Ranking, ...]
     absorbed: dict[str, float]
     refused: Suspect | None = None
+    taken_back: tuple[Suspect, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -62,29 +66,128 @@ def nothing_left(fitted: Fit) -> float:
     return 0.0
 
 
+class Witness(Protocol):
+    """Data that no fit saw."""
+
+    def far(self, fitted: Fit) -> bool:
+        """Whether a fit predicts them much worse than noise would."""
+        ...
+
+    def confirms(self, without: Fit, fitted: Fit) -> bool:
+        """Whether a further effect brings the prediction nearer for certain, and by a share that matters."""
+        ...
+
+    def denies(self, without: Fit, fitted: Fit) -> bool:
+        """Whether they speak against one effect beside others."""
+        ...
+
+
+class NoWitness:
+    """A `Witness` that never says anything."""
+
+    def far(self, fitted: Fit) -> bool:
+        return False
+
+    def confirms(self, without: Fit, fitted: Fit) -> bool:
+        return False
+
+    def denies(self, without: Fit, fitted: Fit) -> bool:
+        return False
+
+
 def name_effects(
-    nominal: Fit, search: Search, most: int = 3, left: Left = nothing_left, thorough: bool = False
+    nominal: Fit,
+    search: Search,
+    most: int = 6,
+    left: Left = nothing_left,
+    thorough: bool = False,
+    witness: Witness = NoWitness(),  # noqa: B008  (no state)
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.
 
     nominal: the model without effects. most: effects at most. left(fit): evidence [nats] of torques that a fit
     does not explain; a further effect that leaves more than it explains is not what is missing, only something that
-    takes its shape. thorough: try every suspect from several sizes, not the best ones only.
+    takes its shape. thorough: try every suspect from several sizes, not the best ones only. witness: while a model is
+    far off on data that no fit saw, these decide about a further effect, and not how small it is beside the largest.
     """
-    policy = search.policy
-    grown = _grow(search, _Grown(nominal, nominal), most, left, thorough)
+    judge = _Judge(search.policy, left, witness)
+    grown = _grow(search, _Grown(nominal, nominal), most, judge, thorough)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
-        grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, left, thorough)
+        grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge, thorough)
+    policy = search.policy
     accepted = tuple(ranking[0] for ranking in grown.found)
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal) for r in grown.found)
     rankings = (*grown.found, grown.last) if grown.last else grown.found
-    return Naming(grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused)
+    naming = Naming(grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused)
+    return _upheld(naming, search, witness)
 
 
-def _grow(search: Search, so_far: _Grown, most: int, left: Left, thorough: bool) -> _Grown:
+def _upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
+    """The names without those that data which no fit saw speak against, each dropped in turn and the rest refitted."""
+    while len(naming.accepted) > 1:
+        search.progress("verifying the names one by one")
+        reduced = [search.reduced(naming.final, suspect.name) for suspect in naming.accepted]
+        denied = [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
+        if not denied:
+            break
+        gone = min(denied, key=lambda i: reduced[i].value)
+        naming = replace(
+            naming,
+            final=reduced[gone],
+            accepted=_but(naming.accepted, gone),
+            equals=_but(naming.equals, gone),
+            rankings=_but(naming.rankings, gone),
+            taken_back=(*naming.taken_back, naming.accepted[gone]),
+        )
+    return naming
+
+
+def _but(values: tuple, gone: int) -> tuple:
+    return values[:gone] + values[gone + 1 :]
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """Whether a further effect is one, or only mends the form of those found."""
+
+    policy: DecisionPolicy
+    left: Left
+    witness: Witness
+
+    def counts(self, found: Sequence[Ranking], gain: float, current: Fit) -> bool:
+        """Whether a further effect of some gain [nats] may be one at all. The witness is asked last: it takes time."""
+        largest = max((ranking[0].gain for ranking in found), default=0.0)
+        return gain >= self.policy.least_share * largest or (gain > self.policy.believed and self.witness.far(current))
+
+    def much_left(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
+        """Whether a further effect leaves so much that a better fit of it, or of another, may have been missed."""
+        largest = max((ranking[0].gain for ranking in found), default=math.inf)
+        return self.left(suspect.fit) > max(suspect.net, self.policy.own_share * largest)
+
+    def takes_shape(self, found: Sequence[Ranking], suspect: Suspect, current: Fit) -> bool:
+        """Whether a further effect leaves more than it explains."""
+        return bool(found) and self.left(suspect.fit) > suspect.net and not self._confirmed(current, suspect.fit)
+
+    def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
+        """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
+
+        Not if it is just what was missing, nor if data that no fit saw ask for it."""
+        *others, (newest, *_) = together
+        policy = self.policy
+        if not slight(newest.name, newest.gain, others, policy):
+            return False
+        enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
+        if enough and self.left(suspect.fit) <= 0.0 and self.left(before) > policy.believed:
+            return False
+        return not self._confirmed(before, newest.fit)
+
+    def _confirmed(self, before: Fit, after: Fit) -> bool:
+        return self.witness.far(before) and self.witness.confirms(before, after)
+
+
+def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bool) -> _Grown:
     """Effects added one at a time, until no further one is believed."""
-    policy = search.policy
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
     found, last, refused = list(so_far.found), (), None
     for step in range(len(found), most):
@@ -92,33 +195,22 @@ def _grow(search: Search, so_far: _Grown, most: int, left: Left, thorough: bool)
         names, table = search.suspects(current, step)
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        largest = max((ranking[0].gain for ranking in found), default=0.0)
-        least = policy.least_share * largest
-        current, last = search.refits(current, names, table, thorough, least=least)
+        worth = partial(judge.counts, found, current=current)
+        current, last = search.refits(current, names, table, thorough, worth=worth)
         if step == 0:
             nominal = current
-        if not last or last[0].net < policy.believed:
+        if not last or last[0].net < search.policy.believed:
             break
-        if last[0].gain < least:
+        if not worth(last[0].gain):
             refused = last[0]
             break
-        remains = 0.0
-        if found:
-            remains = left(last[0].fit)
-            if not thorough and remains > max(last[0].net, policy.own_share * largest):
-                current, last = search.refits(current, names, table, thorough=True, least=least)
-                remains = left(last[0].fit)
-            if remains > last[0].net:
-                refused = last[0]
-                break
+        if not thorough and judge.much_left(found, last[0]) and judge.takes_shape(found, last[0], current):
+            current, last = search.refits(current, names, table, thorough=True, worth=worth)
+        if judge.takes_shape(found, last[0], current):
+            refused = last[0]
+            break
         together = search.reconsidered([*found, last])
-        newest, others = together[-1][0], together[:-1]
-        if slight(newest.name, newest.gain, others, policy) and not (
-            # small, but just what was missing
-            not slight(newest.name, newest.gain, others, policy, policy.least_share)
-            and remains <= 0.0
-            and left(current) > policy.believed
-        ):
+        if judge.slight(together, last[0], current):
             refused = last[0]
             break
         found, last, current = together, (), together[-1][0].fit
@@ -128,7 +220,7 @@ def _grow(search: Search, so_far: _Grown, most: int, left: Left, thorough: bool)
 def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
     """The same with more equals, where what is left goes with the very variable that an effect found depends on. Its
     form is wrong then, and a look-alike of the same variable that explains nearly as much may as well be the name."""
-    if not remains.found:
+    if not remains.matters:
         return naming
     equals = []
     for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):

@@ -20,7 +20,7 @@ from ...estimation.pool import shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
-from .fits import Fit, Fitter, added, without
+from .fits import Fit, Fitter, without
 from .suspects import alike
 
 
@@ -95,7 +95,7 @@ def _round(current: Fit, at: Start | Fit, setting: Setting) -> Fit:
         anchor=setting.anchor,
         policy=setting.policy,
         iterations=setting.policy.round_iterations,
-        coarse=True,
+        effort="coarse",
         zeros=at.zeros,
     )
 
@@ -143,14 +143,14 @@ def resized(effect: Effect, factor: float) -> Effect | None:
 
 
 def from_best(
-    best: str, rivals: Sequence[str], fits: Mapping[str, Fit], current: Fit, setting: Setting
+    best: str, rivals: Mapping[str, Effect], fits: Mapping[str, Fit], current: Fit, setting: Setting
 ) -> dict[str, Fit]:
     """Fits, better where rivals started from the best one's θ, which is near the truth if its name is nearly right:
-    there the others soon find their own optimum. One of them may be the best then."""
+    there the others soon find their own optimum. One of them may be the best then. rivals: where each starts."""
     noise = between(fits[best], current)
     plant = without(fits[best], current)
     zeros = fits[best].zeros
-    starts = [Start((n,), plant.with_effects(added(fits[n], current)), noise, zeros) for n in rivals if n != best]
+    starts = [Start((name,), plant.with_effects(effect), noise, zeros) for name, effect in rivals.items()]
     return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
 
 

@@ -13,21 +13,60 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .discrete import starts_of, stepped
-from .fits import Fit, Fitter, added, fit, without
+from .fits import Effort, Fit, Fitter, added, fit, without
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, multi_start, rivals_of
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, price, shortlist, slight
+from .suspects import Ranking, Suspect, alike, price, shortlist, slight
 
 Scorer = Callable[..., dict[str, Score]]
 
 
 def _silent(text: str) -> None:
     """Progress that nobody wants."""
+
+
+@dataclass
+class _Chase:
+    """Where the comparison of suspects stands: the best fit of each, and what has been done with it.
+
+    suggested: starts from the scores. table: all scores. current: the model without any. held: a fit that takes part
+    as it is. effort: of a fit to the end. led: effects that were the best, and how well they did. resized: effects
+    tried from other sizes. finished: fits to the end.
+    """
+
+    fits: dict[str, Fit]
+    suggested: dict[str, Effect]
+    table: dict[str, Score]
+    current: Fit
+    held: Fit | None
+    effort: Effort
+    led: dict[str, float] = field(default_factory=dict)
+    resized: set[str] = field(default_factory=set)
+    finished: dict[str, Fit] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The best suspect."""
+        return min(self.fits, key=lambda name: self.fits[name].value)
+
+    @property
+    def best(self) -> Fit:
+        return self.fits[self.name]
+
+    def rivals(self, policy: DecisionPolicy) -> dict[str, Effect]:
+        """What might be mistaken for the best, each with where it starts: fitted effects as they are, declared
+        look-alikes that no score suggested as their scores or defaults have them."""
+        best = self.name
+        found = {n: added(self.fits[n], self.current) for n in rivals_of(best, self.fits, policy) if n != best}
+        for name in self.table:
+            if alike(name, best) and name not in self.fits:
+                found[name] = self.table[name].start or self.current.plant.default_effect(name)
+        return found
 
 
 @dataclass(frozen=True)
@@ -72,82 +111,115 @@ class Search:
         table: dict[str, Score],
         thorough: bool = False,
         held: Fit | None = None,
-        least: float = 0.0,
+        worth: Callable[[float], bool] = lambda gain: True,
+        effort: Effort = "restarted",
     ) -> tuple[Fit, Ranking]:
         """Suspects fitted; the model without any is fitted again from the best one's θ, so that neither stopped early.
 
-        held: a fit with an effect more than `current` that takes part as it is. least [nats]: gain below which the
-        best stays as coarsely fitted as it is.
+        held: a fit with an effect more than `current` that takes part as it is. worth(gain [nats]): whether the best
+        is fitted to the end, with what effort; else it stays as coarsely fitted as it is.
         """
         suggested = {name: start for name in names if (start := table[name].start) is not None}
         if held is not None:
             suggested[added(held, current).name] = added(held, current)
         if not suggested:
             return current, ()
-        fits = self._coarse(current, suggested, held, thorough)
-        best = min(f.value for f in fits.values())
-        if current.value - best >= least:
-            fits, current = self._finished(fits, current, held)
+        fits = self._started(current, suggested, held, thorough)
+        chase = _Chase(fits, suggested, table, current, held, effort)
+        self._compare(chase)
+        if worth(current.value - chase.best.value):
+            before = chase.best.value
+            chase.current = self._finish(chase)
+            if chase.best.value < before - self.policy.reach:  # the best had stalled: the others may have, too
+                self._compare(chase)
+                chase.current = self._finish(chase)
+            current = chase.current
         suspects = []
-        for name, fitted in fits.items():
+        for name, fitted in chase.fits.items():
             gain = current.value - fitted.value
             score = table[name].gain if name in table else 0.0
             suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
         return current, tuple(sorted(suspects, key=lambda s: -s.net))
 
-    def _coarse(self, current: Fit, suggested: dict, held: Fit | None, thorough: bool) -> dict[str, Fit]:
-        """The best coarse fit of every suspect: from what the scores suggest, the best ones from other sizes, the
-        others from the best one's θ, until the best stays the best."""
+    def _started(self, current: Fit, suggested: dict[str, Effect], held: Fit | None, thorough: bool) -> dict[str, Fit]:
+        """A coarse fit of every suspect from what its score suggests, and from other sizes where all went astray."""
         self.progress(f"fitting {', '.join(suggested)}")
         ahead = math.inf if held is None else held.value
         starts = [at for start in suggested.values() for at in starts_of(start, current, self)]
         fits = best_of(multi_start(starts, current, self, ahead))
         if held is not None and held.value < fits[added(held, current).name].value:
             fits[added(held, current).name] = held
-        tried: set[str] = set()
         # worse than without any: all went astray
         if thorough or min(f.value for f in fits.values()) > current.value + self.policy.reach:
-            tried = set(fits)
             fits = self._resized(list(fits), suggested, fits, current)
-        seen: set[str] = set()
-        while (best := min(fits, key=lambda name: fits[name].value)) not in seen:
-            seen.add(best)
-            if fits[best] is not held and (fresh := [n for n in best_and_look_alike(fits) if n not in tried]):
-                tried.update(fresh)
-                fits = self._resized(fresh, suggested, fits, current)
-            rivals = [n for n in rivals_of(best, fits, self.policy) if n != best]
-            self.progress(f"fitting {', '.join(rivals) or 'nothing'} from the parameters of {best}")
-            fits = from_best(best, rivals, fits, current, self)
         return fits
+
+    def _compare(self, chase: _Chase) -> None:
+        """Coarse fits until the best stays the best: it and its nearest look-alike from other sizes, its declared
+        look-alikes and the next in order from its θ. A best that has improved is compared again."""
+        current, suggested = chase.current, chase.suggested
+        for _ in range(2 * len(EFFECTS)):
+            best = chase.name
+            if chase.best.value > chase.led.get(best, math.inf) - self.policy.reach:
+                break
+            chase.led[best] = chase.best.value
+            fresh = [n for n in best_and_look_alike(chase.fits) if n not in chase.resized and n in suggested]
+            if chase.best is not chase.held and fresh:
+                chase.resized.update(fresh)
+                chase.fits = self._resized(fresh, suggested, chase.fits, current)
+                best = chase.name
+            rivals = chase.rivals(self.policy)
+            self.progress(f"fitting {', '.join(rivals) or 'nothing'} from the parameters of {best}")
+            chase.fits = from_best(best, rivals, chase.fits, current, self)
 
     def _resized(self, names: Sequence[str], suggested: dict, fits: dict[str, Fit], current: Fit) -> dict[str, Fit]:
         self.progress(f"trying other sizes of {', '.join(names)}")
         return from_other_sizes(names, suggested, fits, current, self)
 
-    def _finished(self, fits: dict[str, Fit], current: Fit, held: Fit | None) -> tuple[dict[str, Fit], Fit]:
-        """The best suspects fitted to the end, and the model without any, the better of two starts."""
-        fits, policy = dict(fits), self.policy
-        best = min(f.value for f in fits.values())
-        least = {n: price(n, current.samples) + policy.believed - policy.reach for n in fits}
-        hopeful = [n for n in fits if current.value - fits[n].value > least[n]]
-        for name in sorted(hopeful, key=lambda name: fits[name].value)[: policy.finalists]:
-            if fits[name].value < best + policy.reach and fits[name] is not held:
+    def _finish(self, chase: _Chase) -> Fit:
+        """The best suspects fitted to the end; returns the model without any, the better of two starts."""
+        policy, current = self.policy, chase.current
+        best = chase.best.value
+        least = {n: price(n, current.samples) + policy.believed - policy.reach for n in chase.fits}
+        hopeful = [n for n in chase.fits if current.value - chase.fits[n].value > least[n]]
+        for name in sorted(hopeful, key=lambda name: chase.fits[name].value)[: policy.finalists]:
+            fitted = chase.fits[name]
+            if (
+                fitted.value < best + policy.reach
+                and fitted is not chase.held
+                and fitted is not chase.finished.get(name)
+            ):
                 self.progress(f"fitting {name} to the end")
-                nearest = stepped(fits[name], current, self)
-                fits[name] = self.fitted(nearest.plant, nearest)
+                nearest = stepped(fitted, current, self)
+                effort = chase.effort if fitted.value == best else "full"
+                chase.fits[name] = chase.finished[name] = self.fitted(nearest.plant, nearest, effort)
         self.progress("fitting the model without it")
-        plant = without(min(fits.values(), key=lambda f: f.value), current)
-        again = self.fitted(plant, current)
-        return fits, again if again.value < current.value else current
+        again = self._rival(without(chase.best, current), current, chase.best)
+        return again if again.value < current.value else current
 
-    def fitted(self, plant: Plant, start: Fit) -> Fit:
-        """A plant fitted to the end, from the noise of another fit."""
-        return self.fitter(plant, start.noise, start.records, anchor=self.anchor, policy=self.policy, zeros=start.zeros)
+    def _rival(self, plant: Plant, start: Fit, against: Fit) -> Fit:
+        """A plant fitted to compare it with a better one: only as well as the difference asks for."""
+        quick = self.fitted(plant, start, "quick")
+        if quick.value - against.value > self.policy.plain:
+            return quick
+        return self.fitted(quick.plant, quick, "full")
+
+    def fitted(self, plant: Plant, start: Fit, effort: Effort = "restarted") -> Fit:
+        """A plant fitted to the end, from the noise and zeros of another fit."""
+        return self.fitter(
+            plant,
+            start.noise,
+            start.records,
+            anchor=self.anchor,
+            policy=self.policy,
+            zeros=start.zeros,
+            effort=effort,
+        )
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Fitted without one of its effects."""
         plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
-        return self.fitted(plant, fitted)
+        return self._rival(plant, fitted, fitted)
 
     def reconsidered(self, found: Sequence[Ranking]) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
@@ -159,15 +231,15 @@ class Search:
             self.progress(f"reconsidering {name}")
             reduced = self.reduced(current, name)
             others = [r for r in found if r is not ranking]
-            nearest = stepped(current, reduced, self)
+            nearest = stepped(current, reduced, self, rough=False)
             if nearest is not current:
                 current, changed = self.fitted(nearest.plant, nearest), True
             gain = reduced.value - current.value
             if gain - price(name, current.samples) < policy.believed or slight(name, gain, others, policy):
                 found, current, changed = others, reduced, True
-            elif any(s.net > policy.contested * ranking[0].net for s in ranking[1:]):
-                names, table = self.suspects(reduced, len(others))
-                _, again = self.refits(reduced, names, table, held=current)
+            elif rivals := _contesting(ranking, reduced, policy):
+                table = {s.name: Score(s.name, s.score, s.fit.plant.effect(s.name), 0.0) for s in rivals}
+                _, again = self.refits(reduced, list(table), table, held=current, effort="full")
                 changed = changed or again[0].name != name
                 current = again[0].fit
                 found = [again if r is ranking else r for r in found]
@@ -178,3 +250,9 @@ class Search:
             found[-1] = (last, *found[-1][1:])
         found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
         return found
+
+
+def _contesting(ranking: Ranking, reduced: Fit, policy: DecisionPolicy) -> list[Suspect]:
+    """Suspects that did nearly as well as the first of their ranking and are not in the model by now."""
+    taken = {e.name for e in reduced.plant.effects}
+    return [s for s in ranking[1:] if s.net > policy.contested * ranking[0].net and s.name not in taken]

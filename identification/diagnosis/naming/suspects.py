@@ -44,6 +44,11 @@ def alike(one: str, other: str) -> bool:
     return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
 
 
+def follows_clock(name: str) -> bool:
+    """Whether an effect goes by the clock of its log, and so cannot be looked for in another."""
+    return any("t" in arguments for arguments in EFFECTS[name].arguments.values())
+
+
 def shortlist(table: dict[str, Score], samples: int, least: float, policy: DecisionPolicy) -> list[str]:
     """Effects worth a fit, the best score first.
 

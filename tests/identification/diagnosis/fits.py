@@ -26,6 +26,7 @@ from identification.logs.log import Log
 from identification.validation.gap import ClosedFraction, Gap
 
 SAMPLES = 1000
+POLICY = DecisionPolicy()
 NOISE = Noise((1.0, 1.0))
 PER_PARAMETER = 0.5 * math.log(SAMPLES)
 """Price [nats] of a parameter in a toy fit."""
@@ -116,8 +117,8 @@ class Bowls:
         *,
         anchor: Plant | None = None,
         policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-        iterations: int = 40,
-        coarse: bool = False,
+        iterations: int | None = None,
+        effort: str = "restarted",
         zeros: Zeros | None = None,
     ) -> Any:
         names = [e.name for e in plant.effects]
@@ -128,7 +129,7 @@ class Bowls:
 
         bowl = min(self.bowls(names), key=lambda bowl: v(bowl, place))
         bottom = bowl.bottom(names)
-        at = bottom + bowl.rate**iterations * (place - bottom)
+        at = bottom + bowl.rate ** (iterations or 40) * (place - bottom)
         theta = TABLE_3.theta * np.exp([*8 * [0.0], at[0]])
         effects = [_sized(plant, name, size) for name, size in zip(names, at[1:], strict=True)]
         ended = plant.replace(theta=theta).with_effects(*effects)
@@ -198,11 +199,21 @@ def constancy(p: float) -> Any:
     return SimpleNamespace(joint_p=p)
 
 
-def rest(evidence: float = -4.0, p: float = 0.5, channel: str = "arm", variable: str = "arm angle") -> Any:
+def rest(
+    evidence: float = -4.0, p: float = 0.5, channel: str = "arm", variable: str = "arm angle", counts: float = 3.0
+) -> Any:
     """What a final model leaves: a torque where its evidence is positive and large, a drift where p is small."""
-    found = evidence > 8.0
+    found, negligible = evidence > 8.0, counts < POLICY.negligible
     return SimpleNamespace(
-        found=found, evidence=evidence, channel=channel, variable=variable, constancy=constancy(p), sentence="left"
+        found=found,
+        evidence=evidence,
+        counts=np.array([counts, 0.0]),
+        negligible=negligible,
+        matters=found and not negligible,
+        channel=channel,
+        variable=variable,
+        constancy=constancy(p),
+        sentence="left",
     )
 
 
@@ -264,3 +275,25 @@ def a_change(
     given = {"logs": (), "tail": None}
     gaps = a_gap(5.0, likelier), a_gap(after)
     return GapChange(*gaps, ClosedFraction(float(np.mean(closed)), closed), **(given | more))
+
+
+@dataclass(frozen=True)
+class Told:
+    """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against."""
+
+    off: bool = True
+    needed: tuple[str, ...] = ()
+    false: tuple[str, ...] = ()
+
+    def far(self, fitted: Any) -> bool:
+        return self.off
+
+    def confirms(self, without: Any, fitted: Any) -> bool:
+        return self._newest(without, fitted) in self.needed
+
+    def denies(self, without: Any, fitted: Any) -> bool:
+        return self._newest(without, fitted) in self.false
+
+    def _newest(self, without: Any, fitted: Any) -> str:
+        (name,) = {e.name for e in fitted.plant.effects} - {e.name for e in without.plant.effects}
+        return name

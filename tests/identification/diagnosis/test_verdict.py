@@ -153,3 +153,21 @@ def test_the_model_before_a_sharpness_was_found_does_not_have_it() -> None:
     assert other is before
     found = naming(suspect("friction_sharpness", 50.0))
     assert _without_sharpness(before, found, [log], POLICY).plant.friction_sharpness == 100.0
+
+
+@pytest.mark.parametrize(("counts", "verdict"), [(0.02, "none"), (3.0, "unknown")])
+def test_what_nobody_would_miss_changes_no_verdict(counts: float, verdict: str) -> None:
+    """A long log proves a sixtieth of a count; it is told, with its size."""
+    said, sentence = _verdict(naming(), rest(31.0, counts=counts), POLICY)
+    assert said == verdict
+    assert ("negligible" in sentence) == (verdict == "none")
+    beside, sentence = _verdict(naming(SPRING), rest(900.0, counts=counts), POLICY)
+    assert beside == ("named" if verdict == "none" else "unknown")
+    assert a_diagnosis("arm_spring", rest=rest(31.0, counts=counts)).leftover is (verdict == "unknown")
+
+
+def test_a_name_taken_back_is_told() -> None:
+    found = naming(SPRING, taken_back=(DELAY,))
+    verdict, sentence = _verdict(found, rest(), POLICY)
+    assert verdict == "named"
+    assert f"{DELAY.name} would explain more of these logs, but brings nothing on data that no fit saw" in sentence

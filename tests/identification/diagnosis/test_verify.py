@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 
 from furuta_gym.plant import TABLE_3
+from identification.diagnosis.gap_change import speaks_against
+from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
-from identification.diagnosis.verify import _of_tails, judged, measure_gap, speaks_against, verified
+from identification.diagnosis.verify import judged, measure_gap, verified
 from identification.kalman.record import Record
 from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_change, a_diagnosis, naming, suspect
@@ -107,14 +109,14 @@ def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_last_three_tenths()
     found = a_diagnosis("periodic_torque")
     after: Any = SimpleNamespace(plant=final.plant)
     found = replace(found, after=after, naming=naming(suspect("periodic_torque", 200.0), final=final))
-    gap = measure_gap(found, [log])
+    gap = measure_gap(found, HeldOut((log,), (), POLICY))
     assert gap.tail == 0.3
     starts = gap.before.times - gap.before.horizon
     assert 0.7 * log.duration <= starts.min() - log.t[0] < 0.7 * log.duration + 0.1
     assert gap.likelier > 10.0
     assert not speaks_against(gap, POLICY)
     other, _ = loop_log("periodic_torque", 0.2, duration=12.0, seed=5)
-    both = measure_gap(found, [log], [other])
+    both = measure_gap(found, HeldOut((log,), (other,), POLICY))
     assert both.tail is None
     assert both.own_tail is not None
     assert both.own_tail.likelier == pytest.approx(gap.likelier)
@@ -124,13 +126,13 @@ def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_last_three_tenths()
 def test_without_a_plant_there_is_nothing_to_verify() -> None:
     found = a_diagnosis(verdict="insufficient_excitation", before=None, after=None)
     log = loop_log(duration=2.0)[0]
-    assert verified(found, [log]) is found
+    assert verified(found, HeldOut((log,), (), POLICY)) is found
     with pytest.raises(ValueError, match="no plant"):
-        measure_gap(found, [log])
+        measure_gap(found, HeldOut((log,), (), POLICY))
 
 
 def test_where_no_gap_can_be_had_the_verdict_stays_and_says_why() -> None:
     log = loop_log(duration=0.6)[0]
-    found = verified(a_diagnosis("arm_spring"), [loop_log(duration=2.0)[0]], [log])
+    found = verified(a_diagnosis("arm_spring"), HeldOut((loop_log(duration=2.0)[0],), (log,), POLICY))
     assert (found.verdict, found.gap) == ("named", None)
     assert found.gap_remark

@@ -140,12 +140,13 @@ def test_rivals_find_from_the_bests_parameters_what_they_missed_from_their_own()
         "input_delay": a_fit("arm_backlash", "input_delay", value=0.0, x=-1.5),
         "actuator_lag": a_fit("arm_backlash", "actuator_lag", value=9.0, x=1.0),
     }
-    found = from_best("input_delay", list(fits), fits, a_fit("arm_backlash", value=100.0), setting)
+    rivals = {"actuator_lag": TABLE_3.default_effect("actuator_lag")}
+    found = from_best("input_delay", rivals, fits, a_fit("arm_backlash", value=100.0), setting)
     assert {e.name for e in found["actuator_lag"].plant.effects} == {"arm_backlash", "actuator_lag"}
     assert found["actuator_lag"].value == pytest.approx(-30.0, abs=0.05)
     assert found["input_delay"] is fits["input_delay"]
     worse = search({"arm_backlash": 100.0, "arm_backlash actuator_lag": Bowl(12.0, x=-1.5)})
-    assert from_best("input_delay", list(fits), fits, a_fit("arm_backlash"), worse)["actuator_lag"].value == 9.0
+    assert from_best("input_delay", rivals, fits, a_fit("arm_backlash"), worse)["actuator_lag"].value == 9.0
 
 
 def resizing(bowls: Sequence[Bowl], name: str, *before: str) -> float:

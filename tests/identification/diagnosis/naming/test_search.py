@@ -74,7 +74,10 @@ def test_other_sizes_are_tried_of_all_where_all_went_astray(
 def test_the_best_suspects_are_fitted_to_the_end_unless_they_gain_too_little() -> None:
     slow = Bowl(-400.0, x=1.0, rate=0.97)  # an end that eight rounds of four do not reach
     by = search({"": 0.0, "arm_spring": slow}, "arm_spring")
-    assert best_of(by, a_fit(), "arm_spring")[1] < best_of(by, a_fit(), "arm_spring", least=1000.0)[1] - 1e-6
+    assert (
+        best_of(by, a_fit(), "arm_spring")[1]
+        < best_of(by, a_fit(), "arm_spring", worth=lambda gain: gain > 1000.0)[1] - 1e-6
+    )
 
 
 def test_the_model_without_any_is_fitted_again_from_the_bests_parameters() -> None:

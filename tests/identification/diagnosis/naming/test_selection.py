@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from identification.diagnosis.naming.forward import Naming, name_effects, nothing_left
-from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, a_fit, search
+from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Told, a_fit, search
 
 
 def named(values: dict[str, object], *names: str, left: object = None, **more: object) -> Naming:
@@ -130,3 +130,41 @@ def test_what_theta_imitates_is_told_from_the_first_step() -> None:
     by = search({"": 0.0, "input_delay": -200.0}, "input_delay", "arm_spring")
     by = replace(by, scorer=replace(by.scorer, absorbed={"arm_spring": 0.999}))  # type: ignore[type-var]
     assert name_effects(a_fit(), by).absorbed == {"input_delay": 0.0, "arm_spring": 0.999}
+
+
+SMALL = {"input_delay": -2000.0, "input_delay arm_presliding": -2080.0}
+"""A second effect of four hundredths of the first, as on a rig that has five."""
+
+
+@pytest.mark.parametrize(
+    ("witness", "found"),
+    [
+        (Told(off=False), ["input_delay"]),
+        (Told(off=False, needed=("arm_presliding",)), ["input_delay"]),  # near enough: its share decides
+        (Told(), ["input_delay"]),
+        (Told(needed=("arm_presliding",)), ["input_delay", "arm_presliding"]),
+    ],
+)
+def test_far_from_held_out_data_these_decide_and_not_a_share(witness: Told, found: list[str]) -> None:
+    assert accepted(named(SMALL, "input_delay", "arm_presliding", witness=witness)) == found
+
+
+THREE = {
+    "input_delay": -2000.0,
+    "input_delay base_tilt": -3500.0,
+    "base_tilt": -1400.0,
+    "input_delay pendulum_stribeck": -3000.0,
+    "base_tilt pendulum_stribeck": -2600.0,
+    "input_delay base_tilt pendulum_stribeck": -4500.0,
+}
+
+
+@pytest.mark.parametrize("false", [(), ("base_tilt",), ("input_delay", "base_tilt")])
+def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> None:
+    names = ("input_delay", "base_tilt", "pendulum_stribeck")
+    found = named(THREE, *names, witness=Told(off=False, false=false))
+    kept = [name for name in names if name not in false]
+    assert accepted(found) == kept
+    assert sorted(s.name for s in found.taken_back) == sorted(false)
+    assert len(found.equals) == len(kept)
+    assert {e.name for e in found.final.plant.effects} == set(kept)

@@ -1,0 +1,128 @@
+"""Data that no fit saw: logs that were held out or, where there are none, the last part of each fitted one.
+
+A plant predicts whole logs as it is. The last part of a log is predicted by the same structure fitted to the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+
+from ..estimation.identify import identify
+from ..estimation.zeros import moved
+from ..kalman.coordinates import Zeros
+from ..kalman.noise_model import Noise
+from ..logs.log import Log
+from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
+from .gap_change import GapChange, speaks_against
+from .naming.fits import Fit, added
+from .naming.suspects import follows_clock
+from .policy import DecisionPolicy
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A witness for what a search finds in `logs`: how well plants predict what no fit saw. Gaps are kept, as the same
+    plants are asked for again."""
+
+    logs: tuple[Log, ...]
+    whole: tuple[Log, ...]
+    policy: DecisionPolicy
+    _known: dict[int, tuple[Plant, Gap]] = field(default_factory=dict, repr=False)
+
+    def gap(self, plant: Plant, noise: Noise | None = None, zeros: Zeros | None = None) -> Gap:
+        """The gap of a plant that was fitted to the logs with this noise and these zeros.
+
+        Without a noise, a refit to the first part of the logs finds its own. Raises ValueError where the logs are too
+        short, or their first part alone cannot be fitted.
+        """
+        known = self._known.get(id(plant))
+        if known is None:
+            known = self._known[id(plant)] = plant, self._measured(plant, noise, zeros)
+        return known[1]
+
+    def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
+        if self.whole:
+            return validate(plant, self.whole)
+        tail = self.policy.tail
+        heads = [log.split(1.0 - tail)[0] for log in self.logs]
+        # from the noise that the search ended with: from more of it, a fit loses what is small against it again
+        start = plant.replace(covariance=None, checks={}, provenance={})
+        refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None)
+        return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
+
+    def change(self, before: Gap, after: Gap) -> GapChange:
+        """How much of the gap closes from one plant to another; nothing from one to itself."""
+        closed = closed_fraction(before, after) if after is not before else ClosedFraction(0.0, (0.0, 0.0))
+        return GapChange(before, after, closed, self.whole or self.logs, None if self.whole else self.policy.tail)
+
+    def far(self, fitted: Fit) -> bool:
+        """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""
+        try:
+            gap = self.gap(fitted.plant, fitted.noise, fitted.zeros)
+        except ValueError:
+            return False
+        return gap.ratio_to_floor > self.policy.far
+
+    def confirms(self, without: Fit, fitted: Fit) -> bool:
+        """Whether a further effect closes some of the gap for certain, and a share of it that matters."""
+        change = self._between(without, fitted)
+        if change is None:
+            return False
+        low, _ = change.closed.interval
+        return low > 0.0 and change.closed.value > self.policy.worth and change.likelier > self.policy.likelier
+
+    def denies(self, without: Fit, fitted: Fit) -> bool:
+        """Whether they speak against one effect beside others. Of what follows the clock of its own log, other logs
+        say nothing."""
+        if self.whole and follows_clock(added(fitted, without).name):
+            return False
+        change = self._between(without, fitted)
+        if change is None:
+            return False
+        # a share of the logs has that share of the evidence
+        share = 1.0 if self.whole else self.policy.tail
+        return speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier))
+
+    def _between(self, without: Fit, fitted: Fit) -> GapChange | None:
+        try:
+            before, after = (self.gap(f.plant, f.noise, f.zeros) for f in (without, fitted))
+        except ValueError:
+            return None
+        return self.change(before, after)
+
+
+def _of_tails(plant: Plant, logs: Sequence[Log], tail: float) -> Gap:
+    """The gap in the windows that lie in the last part of each log. The filter runs from the start, so that what
+    changes with time is predicted at its time."""
+    gap = validate(plant, logs, own_zeros=False)
+    cut = np.array([log.t[0] + (1.0 - tail) * log.duration for log in logs])
+    late = gap.times - gap.horizon >= cut[gap.log]
+    if late.sum() < 10:
+        raise ValueError(f"the last {100 * tail:.0f} % of the logs are too short for prediction over {gap.horizon:g} s")
+    errors = gap.errors[late]
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    reading = np.concatenate([readings_at(logs[i], gap.times[late & (gap.log == i)]) for i in range(len(logs))])
+    size = np.maximum(np.sqrt(np.mean((reading - reading.mean(axis=0)) ** 2, axis=0)), 1e-12)
+    return replace(
+        gap,
+        rms=rms,
+        fit_percent=100.0 * (1.0 - rms / size),
+        curve=np.concatenate([[gap.horizon], rms, gap.floor])[None],
+        errors=errors,
+        times=gap.times[late],
+        log=gap.log[late],
+        surprise=gap.surprise[gap.surprise[:, 1] >= cut[gap.surprise[:, 0].astype(int)]],
+    )
+
+
+def readings_at(log: Log, times: Array) -> Array:
+    """Readings (M, 2) of a log at some of its own stamps (M,)."""
+    return log.angles[np.clip(np.searchsorted(log.t, times - 1e-9), 0, len(log) - 1)]
