@@ -14,9 +14,10 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
-from .output import errors
-
 _logger = logging.getLogger("furuta.steps")
+
+errors = Console(stderr=True)
+"""Where progress and remarks go, so that results can be piped."""
 
 FIRST_TIME: dict[str, tuple[float, float]] = {
     "identify": (10.0, 5.0),
@@ -94,6 +95,7 @@ def _remembered() -> dict[str, float]:
         notebook = _notebook()
         if notebook is not None:
             found = json.loads(notebook.read_text(encoding="utf-8"))
+            found = found if isinstance(found, dict) else {}
             return {k: float(v) for k, v in found.items() if isinstance(v, int | float) and 0 < v < 1e4}
     return {}
 
@@ -116,3 +118,11 @@ def _remember(command: str, samples: int, seconds: float) -> None:
         return
     with suppress(OSError):
         write_whole(notebook, json.dumps(_remembered() | {command: seconds / samples}))
+
+
+@contextmanager
+def busy(text: str, command: str = "", samples: int | None = None) -> Iterator[None]:
+    """A long work of one step, see `steps`; with the time to expect where samples are given."""
+    with steps(command, samples) as tell:
+        tell(text.removesuffix(" …"))
+        yield
