@@ -5,13 +5,14 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test fast slow lint bench clean
+.PHONY: setup demo test fast slow lint bench matrix clean
 
 setup: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,dev]" -c constraints.txt
+	$(BIN)/furuta warm-up
 	touch $@
 
 demo: $(READY)  ## the main job on bundled logs; writes out/demo
@@ -35,6 +36,9 @@ lint: $(READY)  ## formatting, style, types and the import contracts
 
 bench: $(READY)  ## speed against named references, as ratios
 	$(BIN)/python -m experiments.studies.speed
+
+matrix:  ## the quick tests under every Python that this machine has
+	.ci/matrix
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
 from .statistics import Interval
@@ -80,13 +81,8 @@ class Comparison:
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write `comparison.json` into a folder, made if need be; its path. `plots.draw_comparison` draws it."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / "comparison.json"
-        path.write_text(
-            json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
-        )
-        return path
+        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return write_whole(Path(folder) / "comparison.json", text)
 
     def table(self) -> "Table":
         """The comparison as a table for the terminal: what matters from each group, 95 % intervals in brackets."""

@@ -1,9 +1,14 @@
-"""Where compiled code is kept between processes. It is run when it is found, so only this user may write there."""
+"""Where compiled code is kept between processes, and who is told when some has to be compiled.
+
+What is kept is run when it is found, so only this user may write there.
+"""
 
 import os
 import stat
 import tempfile
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,7 +21,12 @@ def cache_root() -> Path | None:
     user = os.geteuid() if hasattr(os, "geteuid") else "user"
     wanted = Path(os.environ.get("FURUTA_CACHE") or os.path.join(home, "furuta-gym"))
     reasons = []
-    for folder in (wanted, Path(tempfile.gettempdir()) / f"furuta-gym-{user}"):
+    for place in (lambda: wanted, lambda: Path(tempfile.gettempdir()) / f"furuta-gym-{user}"):
+        try:
+            folder = place()  # looking for the temporary folder writes there, which a full disk refuses
+        except OSError as error:
+            reasons.append(str(error))
+            continue
         reason = _not_private(folder)
         if not reason:
             return folder
@@ -45,3 +55,31 @@ def _not_private(folder: Path) -> str:
         return "" if os.access(folder, os.W_OK) else "cannot be written"
     except OSError as error:
         return f"cannot be used ({error.strerror})"
+
+
+_listeners: list[Callable[[], None]] = []
+_compiled = 0
+
+
+@contextmanager
+def when_compiling(say: Callable[[], None]) -> Iterator[None]:
+    """Call `say` before the first function that is compiled inside, as none of its kind was kept."""
+    _listeners.append(say)
+    try:
+        yield
+    finally:
+        if say in _listeners:
+            _listeners.remove(say)
+
+
+def note_compilation() -> None:
+    """What the compiler calls before every function."""
+    global _compiled
+    _compiled += 1
+    while _listeners:
+        _listeners.pop()()
+
+
+def compilations() -> int:
+    """How many functions this process has compiled."""
+    return _compiled

@@ -52,28 +52,35 @@ def in_short(error: Exception, most: int = 500) -> str:
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str) -> Path:
-    """Write a file (text as UTF-8) whole or not at all: beside its place, to the disk, then by one rename.
+    """Write a file (text as UTF-8) whole or not at all; see `whole_file`."""
+    with whole_file(path) as new:
+        new.write_bytes(data.encode() if isinstance(data, str) else data)
+    return Path(path)
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A name with the same ending to write to, beside `path`; then to the disk, and to `path` by one rename.
 
     Folders above it are made. Raises OSError that names `path`, whatever file was in the way.
     """
     path = Path(path)
-    raw = data.encode() if isinstance(data, str) else data
-    temporary = temporary_name(path)
+    kind = f"new{path.suffix}"
+    temporary = temporary_name(path, kind)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        remove_stale(path)
-        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-        with open(handle, "wb") as file:
-            file.write(raw)
-            file.flush()
-            os.fsync(handle)
+        remove_stale(path, re.escape(kind))
+        yield temporary
+        with open(temporary, "rb+") as file:
+            os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
+        if error.errno is None:  # of a library, in its own words
+            raise OSError(f"{path}: {error}") from None
         raise type(error)(error.errno, error.strerror or str(error), str(path)) from None
     finally:
         temporary.unlink(missing_ok=True)
     sync_folder(path.parent)
-    return path
 
 
 def sync_folder(folder: Path) -> None:
@@ -103,9 +110,9 @@ def stale(path: Path, kind: str = "new") -> list[Path]:
     return found
 
 
-def remove_stale(path: Path) -> None:
+def remove_stale(path: Path, kind: str = "new") -> None:
     """Remove the files of `stale`."""
-    for left in stale(path):
+    for left in stale(path, kind):
         with suppress(OSError):
             left.unlink()
 

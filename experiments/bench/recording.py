@@ -11,6 +11,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from furuta_gym.files import write_whole
+
 from .control import Balance, lqr_gain
 from .laboratory import Laboratory
 from .named import rig as named_rig
@@ -76,9 +78,7 @@ class BenchRecord:
 
     def write_truth(self, path: str | Path) -> Path:
         """Write the truth as JSON."""
-        path = Path(path)
-        path.write_text(json.dumps(self.truth, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
-        return path
+        return write_whole(path, json.dumps(self.truth, ensure_ascii=False, indent=2) + "\n")
 
 
 def write_log(path: Path, record: BenchRecord) -> Path:
@@ -93,8 +93,7 @@ def write_log(path: Path, record: BenchRecord) -> Path:
     lines = [f"# {key}: {value}" for key, value in about.items()]
     rows = zip(record.t.tolist(), record.q1.tolist(), record.q2.tolist(), record.u.tolist(), strict=True)
     lines += ["t,q1,q2,u", *(f"{t:.9f},{a:.10g},{b:.10g},{u:.10g}" for t, a, b, u in rows)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return write_whole(path, "\n".join(lines) + "\n")
 
 
 def record(

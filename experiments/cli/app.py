@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from furuta_gym.processes import ending_in_order
-
+from .command import Command
 from .compare import compare_command
 from .demo import demo_command
 from .diagnose import DiagnoseCommand, diagnose_command
@@ -25,10 +24,10 @@ from .simulate import simulate_command
 from .train import train_command
 from .trials import trials_command
 from .validate import validate_command
+from .warm_up import warm_up_command
 
 KEPT: dict[str | None, str] = {
     None: "Nothing was written; results of an earlier run are as they were.",
-    "demo": "The files of the steps that were finished are there.",
     "trials": "What was answered is kept: the same command goes on from there.",
 }
 """What Ctrl-C leaves of each command."""
@@ -38,7 +37,7 @@ class ExplainingGroup(TyperGroup):
     """Runs a command with `explained` around it."""
 
     def invoke(self, ctx: Any) -> Any:
-        with explained(traceback=bool(ctx.params.get("traceback"))), ending_in_order():
+        with explained(traceback=bool(ctx.params.get("traceback"))):
             try:
                 return super().invoke(ctx)
             except KeyboardInterrupt:
@@ -74,23 +73,25 @@ def options(
     keep_logbook(verbose, log_file)
 
 
-app.command("demo")(demo_command)
-app.command("init")(init_command)
-app.command("identify")(identify_command)
-app.command("validate")(validate_command)
+app.command("demo", cls=Command)(demo_command)
+app.command("init", cls=Command)(init_command)
+app.command("identify", cls=Command)(identify_command)
+app.command("validate", cls=Command)(validate_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
-app.command("residuals")(residuals_command)
-app.command("effects")(effects_command)
-app.command("excite")(excite_command)
-app.command("simulate")(simulate_command)
-app.command("compare")(compare_command)
-app.command("trials")(trials_command)
-app.command("train")(train_command)
-app.command("export")(export_command)
+app.command("residuals", cls=Command)(residuals_command)
+app.command("effects", cls=Command)(effects_command)
+app.command("excite", cls=Command)(excite_command)
+app.command("simulate", cls=Command)(simulate_command)
+app.command("compare", cls=Command)(compare_command)
+app.command("trials", cls=Command)(trials_command)
+app.command("train", cls=Command)(train_command)
+app.command("export", cls=Command)(export_command)
+app.command("warm-up", cls=Command)(warm_up_command)
 
 
 @app.command(
     "bench",
+    cls=Command,
     add_help_option=False,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )

@@ -11,7 +11,6 @@ from rich.console import Console
 
 from . import options as opt
 from .output import busy, check_folder, print_json, progress_bar
-from .whole import whole_folder
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison
@@ -54,6 +53,8 @@ def compare_command(
     from controllers.film import require_film
     from controllers.plots import draw_comparison
     from furuta_gym.plant import Plant
+
+    from .whole import whole_folder
 
     if gif:
         require_film()

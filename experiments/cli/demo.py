@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .output import print_json
+from .output import check_folder, print_json
 
 
 def demo_command(
@@ -19,12 +19,14 @@ def demo_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """The whole story in some minutes: log → plant → held-out check → what is missing → controllers compared."""
-    from experiments.demo.story import run_demo
+    from experiments.demo.story import FILES, run_demo
     from experiments.report import require_extra
 
+    from .whole import whole_folder
+
     require_extra()
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"--out {out} is a file; expected the name of a folder")
-    figures = run_demo(out, seed=seed, say=(lambda line="": typer.echo(line, err=as_json)))
+    check_folder(out)
+    with whole_folder(out, FILES) as folder:
+        figures = run_demo(folder, seed=seed, say=(lambda line="": typer.echo(line, err=as_json)), shown=out)
     if as_json:
         print_json(figures)

@@ -8,20 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from . import options as opt
+from .command import Command
 from .output import check_folder, print_json, write_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
 from .steps import steps
-from .whole import whole_folder
 
 if TYPE_CHECKING:
     from experiments.report import Examination
 
 
-class DiagnoseCommand(TyperCommand):
+class DiagnoseCommand(Command):
     """Takes several logs after one --held-out where the logs to be fitted stand before it."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -79,6 +78,8 @@ def diagnose_command(
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
     from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
     from furuta_gym.plant import Plant
+
+    from .whole import whole_folder
 
     require_extra()
     check_folder(output)

@@ -40,6 +40,12 @@ def identify_command(
     u_max: Annotated[
         float | None, typer.Option(help="Largest command of the rig; default: guessed from the logs.")
     ] = None,
+    every_sample: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="Fit every sample of long logs (above 300 000 together), not the most informative stretches."
+        ),
+    ] = False,
     as_json: opt.AsJson = False,
 ) -> None:
     """Estimate θ1 … θ9 and r, with uncertainty, from logs of one rig (several are fitted jointly)."""
@@ -60,7 +66,16 @@ def identify_command(
         for log in read:
             typer.echo(str(log))
     with busy("fitting …", "identify", sum(map(len, read))):
-        estimate = identify(read, start, method, fixed=fixed, priors=priors, physical=physical, u_max=u_max)
+        estimate = identify(
+            read,
+            start,
+            method,
+            fixed=fixed,
+            priors=priors,
+            physical=physical,
+            u_max=u_max,
+            every_sample=every_sample,
+        )
     estimate.save(output)
     profiles = []
     for name in profiled:

@@ -10,8 +10,6 @@ from typing import Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from furuta_gym.files import write_whole
-
 from .steps import busy as busy  # beside the other ways to print
 from .steps import errors as errors
 
@@ -23,6 +21,8 @@ def print_json(data: Any) -> None:
 
 def write_json(path: Path, data: Any) -> None:
     """Write a JSON file, whole or not at all."""
+    from furuta_gym.files import write_whole
+
     text = json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False) + "\n"
     write_whole(path, text)
 

@@ -7,7 +7,7 @@ import inspect
 import logging
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -61,11 +61,12 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
 class Reading:
     """What the command line says of how logs are written.
 
-    file: a rig.toml. as_given: what is said is not held against the data."""
+    file: a rig.toml. as_given: what is said is not held against the data. told: what was printed of it already."""
 
     said: RigMapping
     file: Path | None = None
     as_given: bool = False
+    told: set[str] = field(default_factory=set, compare=False)
 
     @classmethod
     def of(
@@ -131,8 +132,10 @@ def read(
 
     sources = sources_of(paths, reading, plant)
     for origin, mapping in dict.fromkeys((s.origin, s.mapping) for s in sources):
-        if origin and not mapping.empty:
-            typer.echo(f"Read as {origin} says: {mapping.options()}", err=True)
+        message = f"Read as {origin} says: {mapping.options()}"
+        if origin and not mapping.empty and message not in reading.told:
+            typer.echo(message, err=True)
+            reading.told.add(message)
     if not reading.as_given:
         refuse_wrong(sources, constant_command)
     more = {} if constant_command is None else {"constant_command": constant_command}

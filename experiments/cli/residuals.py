@@ -15,7 +15,6 @@ from . import options as opt
 from .output import check_folder, print_json, write_json
 from .reading import Reading, read, reads_logs
 from .steps import steps
-from .whole import whole_folder
 
 if TYPE_CHECKING:
     from identification.diagnosis.locate.location import Where
@@ -60,6 +59,8 @@ def residuals_command(
         where = locate(known, used)
     data = told(where)
     if output is not None:
+        from .whole import whole_folder
+
         with whole_folder(output, ["residuals.png", "residuals.json"]) as folder:
             draw(where).savefig(folder / "residuals.png", dpi=120)
             write_json(folder / "residuals.json", data)

@@ -13,7 +13,6 @@ from rich.table import Table
 
 from . import options as opt
 from .output import check_folder, errors, print_json, progress_bar
-from .whole import whole_folder
 
 
 def trials_command(
@@ -45,6 +44,8 @@ def trials_command(
     from experiments.trials.report import FILES, headline, write_report
     from experiments.trials.run import read_results, read_unanswerable, run_trials
     from experiments.trials.scoring import score
+
+    from .whole import whole_folder
 
     require_extra()
     check_folder(output)

@@ -13,7 +13,6 @@ from . import options as opt
 from .output import busy, check_folder, print_json, write_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
-from .whole import whole_folder
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
@@ -56,6 +55,8 @@ def validate_command(
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
     if plots is not None:
         from identification.validation.plots import plot_horizons, plot_innovations, plot_predictions
+
+        from .whole import whole_folder
 
         with whole_folder(plots) as folder:
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)

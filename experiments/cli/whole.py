@@ -68,15 +68,31 @@ def _install(new: Path, target: Path, own: set[str]) -> None:
         _swap(new, target)
     else:
         for name in written:
-            os.replace(new / name, target / name)
+            _put(new / name, target / name)
         for name in own - set(written):
-            (target / name).unlink(missing_ok=True)
+            _remove(target / name)
         sync_folder(target)
     sync_folder(target.parent)
 
 
 def _only(folder: Path, names: set[str]) -> bool:
-    return not folder.is_mount() and all(entry.name in names and entry.is_file() for entry in os.scandir(folder))
+    return not folder.is_mount() and names.issuperset(os.listdir(folder))
+
+
+def _put(new: Path, place: Path) -> None:
+    """A file or a folder in its place, over what is there."""
+    if place.is_dir() and not place.is_symlink():
+        _swap(new, place)
+        shutil.rmtree(new, ignore_errors=True)
+    else:
+        os.replace(new, place)
+
+
+def _remove(place: Path) -> None:
+    if place.is_dir() and not place.is_symlink():
+        shutil.rmtree(place, ignore_errors=True)
+    else:
+        place.unlink(missing_ok=True)
 
 
 def _swap(new: Path, target: Path) -> None:
@@ -93,9 +109,12 @@ def _swap(new: Path, target: Path) -> None:
 
 
 def _sync(folder: Path) -> None:
-    for file in folder.iterdir():
-        with open(file, "rb") as written:
-            os.fsync(written.fileno())
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            _sync(entry)
+        else:
+            with open(entry, "rb") as written:
+                os.fsync(written.fileno())
     sync_folder(folder)
 
 

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 Say = Callable[..., None]
 
+FILES = ("rig.json", "gap.json", "diagnosis.json", "plant.json", "report.html", "parameters.png", "prediction.png",
+         "balance.png", "comparison.json", "comparison_balance.png", "comparison_push.png", "designed_without",
+         "demo.json")  # fmt: skip
+"""What the demo writes."""
+
 LOGS = Path(__file__).parent / "logs"
 FITTED, HELD_OUT, TRUTH = LOGS / "paper.csv", LOGS / "wide.csv", LOGS / "truth.json"
 CONTROLLERS = ("paper-lqr", "lqr", "lqg")
@@ -45,10 +50,11 @@ def record_logs() -> None:
     held_out.write_truth(TRUTH)
 
 
-def run_demo(out: Path, seed: int = 0, say: Say = print, trials: int = 40) -> dict[str, Any]:
+def run_demo(out: Path, seed: int = 0, say: Say = print, trials: int = 40, shown: Path | None = None) -> dict[str, Any]:
     """Run the story, write its files into `out`, and return its figures.
 
-    say(line) is called for every line of text. Raises OSError if `out` cannot be written.
+    say(line) is called for every line of text. shown: the folder that the text names, where `out` will get another
+    name. Raises OSError if `out` cannot be written.
     """
     from experiments.demo import plots
 
@@ -81,7 +87,7 @@ def run_demo(out: Path, seed: int = 0, say: Say = print, trials: int = 40) -> di
         "runtime_s": round(time.perf_counter() - started, 1),
     }
     _write_json(out / "demo.json", figures)
-    _conclude(out, figures, comparisons, say)
+    _conclude(shown or out, figures, comparisons, say)
     return figures
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from experiments.cli.errors import explained
 from experiments.cli.output import write_json
 from experiments.studies.identification_benchmark.cases import Case
+from furuta_gym.files import whole_file
 from furuta_gym.plant import PLANTS, THETA_NAMES, Effect, Plant
 from furuta_gym.plant.effects.dispatch import modify_theta
 from furuta_gym.plant.layout import N_BASE, THETA_ROWS
@@ -159,7 +160,8 @@ def plot(run: Run, path: Path) -> None:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9)
     figure.suptitle(f"{run.log.source}: {run.name}", fontsize=11)
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as new:
+        figure.savefig(new, dpi=110)
     plt.close(figure)
 
 

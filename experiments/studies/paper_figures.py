@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from furuta_gym.files import whole_file
 from furuta_gym.plant import TABLE_3
 from furuta_gym.plant.parameters import THETA_MEANING
 
@@ -32,7 +33,8 @@ def draw_figures(results: Results, out: Path) -> list[Path]:
         FigureCanvasAgg(figure)
         draw(figure, results)
         path = out / name
-        figure.savefig(path)
+        with whole_file(path) as new:
+            figure.savefig(new)
         paths.append(path)
     return paths
 

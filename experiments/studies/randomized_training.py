@@ -28,6 +28,7 @@ from controllers.trials import Outcome
 from experiments.cli.errors import explained
 from experiments.studies.bench_runs import run_on_bench
 from experiments.studies.reidentify_retrain import RIGS, Arguments, recorded
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from identification.estimation.identify import identify
 
@@ -93,7 +94,7 @@ def run(size: Size, out: Path, say: Callable[[str], None] = print) -> dict[str, 
         for kind, rows in scores.items()
     }
     text = json.dumps({"schema": SCHEMA, "size": asdict(size), "scores": result}, ensure_ascii=False, indent=2)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    write_whole(out / "results.json", text + "\n")
     return scores
 
 

@@ -15,6 +15,7 @@ import typer
 
 from experiments.cli.errors import explained
 from experiments.cli.output import busy, write_json
+from furuta_gym.files import write_whole
 from furuta_gym.plant import THETA_NAMES
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
@@ -147,7 +148,7 @@ def main(
             found = [study(folder, rig) for rig in RIGS]
         text = report(found)
         write_json(output / "real_logs.json", to_json(found))
-        (output / "real_logs.md").write_text(text, encoding="utf-8")
+        write_whole(output / "real_logs.md", text)
         typer.echo(text)
 
 

@@ -24,6 +24,7 @@ from controllers.training import Training, train
 from experiments.bench import HiddenEffect, Rig, record
 from experiments.cli.errors import explained
 from experiments.studies.bench_runs import FIGURES, Contrast, Run, contrast, run_on_bench, summary
+from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from identification.diagnosis.diagnose import diagnose
 from identification.logs.log import Log, read_log
@@ -185,7 +186,7 @@ def run(arguments: Arguments, out: Path, say: Callable[[str], None] = print) -> 
         folder.mkdir(parents=True)
         stories.append(tell_story(name, arguments, folder, say))
         text = json.dumps(to_dict(arguments, stories), ensure_ascii=False, indent=2)  # a later rig may take long
-        (out / "results.json").write_text(text + "\n", encoding="utf-8")
+        write_whole(out / "results.json", text + "\n")
     return stories
 
 

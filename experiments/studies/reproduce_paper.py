@@ -24,6 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from controllers.paper_lqr import design_paper_lqr
+from furuta_gym.files import whole_file, write_whole
 from furuta_gym.plant import TABLE_3, THETA_NAMES, Plant
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import FALLEN, Simulation, simulate
@@ -229,14 +230,14 @@ def save(results: Results, out: Path) -> list[Path]:
     """Write the three figures, estimates.csv and results.json into `out`; returns what was written."""
     out.mkdir(parents=True, exist_ok=True)
     table = out / "estimates.csv"
-    with table.open("w", newline="", encoding="utf-8") as file:
+    with whole_file(table) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["method", "parameter", "table_3", "estimate", "std_stated", "relative_error"])
         for name, fit in results.fits.items():
             for i, parameter in enumerate(THETA_NAMES):
                 writer.writerow([name, parameter, TABLE_3.theta[i], fit.theta[i], fit.std[i], fit.error[i]])
     machine = out / "results.json"
-    machine.write_text(json.dumps(to_dict(results), ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
+    write_whole(machine, json.dumps(to_dict(results), ensure_ascii=False, indent=2) + "\n")
     return [*draw_figures(results, out), table, machine]
 
 

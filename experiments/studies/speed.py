@@ -23,6 +23,7 @@ from rich.table import Table
 
 from furuta_gym.envs import ENV_ID
 from furuta_gym.envs.vector import FurutaVectorEnv
+from furuta_gym.files import write_whole
 from furuta_gym.plant import PLANTS, TABLE_3
 from furuta_gym.plant.dynamics import plain_steps
 
@@ -358,7 +359,7 @@ def main() -> None:
     console = Console()
     show(results, Console(width=max(console.width, 112)))
     if options.json:
-        options.json.write_text(results.to_json() + "\n", encoding="utf-8")
+        write_whole(options.json, results.to_json() + "\n")
 
 
 if __name__ == "__main__":

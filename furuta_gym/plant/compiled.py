@@ -13,11 +13,25 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 from numba.extending import intrinsic
 
-from furuta_gym.cache_folder import cache_root
+from furuta_gym.cache_folder import cache_root, note_compilation
 
 _FURUTA_GYM = Path(__file__).parents[1]
+
+
+class _Listener(event.Listener):
+    """Hears of functions that are compiled, not of those that are loaded."""
+
+    def on_start(self, event: Any) -> None:
+        note_compilation()
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+event.register("numba:compile", _Listener())
 
 
 @lru_cache

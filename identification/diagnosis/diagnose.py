@@ -18,6 +18,7 @@ from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
+from .equals import interchangeable
 from .held_out import HeldOut
 from .locate.locate import locate, long_enough
 from .locate.location import Where
@@ -133,7 +134,8 @@ def _named(
         after = identify(logs, naming.final.plant, noise=naming.final.noise, zeros=naming.final.zeros)
     search.progress("looking at what is left")
     rest = locate(after.plant, moved(logs, after.zeros), policy)
-    return unsettled(naming, rest, policy), after, rest
+    naming = unsettled(naming, rest, policy)
+    return replace(naming, same=interchangeable(naming, logs, policy)), after, rest
 
 
 _Answer = tuple[Naming, Estimate, Where]
@@ -172,7 +174,7 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
 def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, str]:
     """The verdict and its sentence."""
     explained = sum(suspect.net for suspect in naming.accepted)
-    names = " and ".join(suspect.name for suspect in naming.accepted)
+    names = " and ".join(_told(naming, i) for i in range(len(naming.accepted)))
     remains = ""
     if rest.matters:
         remains = f"what remains {_against(rest)}, which no effect of the library explains"
@@ -192,12 +194,19 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
         return "none", sentence
     if rest.matters and rest.evidence > explained:
         return "unknown", f"{remains}; {names} comes nearest, but explains less than it leaves"
-    equals = any(naming.equals)
+    equals = any(naming.apart)
     taken_back = " and ".join(s.name for s in naming.taken_back)
     sentence = f"the model misses {names}" + (" or a look-alike that these logs cannot tell from it" if equals else "")
     if taken_back:
         sentence += f"; {taken_back} would explain more of these logs, but brings nothing on data that no fit saw"
     return "ambiguous" if equals else "named", sentence + (f"; {remains}" if remains else "")
+
+
+def _told(naming: Naming, i: int) -> str:
+    """The name of an effect found, with those that might stand in its place."""
+    name = naming.accepted[i].name
+    same = naming.same[i] if naming.same else ()
+    return f"{name} ({' or '.join(same)} would predict the same)" if same else name
 
 
 def _against(rest: Where) -> str:

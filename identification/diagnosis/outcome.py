@@ -21,6 +21,8 @@ ABSORBED = {
     "arm_encoder_offset": "changes nothing in model (5)",
 }
 """What no log can tell from the parameters of model (5), and what becomes of it: never named, always reported."""
+ONCE_A_TURN = "one period a turn is no cogging: a cable, a spring or a tilted base pulls so; look there"
+"""What a ripple of n = 1 is."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,7 @@ class Diagnosis:
             "place": EFFECTS[suspect.name].place,
             "log_likelihood_gain": suspect.gain,
             "confused_with": list(self.naming.equals[i]),
+            "predict_the_same": list(self.naming.same[i]) if self.naming.same else [],
         }
 
     def __str__(self) -> str:
@@ -147,10 +150,12 @@ class Diagnosis:
             for step, ranking in enumerate(self.naming.rankings, 1):
                 shown = ", ".join(f"{s.name} {s.net:+.0f}" for s in ranking[:4])
                 lines.append(f"  step {step}, nats gained net of the price: {shown or 'no suspect'}")
-            for suspect, equals in zip(self.naming.accepted, self.naming.equals, strict=True):
+            for suspect, equals in zip(self.naming.accepted, self.naming.apart, strict=True):
                 found = self.after.plant.effect(suspect.name) if self.after else None
                 lines.append(f"  + {found}   [{EFFECTS[suspect.name].equation}]")
                 lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
+                if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
+                    lines.append(f"    {ONCE_A_TURN}")
                 if equals:
                     lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
         if self.leftover and self.rest:

@@ -39,6 +39,7 @@ class Estimate:
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
     zeros: of the encoders in each log after the first, whose zeros are the plant's.
+    stretches: of each log, the seconds (from, to) that were fitted, where not all were.
     u_max_guessed: whether the plant's u_max was guessed from the largest command, which is largest_command [{u}].
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
     """
@@ -60,6 +61,7 @@ class Estimate:
     at_bound: tuple[str, ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
     u_max_guessed: bool = False
     largest_command: float = math.nan
     zeros: Zeros = field(default_factory=dict)
@@ -119,6 +121,7 @@ class Estimate:
             "noise": noise and {"torque_intensity": noise.torque, "reading_std": noise.reading_std},
             "log_likelihood": _finite(self.log_likelihood),
             "samples": self.samples,
+            "stretches_s": [[list(span) for span in spans] for spans in self.stretches],
             "converged": self.converged,
             "message": self.message,
             "at_bound": list(self.at_bound),
@@ -147,6 +150,8 @@ class Estimate:
             lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
         for i, (arm, pendulum) in self.zeros.items():
             lines.append(f"  log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)")
+        if self.stretches:
+            lines.append(f"  fitted on {_spans(self.stretches)}: what says most about θ; --all takes every sample")
         if self.u_max_guessed:
             limit = f"{self.plant.u_max:g} {self.plant.unit}"
             why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
@@ -201,6 +206,12 @@ def unit_of(name: str, plant: Plant) -> str:
 def _readings(stds: Sequence[tuple[float, float]]) -> str:
     shown = " | ".join(f"{1e3 * a:.3g}, {1e3 * b:.3g}" for a, b in stds[:_MOST_READINGS])
     return f"reading noise {shown} mrad" + (f" and {n} more pieces" if (n := len(stds) - _MOST_READINGS) > 0 else "")
+
+
+def _spans(stretches: Sequence[Sequence[tuple[float, float]]]) -> str:
+    """Seconds of each log, as "12–32, 80–120 s"."""
+    each = [", ".join(f"{a:.4g}–{b:.4g}" for a, b in spans) + " s" for spans in stretches]
+    return each[0] if len(each) == 1 else "; ".join(f"{text} of log {i}" for i, text in enumerate(each, 1))
 
 
 def _finite(x: float) -> float | None:

@@ -34,6 +34,8 @@ from ..logs.log import Log
 from ..logs.signs import motion_signs
 from .estimate import Estimate, NoiseReport
 from .identifiability import Motion, NotIdentifiable, gate, judge, spoken
+from .informative import informative
+from .long_logs import begin
 from .methods import DEFAULT, method_named
 from .optimise import TOLERANCE, Optimum, minimise
 from .pool import one_blas_thread, shared_pool
@@ -78,6 +80,7 @@ def identify(
     zeros: Zeros | None = None,
     u_max: float | None = None,
     pool: Executor | None = None,
+    every_sample: bool = False,
 ) -> Estimate:
     """Estimate θ (and r, and effect parameters) from one log or several of one rig, jointly.
 
@@ -89,8 +92,9 @@ def identify(
     from there and no other start is tried. zeros: of the logs' encoders, to start from (see `estimation.zeros`).
     u_max [{u}]: largest command that the rig can give; by default the start
     plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`;
-    inside a task of that one, bring another). method: one of `methods.METHODS`. All options above but u_max belong to
-    "prediction-error".
+    inside a task of that one, bring another). every_sample: else "prediction-error" takes of logs with more than
+    `informative.BUDGET` samples together the stretches that say most about θ.
+    method: one of `methods.METHODS`. All options above but u_max and every_sample belong to "prediction-error".
 
     Logs may differ in sensors, sample time and experiment; uneven stamps are used as they are, gaps cut a log.
     Raises ValueError for bad arguments, among them an option that the method does not use, and NotIdentifiable (a
@@ -117,9 +121,13 @@ def identify(
     if verdict := gate(logs, known={*options["fixed"], *options["priors"], *(["r"] if sharpness is not None else [])}):
         raise NotIdentifiable(verdict)
     template = _template(logs, start)
+    best = informative(logs) if method == DEFAULT and not every_sample else None
     estimator = chosen.load()
     given = {name: options[name] for name in used}
-    estimate = estimator.estimate(logs, template, None if start is None else template, **given)
+    fitted = logs if best is None else best.logs
+    estimate = estimator.estimate(fitted, template, None if start is None else template, **given)
+    if best is not None:
+        estimate = replace(estimate, stretches=best.spans)
     warn_about_zeros(estimate.plant, logs, estimate.zeros)
     return with_plant(estimate, logs, start, u_max)
 
@@ -180,7 +188,7 @@ def _most_likely(
         winner, _ = race(records, starts, freely(starts[0].plant), physical=physical, pool=pool)
     plant = _with_known(winner.plant, known, effects)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
-    optimum = minimise(problem, problem.start(), iterations)
+    optimum = minimise(problem, begin(problem, iterations), iterations)
     if noise is None:  # an earlier fit that goes on has been restarted already
         optimum = restarted(problem, optimum, iterations, TOLERANCE, exact=True)
     return _estimate(logs, problem, optimum, plant, fixed)
@@ -439,7 +447,8 @@ def _provenance(
             {"source": log.source, "sha256": log.sha256, "samples": len(log), "duration_s": round(log.duration, 6)}
             | ({"read_as": log.read_as} if log.read_as else {})
             | ({"skipped_s": log.skipped} if log.skipped else {})
-            for log in logs
+            | ({"stretches_s": [list(span) for span in spans]} if spans else {})
+            for log, spans in zip(logs, estimate.stretches or ((),) * len(logs), strict=True)
         ],
         **({} if logs[0].mapping.empty else {"mapping": logs[0].mapping.to_dict()}),
         "method": estimate.method,
@@ -454,20 +463,22 @@ def _provenance(
 
 
 def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
+    signs = {log.source: motion_signs(log.t, log.q1, log.q2, log.u) for log in logs}
+    doubted = any(found.wrong for found in signs.values())
     for name in at_bound:
         if name in THETA_NAMES[5:]:
+            cause = "as a wrong sign does, see below" if doubted else "so an effect is probably missing"
             yield (
-                f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, the mark of an effect "
-                "that model (5) lacks (run `furuta diagnose`), or of a sign that should be flipped"
+                f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, which no rig has; "
+                f"{cause} (`furuta diagnose` looks for it)"
             )
         elif name in SHARPNESS_NAMES:
             yield f"{name} ends at its bound {_value_of(plant, name):.3g} s/rad: friction near rest is not told; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
-    for log in logs:
-        signs = motion_signs(log.t, log.q1, log.q2, log.u)
-        if wrong := signs.wrong:
-            yield f"{log.source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
+    for source, found in signs.items():
+        if wrong := found.wrong:
+            yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
     if failures := physical_consistency(plant.theta).failures:
         remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
         yield "; ".join(failures) + f". {remedy}"

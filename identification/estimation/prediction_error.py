@@ -8,6 +8,7 @@ bank of filters; `optimise` does the descent.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -70,6 +71,12 @@ class PredictionError:
             if c.noise and axis >= 0 and all(r.quantum[axis] > 0 for r in self.records):
                 self.low[i] = max(self.low[i], 0.0)
         self.noisy = np.array([c.noise for c in self.coordinates])
+
+    def on(self, records: Sequence[Record]) -> PredictionError:
+        """The same on other records of the same logs."""
+        other = copy.copy(self)
+        other.records = list(records)
+        return other
 
     def start(self) -> NDArray[np.float64]:
         """The coordinates of the plant and noise given."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kalman.noise_model import TORQUE
+from .long_logs import part_of
 from .optimise import Optimum, minimise
 from .prediction_error import PredictionError, quietest
 
@@ -30,8 +31,14 @@ def restarted(problem: PredictionError, found: Optimum, iterations: int, toleran
     """The optimum, or a lower one that a restart reaches. Arguments as in `minimise`.
 
     Nothing is tried where the fit converged with as little torque noise as can be told from none: then nothing is
-    left that a stalled fit could have hidden.
+    left that a stalled fit could have hidden. On long logs a part of them tells whether a restart comes lower.
     """
+    part = part_of(problem)
+    if part is not None and _may_have_stalled(problem, found):
+        there = minimise(part, found.z, iterations, tolerance, exact=False)
+        lower = restarted(part, there, iterations, tolerance, exact=False)
+        again = found if lower is there else minimise(problem, lower.z, iterations, tolerance, exact=exact)
+        return again if again.value < found.value else found
     for _ in range(_ROUNDS):
         if not _may_have_stalled(problem, found):
             break

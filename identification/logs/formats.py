@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from furuta_gym.files import whole_file
+
 from .bags import read_bag, read_mcap
 from .checks import LogError
 from .labview import read_tdms
@@ -66,17 +68,13 @@ def ending_of(path: Path) -> str:
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
-    """Write a table whole or not at all: into a file beside it that then takes its name."""
+    """Write a table whole or not at all. Raises OSError with its name."""
     path = Path(path)
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
         raise LogError(f"{path.name}: cannot write {path.suffix!r}. Expected one of {', '.join(WRITERS)}.")
-    part = path.with_name(f".{path.stem}.part{path.suffix}")  # keeps the ending: some writers would add it
-    try:
-        writer(part, columns, metadata)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as new:  # keeps the ending: some writers would add it
+        writer(new, columns, metadata)
 
 
 # --- text -------------------------------------------------------------------------------------------------
@@ -88,7 +86,7 @@ def _read_csv(path: Path) -> Table:
 
 
 def _read_long(name: str, raw: bytes) -> Table | None:
-    """As `_read_text`, in a tenth of its time and memory; None for a file that it cannot read so."""
+    """As `_read_text`, in a fraction of its time and memory; None for a file that it cannot read so."""
     block = number_block(raw)
     if block is None:
         return None

@@ -171,7 +171,7 @@ class Log:
                 f"{self.source}: {inside.sum()} samples between {start:g} and {stop:g} s. Expected at least 2; "
                 f"the log runs from {self.t[0]:g} to {self.t[-1]:g} s."
             )
-        return self._where(inside)
+        return self.taken(inside)
 
     def moved(self, zero1: float, zero2: float) -> Log:
         """The same with zeros [rad] of the arm's and the pendulum's encoder taken off."""
@@ -188,7 +188,7 @@ class Log:
         """The log cut at gaps of its clock (dropped samples); lone samples between two gaps are left out."""
         cuts = np.flatnonzero(np.diff(self.t) > GAP * self.sample_time) + 1
         groups = np.split(np.arange(len(self)), cuts)
-        return tuple(self._where(group) for group in groups if len(group) >= 2)
+        return tuple(self.taken(group) for group in groups if len(group) >= 2)
 
     def resampled(self, sample_time: float | None = None) -> Log:
         """On an even grid (default: the mean spacing): angles interpolated linearly, the command held.
@@ -205,7 +205,8 @@ class Log:
         q1, q2 = np.interp(t, self.t, self.q1), np.interp(t, self.t, self.q2)
         return replace(self, t=t, q1=q1, q2=q2, u=self.u[held])
 
-    def _where(self, index: np.ndarray) -> Log:
+    def taken(self, index: np.ndarray | slice) -> Log:
+        """The samples of an index that increases."""
         return replace(self, t=self.t[index], q1=self.q1[index], q2=self.q2[index], u=self.u[index])
 
     def __str__(self) -> str:

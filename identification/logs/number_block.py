@@ -27,8 +27,7 @@ def number_block(raw: bytes) -> NumberBlock | None:
 
     Numbers with a decimal comma are taken where semicolons or tabs separate them.
     """
-    start = 0
-    last = b""
+    start, last = 0, b""
     for _ in range(_HEAD):
         end = raw.find(b"\n", start)
         if end < 0:

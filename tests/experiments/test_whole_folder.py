@@ -125,3 +125,63 @@ def test_a_plant_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert len(synced) == 2  # the file and its folder
     assert Plant.load(path).u_max == 3.0
     assert os.listdir(tmp_path) == ["rig.json"]
+
+
+def test_a_log_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every format: the file that stood there stays, and the message names it."""
+    from identification.logs.formats import WRITERS
+    from identification.logs.log import write_log
+    from tests.factories import made_log
+
+    for ending in WRITERS:
+        path = tmp_path / f"log{ending}"
+        write_log(path, made_log())
+        before = path.read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", full)
+            with pytest.raises(OSError, match=f"No space left on device: '{path}'"):
+                write_log(path, made_log(300))
+        assert path.read_bytes() == before
+    assert sorted(os.listdir(tmp_path)) == sorted(f"log{ending}" for ending in WRITERS)
+
+
+def test_folders_in_a_folder(tmp_path: Path) -> None:
+    """Replaced with what is in them, beside files of the user and without any."""
+    for mine in ([], ["mine"]):
+        for name in mine:
+            (tmp_path / "out" / name).touch()
+        for text in ("old", "new"):
+            with whole_folder(tmp_path / "out", ["sub", "a"]) as folder:
+                (folder / "sub").mkdir()
+                (folder / "sub" / text).touch()
+                (folder / "a").write_text(text)
+        assert sorted(os.listdir(tmp_path / "out")) == ["a", *mine, "sub"]
+        assert os.listdir(tmp_path / "out" / "sub") == ["new"]
+    with whole_folder(tmp_path / "out", ["sub", "a"]) as folder:
+        (folder / "a").write_text("alone")
+    assert sorted(os.listdir(tmp_path / "out")) == ["a", "mine"]
+    assert os.listdir(tmp_path) == ["out"]
+
+
+def test_the_demo_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that stops half-way leaves the files of the one before."""
+    from experiments.demo import story
+    from tests.commands import furuta
+
+    def runs(text: str, stop: bool):
+        def run(out: Path, seed: int, say: object, shown: Path) -> dict[str, str]:
+            assert shown == tmp_path / "demo"
+            (out / "rig.json").write_text(text)
+            if stop:
+                raise KeyboardInterrupt
+            return {}
+
+        return run
+
+    monkeypatch.setattr(story, "run_demo", runs("old", stop=False))
+    assert furuta("demo", "--out", tmp_path / "demo").exit_code == 0
+    monkeypatch.setattr(story, "run_demo", runs("new", stop=True))
+    result = furuta("demo", "--out", tmp_path / "demo")
+    assert result.exit_code == 130
+    assert "Nothing was written" in result.stderr
+    assert contents(tmp_path / "demo") == {"rig.json": "old"}

@@ -155,5 +155,5 @@ def try_policy(raw: bytes, folder: Path) -> str:
 
 
 def _sentence(error: ValueError, path: Path) -> None:
-    if path.name not in str(error) or len(str(error)) > 3000:
+    if path.stem not in str(error) or len(str(error)) > 3000:
         raise AssertionError(f"no file name, or too long: {type(error).__name__} {str(error)[:300]}") from error

@@ -22,6 +22,7 @@ from experiments.studies.identification_benchmark.summary import (
     to_json,
     verdict,
 )
+from furuta_gym.files import write_whole
 
 
 def _words(text: str) -> list[str]:
@@ -77,7 +78,7 @@ def _write(output: Path, name: str, trials: list[Trial], settings: dict) -> None
     }
     records = cells(trials)
     write_json(output / f"{name}.json", to_json(records, settings | {"versions": versions}))
-    (output / f"{name}_tables.md").write_text(_tables(records) + "\n", encoding="utf-8")
+    write_whole(output / f"{name}_tables.md", _tables(records) + "\n")
     if "prediction-error" in settings["methods"]:
         plot(records, output / f"{name}.png")
 

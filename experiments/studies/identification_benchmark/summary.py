@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from experiments.studies.identification_benchmark.study import Trial
+from furuta_gym.files import whole_file
 from furuta_gym.plant import THETA_NAMES
 
 SCHEMA = "furuta-identification-benchmark/1"
@@ -178,5 +179,6 @@ def plot(records: Sequence[dict[str, Any]], path: Path) -> None:
     ]
     bottom.set_xticks(range(len(own)), names, fontsize=7)
     figure.suptitle("Prediction error; in each column θ1 … θ9 from left to right", fontsize=10)
-    figure.savefig(path, dpi=130)
+    with whole_file(path) as new:
+        figure.savefig(new, dpi=130)
     plt.close(figure)

@@ -32,6 +32,7 @@ class Naming:
     accepted: the effects found. equals: beside each of them, what cannot be told from it. absorbed: share of each
     effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
     told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
+    same: of the equals, those that predict the same, so that nobody need tell them apart.
     """
 
     nominal: Fit = field(repr=False)
@@ -42,6 +43,13 @@ class Naming:
     absorbed: dict[str, float]
     refused: Suspect | None = None
     taken_back: tuple[Suspect, ...] = ()
+    same: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def apart(self) -> tuple[tuple[str, ...], ...]:
+        """Beside each effect found, the equals that predict something else."""
+        same = self.same or tuple(() for _ in self.equals)
+        return tuple(tuple(n for n in e if n not in s) for e, s in zip(self.equals, same, strict=True))
 
 
 @dataclass(frozen=True)

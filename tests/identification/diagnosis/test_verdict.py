@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import _anchor, _settled, _verdict, _without_sharpness
 from identification.diagnosis.naming.forward import unsettled
 from identification.diagnosis.outcome import structured
@@ -171,3 +171,20 @@ def test_a_name_taken_back_is_told() -> None:
     verdict, sentence = _verdict(found, rest(), POLICY)
     assert verdict == "named"
     assert f"{DELAY.name} would explain more of these logs, but brings nothing on data that no fit saw" in sentence
+
+
+def test_equals_that_predict_the_same_ask_for_no_experiment() -> None:
+    """A lag of 0.8 ms at a sample time of 2 ms: the names differ, and no prediction does."""
+    lag = suspect("actuator_lag", 60.0)
+    apart = naming(lag, equals=(("input_delay",),))
+    assert _verdict(apart, rest(), POLICY)[0] == "ambiguous"
+    verdict, sentence = _verdict(replace(apart, same=(("input_delay",),)), rest(), POLICY)
+    assert verdict == "named"
+    assert "actuator_lag (input_delay would predict the same)" in sentence
+
+
+@pytest.mark.parametrize(("n", "told"), [(1.0, True), (7.0, False)])
+def test_a_ripple_of_one_period_a_turn_is_told_as_what_it_is(n: float, told: bool) -> None:
+    ripple = Effect("arm_ripple", {"A": 0.05, "φ": 0.3, "n": n})
+    found = a_diagnosis("arm_ripple", rest=None, after=SimpleNamespace(plant=TABLE_3.with_effects(ripple)))
+    assert ("no cogging" in str(found)) is told

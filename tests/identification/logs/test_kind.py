@@ -16,6 +16,7 @@ from tests.factories import made_log
     [
         (-0.2, 0.3, "upright"),
         (math.pi - 1.0, math.pi + 1.2, "hanging"),
+        (math.pi - 2.0, math.pi + 2.0, "hanging"),  # above the horizontal, not near the top
         (3 * math.pi - 1.0, 3 * math.pi, "hanging"),
         (0.0, math.pi, "whole turns"),
         (-20.0, 20.0, "whole turns"),

@@ -1,0 +1,40 @@
+"""Names that logs cannot tell apart, and whether it matters: two forms that predict the same need no experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..estimation.zeros import moved
+from ..logs.log import Log
+from ..validation.gap import Gap, validate
+from .naming.fits import Fit
+from .naming.forward import Naming
+from .policy import DecisionPolicy
+
+
+def interchangeable(naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> tuple[tuple[str, ...], ...]:
+    """Beside each effect found, those of its equals that predict the same as it does 0.3 s ahead, but for so little
+    that nobody would miss it (`DecisionPolicy.negligible`, in counts of the encoders)."""
+    found = []
+    for suspect, equals, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
+        fits = {s.name: s.fit for s in ranking}
+        own = _predicted(fits[suspect.name], logs) if equals and suspect.name in fits else None
+        same = [n for n in equals if own is not None and _apart(own, _predicted(fits[n], logs)) < policy.negligible]
+        found.append(tuple(same))
+    return tuple(found)
+
+
+def _predicted(fitted: Fit, logs: Sequence[Log]) -> Gap | None:
+    try:
+        return validate(fitted.plant, moved(logs, fitted.zeros), own_zeros=False)
+    except ValueError:  # too short
+        return None
+
+
+def _apart(one: Gap | None, other: Gap | None) -> float:
+    """How far two predictions lie apart: rms of the axis where it is more [counts], inf where nobody can tell."""
+    if one is None or other is None or not one.counts.all():
+        return np.inf
+    return float((np.sqrt(np.mean((one.errors - other.errors) ** 2, axis=0)) / one.counts).max())

@@ -1,0 +1,35 @@
+"""Whether it matters which of two names is right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect
+from identification.diagnosis.equals import interchangeable
+from identification.diagnosis.naming.suspects import Suspect
+from identification.diagnosis.policy import DecisionPolicy
+from tests.factories import loop_log
+from tests.identification.diagnosis.fits import NOISE, ToyFit, naming
+
+
+def _suspect(name: str, **parameters: float) -> Suspect:
+    fitted: Any = ToyFit(TABLE_3.with_effects(Effect(name, parameters)), NOISE, -60.0)
+    return Suspect(name, 60.0, 56.0, fitted)
+
+
+@pytest.mark.parametrize(("late", "same"), [(0.0008, ("input_delay",)), (0.02, ())])
+def test_a_short_lag_and_a_short_delay_predict_the_same_and_long_ones_do_not(
+    late: float, same: tuple[str, ...]
+) -> None:
+    lag, delay = _suspect("actuator_lag", T=late), _suspect("input_delay", d=late)
+    found = naming(lag, equals=(("input_delay",),), rankings=((lag, delay),))
+    log, _ = loop_log(duration=6.0)
+    assert interchangeable(found, [log], DecisionPolicy()) == (same,)
+
+
+def test_without_equals_there_is_nothing_to_compare() -> None:
+    lag = _suspect("actuator_lag", T=0.01)
+    log, _ = loop_log(duration=2.0)
+    assert interchangeable(naming(lag), [log], DecisionPolicy()) == ((),)
