@@ -159,5 +159,5 @@ def _seconds(value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         seconds = -1.0
     if not 0.0 <= seconds < float("inf"):
-        raise LogError(f"skip {value!r}: expected seconds, not negative")
+        raise LogError(f"skip {value!r} (--skip): expected seconds, not negative")
     return seconds
