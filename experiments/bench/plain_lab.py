@@ -109,7 +109,7 @@ def _rates(x, u, a, cable):
 def _run(a, cable, x, t, wish, K, u_max, count, up):
     q, us = np.empty((t.shape[0], 2)), np.empty(t.shape[0])
     v, last = np.zeros(2), np.empty(2)
-    steps = int(round((t[1] - t[0]) / STEP))
+    steps = round((t[1] - t[0]) / STEP)
     T = t[1] - t[0]
     for k in range(t.shape[0]):
         for i in range(2):

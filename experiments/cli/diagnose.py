@@ -76,7 +76,7 @@ def diagnose_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
-    from experiments.report import COMMAND_FILE, build, examine, require_extra, write_command
+    from experiments.report import COMMAND_FILE, diagnosis_page, examine, render, require_extra, write_command
     from furuta_gym.plant import Plant
 
     from .whole import whole_folder
@@ -96,7 +96,7 @@ def diagnose_command(
         write_json(folder / "diagnosis.json", result)
         if found.plant is not None:
             found.plant.save(folder / "plant.json")
-        (folder / "report.html").write_text(build(examination), encoding="utf-8")
+        (folder / "report.html").write_text(render(diagnosis_page(examination)), encoding="utf-8")
         if examination.design is not None:
             write_command(examination.design, folder)
     if as_json:

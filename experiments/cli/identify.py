@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from furuta_gym.files import write_whole
 from identification.estimation.methods import DEFAULT, METHODS, method_named
 
 from . import options as opt
 from .output import busy, print_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
+
+if TYPE_CHECKING:
+    from identification.estimation.estimate import Estimate
+    from identification.logs.log import Log
 
 
 @reads_logs
@@ -46,10 +51,12 @@ def identify_command(
             "--all", help="Fit every sample of long logs (above 300 000 together), not the most informative stretches."
         ),
     ] = False,
+    report: opt.Report = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Estimate θ1 … θ9 and r, with uncertainty, from logs of one rig (several are fitted jointly)."""
     opt.output_file(output, [".json"], logs)
+    opt.report_file(report, logs)
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
     profiled = [n.strip() for text in profile or () for n in text.split(",") if n.strip()]
     method_named(method)
@@ -76,7 +83,10 @@ def identify_command(
             u_max=u_max,
             every_sample=every_sample,
         )
+    page = _page(estimate, read, output) if report is not None else ""
     estimate.save(output)
+    if report is not None:
+        write_whole(report, page)
     profiles = []
     for name in profiled:
         with busy(f"profiling {name} …"):
@@ -89,8 +99,22 @@ def identify_command(
     for p in profiles:
         std = float(estimate.std[estimate.names.index(p.name)])
         typer.echo(f"{p}; ± 1.96 standard deviations: {_interval(estimate.value(p.name), std)}")
-    typer.echo(f"Written: {output}")
+    typer.echo(f"Written: {output}" + (f", {report}" if report is not None else ""))
     typer.echo(f"Next: furuta validate {output} LOG   (a log that was not fitted)")
+
+
+def _page(estimate: Estimate, logs: Sequence[Log], output: Path) -> str:
+    """The report, with the error on the fitted logs where it can be measured."""
+    from experiments.report import estimate_page, render
+    from identification.validation.gap import validate
+
+    gap, remark = None, ""
+    with busy("predicting …"):
+        try:
+            gap = validate(estimate.plant, logs)
+        except ValueError as error:
+            remark = str(error)
+    return render(estimate_page(estimate, logs, gap, remark, output.name))
 
 
 def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:

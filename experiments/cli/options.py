@@ -22,6 +22,10 @@ Trust = Annotated[
         "--trust", help="Also read policies that stable-baselines3 saved. Such a file runs code when it is read."
     ),
 ]
+Report = Annotated[
+    Path | None,
+    typer.Option("--report", help="Write a page to this file, .html: is the model adequate?", metavar="PAGE"),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
 Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
 
@@ -37,6 +41,16 @@ def output_file(path: Path, endings: Iterable[str], inputs: Iterable[Path] = ())
     if any(path.resolve() == i.resolve() for i in inputs):
         raise ValueError(f"output {path} is also an input and would be lost; choose another name")
     return path
+
+
+def report_file(path: Path | None, inputs: Iterable[Path] = ()) -> Path | None:
+    """Check --report before any work is done. Raises ValueError."""
+    if path is None:
+        return None
+    from experiments.report.page import require_extra
+
+    require_extra(str(path))
+    return output_file(path, [".html"], inputs)
 
 
 def log_file(path: Path, inputs: Iterable[Path] = ()) -> Path:

@@ -31,6 +31,7 @@ def validate_command(
     ] = None,
     horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
+    report: opt.Report = None,
 ) -> None:
     """Measure the gap between a plant and logs that were not fitted, against the noise floor."""
     printed = json_file is not None and str(json_file) == "-"
@@ -38,6 +39,7 @@ def validate_command(
         opt.output_file(json_file, [".json"], [Path(plant), *logs])
     if plots is not None:
         check_folder(plots)
+    opt.report_file(report, [Path(plant), *logs])
     from furuta_gym.plant import Plant
 
     rig = Plant.resolve(plant)
@@ -62,6 +64,11 @@ def validate_command(
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)
             plot_horizons({"plant": result}).savefig(folder / "horizons.png", dpi=120)
             plot_innovations(result).savefig(folder / "innovations.png", dpi=120)
+    if report is not None:
+        from experiments.report import render, validation_page
+        from furuta_gym.files import write_whole
+
+        write_whole(report, render(validation_page(result, rig, read, Path(plant).name, seen)))
     if printed:
         print_json(result.to_dict())
         return
@@ -72,6 +79,8 @@ def validate_command(
     if json_file is not None:
         write_json(json_file, result.to_dict())
         typer.echo(f"Written: {json_file}")
+    if report is not None:
+        typer.echo(f"Written: {report}")
 
 
 def _say_next(rig: Plant, logs: Sequence[Path], ratio: float) -> None:

@@ -60,20 +60,3 @@ def draw_predictions(before: dict[str, Any], after: dict[str, Any], path: Path) 
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
     figure.suptitle("Held-out log (another experiment): measured, and predicted by the identified plants", fontsize=12)
     figure.savefig(path, dpi=120)
-
-
-def draw_balance(picture: dict[str, Any], path: Path) -> None:
-    """Angles and command of the episode."""
-    figure = blank_figure(8.5, 4.6)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    t, q = picture["t"], picture["q"]
-    top.plot(t, q[:, 0], color=_GREY, label="arm q1")
-    top.plot(t, q[:, 1], color=_BLUE, label="pendulum q2")
-    top.axhline(0, color="black", linewidth=0.6)
-    top.set_ylabel("rad")
-    figure.legend(loc="outside lower center", ncols=2, fontsize=9)
-    top.set_title("FurutaID-v0 made from plant.json, balanced by the LQR designed from it", fontsize=11)
-    bottom.plot(t, picture["u"], color=_ORANGE, linewidth=0.8)
-    bottom.set_ylabel(f"u [{picture['unit']}]")
-    bottom.set_xlabel("t [s]")
-    figure.savefig(path, dpi=120)

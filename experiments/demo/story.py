@@ -1,5 +1,5 @@
-"""The main job on logs that come with the package: from a measured log to a plant, to what the model misses, and to
-controllers on the plant that has it.
+"""The mission on logs that come with the package: from a measured log to a plant, to what the model misses, and to
+controllers and policies that balance the rig itself.
 
 ``furuta demo`` runs it. ``python -m experiments.demo.story --record`` makes the bundled logs anew, on the virtual
 bench, which shares no code with the plant model that is fitted here.
@@ -16,8 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.demo import policies
+from experiments.demo.page import rig_section
+
 if TYPE_CHECKING:
-    from controllers.comparison import Comparison
+    from experiments.bench import Rig
     from experiments.report import Examination
     from furuta_gym.plant import Plant
     from identification.estimation.estimate import Estimate
@@ -26,23 +29,28 @@ if TYPE_CHECKING:
 Say = Callable[..., None]
 
 FILES = ("rig.json", "gap.json", "diagnosis.json", "plant.json", "report.html", "parameters.png", "prediction.png",
-         "balance.png", "comparison.json", "comparison_balance.png", "comparison_push.png", "designed_without",
-         "demo.json")  # fmt: skip
+         "policy_without.zip", "policy_with.zip", "demo.json")  # fmt: skip
 """What the demo writes."""
 
 LOGS = Path(__file__).parent / "logs"
 FITTED, HELD_OUT, TRUTH = LOGS / "paper.csv", LOGS / "wide.csv", LOGS / "truth.json"
-CONTROLLERS = ("paper-lqr", "lqr", "lqg")
 HORIZON = 0.2  # s, of the predictions that are drawn
 
 
-def record_logs() -> None:
-    """Make the bundled logs: one individual of the paper's kind of rig, two experiments, small torque noise, and a
-    cable that draws the arm to one side, which model (5) does not know."""
-    from experiments.bench import HiddenEffect, Rig, record
+def demo_rig() -> Rig:
+    """One individual of the paper's kind of rig, with small torque noise and a cable that draws the arm to one side,
+    which model (5) does not know."""
+    from experiments.bench import HiddenEffect, Rig
 
     cable = HiddenEffect("arm_spring", strength=0.5)
-    rig = Rig("table3", [cable], individual=12, scatter=0.08, torque_noise=(2e-6, 1e-8), name="demo rig")
+    return Rig("table3", [cable], individual=12, scatter=0.08, torque_noise=(2e-6, 1e-8), name="demo rig")
+
+
+def record_logs() -> None:
+    """Make the bundled logs: two experiments on the demo's rig."""
+    from experiments.bench import record
+
+    rig = demo_rig()
     LOGS.mkdir(exist_ok=True)
     record(rig, "paper", seed=1).write(FITTED)
     held_out = record(rig, "wide", seed=2)
@@ -50,13 +58,16 @@ def record_logs() -> None:
     held_out.write_truth(TRUTH)
 
 
-def run_demo(out: Path, seed: int = 0, say: Say = print, trials: int = 40, shown: Path | None = None) -> dict[str, Any]:
+def run_demo(
+    out: Path, seed: int = 0, say: Say = print, steps: int = policies.STEPS, shown: Path | None = None
+) -> dict[str, Any]:
     """Run the story, write its files into `out`, and return its figures.
 
-    say(line) is called for every line of text. shown: the folder that the text names, where `out` will get another
-    name. Raises OSError if `out` cannot be written.
+    say(line) is called for every line of text. steps: of the training of each policy; 0 leaves the policies out. shown:
+    the folder that the text names, where `out` will get another name. Raises OSError if `out` cannot be written.
     """
     from experiments.demo import plots
+    from experiments.report import diagnosis_page, render
 
     started = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)
@@ -67,19 +78,19 @@ def run_demo(out: Path, seed: int = 0, say: Say = print, trials: int = 40, shown
     examination = _diagnose(fitted, held_out, truth, out, say)
     after = examination.diagnosis.after
     assert after is not None
-    balanced = _balance(out / "plant.json", seed, say)
-    comparisons = _compare(estimate.plant, after.plant, out, trials, seed, say)
-    say("Drawing …")
+    say("   Drawing …")
     fits = {"model (5)": estimate, "effect added": after}
     plots.draw_parameters(fits, truth["theta"], out / "parameters.png")
     before, new = predictions(estimate.plant, held_out), predictions(after.plant, held_out)
     plots.draw_predictions(before, new, out / "prediction.png")
-    plots.draw_balance(balanced.pop("picture"), out / "balance.png")
+    played = _play(estimate.plant, after.plant, out, seed, steps, say) if steps else None
+    page = diagnosis_page(examination, extra=(rig_section(played),) if played else ())
+    (out / "report.html").write_text(render(page), encoding="utf-8")
     figures = {
         "estimate": estimate.to_dict(),
         "gap": gap,
         "diagnosis": examination.to_dict(),
-        "environment": balanced,
+        "rig": played.to_dict() if played else None,
         "largest_error_in_std": {
             "model (5)": _off(estimate, truth["theta"]),
             "effect added": _off(after, truth["theta"]),
@@ -87,7 +98,7 @@ def run_demo(out: Path, seed: int = 0, say: Say = print, trials: int = 40, shown
         "runtime_s": round(time.perf_counter() - started, 1),
     }
     _write_json(out / "demo.json", figures)
-    _conclude(shown or out, figures, comparisons, say)
+    _conclude(shown or out, figures, played, say)
     return figures
 
 
@@ -122,16 +133,15 @@ def _validate(estimate: Estimate, log: Log, out: Path, say: Say) -> dict[str, An
 
 
 def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Say) -> Examination:
-    """Search for what is missing; writes diagnosis.json, plant.json (with it) and report.html."""
-    from experiments.report import build, examine
+    """Search for what is missing; writes diagnosis.json and plant.json (with it)."""
+    from experiments.report import examine
     from identification.diagnosis.diagnose import diagnose
 
-    say("\n4  The gap is far above the noise: diagnose what model (5) misses (up to a minute) …")
+    say("\n4  The gap is far above the noise: diagnose what model (5) misses (a minute or two) …")
     examination = examine(diagnose([log], [held_out]), [log], [held_out])
     _write_json(out / "diagnosis.json", examination.to_dict())
     if examination.diagnosis.plant is not None:
         examination.diagnosis.plant.save(out / "plant.json")
-    (out / "report.html").write_text(build(examination), encoding="utf-8")
     say(_indented(str(examination.diagnosis)))
     change = examination.gap
     assert change is not None
@@ -170,54 +180,23 @@ def predictions(plant: Plant, log: Log, horizon: float = HORIZON) -> dict[str, A
     return {"t": record.t[at], "measured": record.y[at], "predicted": record.y[at] - errors, "horizon": horizon}
 
 
-def _balance(path: Path, seed: int, say: Say) -> dict[str, Any]:
-    """One episode of the environment made from the plant file, with the LQR designed for it."""
-    import gymnasium as gym
-
-    import furuta_gym  # noqa: F401  (registers FurutaID-v0)
-    from controllers import make_controller
-
-    say('\n5  Make the environment, gymnasium.make("FurutaID-v0", plant="plant.json"), and balance it with an LQR …')
-    env = gym.make("FurutaID-v0", plant=str(path), max_episode_steps=5000)
-    plant, T = env.unwrapped.plant, env.unwrapped.setup.sample_time  # type: ignore[attr-defined]
-    controller = make_controller("lqr", plant, T)
-    controller.reset()
-    _, info = env.reset(seed=seed, options={"state": [0.0, 0.1, 0.0, 0.0]})
-    rows, total, terminated, truncated = [], 0.0, False, False
-    while not (terminated or truncated):
-        u = controller(info["measured_state"][:2])
-        rows.append((*info["state"][:2], u))
-        _, reward, terminated, truncated, info = env.step(np.array([u], dtype=np.float32))
-        total += float(reward)
-    env.close()
-    end = "held to the end" if truncated else "FELL"
-    run, reward = np.array(rows), total / len(rows)
-    say(f"   {len(run) * T:.4g} s at {1e3 * T:g} ms from q2 = 0.1 rad: {end}, mean reward {reward:.3f} of 1")
-    picture = {"t": T * np.arange(len(run)), "q": run[:, :2], "u": run[:, 2], "unit": plant.unit}
-    return {"held": bool(truncated), "mean_reward": reward, "seconds": len(run) * T, "picture": picture}
-
-
-def _compare(old: Plant, new: Plant, out: Path, trials: int, seed: int, say: Say) -> tuple[Comparison, Comparison]:
-    """Controllers designed from the plant without and with the effect, both tried on the plant that has it."""
-    from rich.console import Console
-
-    from controllers.evaluation import compare
-    from controllers.plots import draw_comparison
-
-    say(f"\n6  Compare {', '.join(CONTROLLERS)}, designed without and with the effect, on the plant that has it …")
-    both = []
-    for design, folder in ((old, out / "designed_without"), (new, out)):
-        comparison = compare(
-            new, CONTROLLERS, design_plant=design, trials=trials, duration=8.0, groups=("balance", "push"), seed=seed
-        )
-        comparison.save(folder)
-        draw_comparison(comparison, folder)
-        console = Console(width=120)
-        with console.capture() as capture:
-            console.print(comparison.table())
-        say(f"   designed {'without' if design is old else 'with'} the effect\n" + capture.get().rstrip())
-        both.append(comparison)
-    return both[0], both[1]
+def _play(without: Plant, with_it: Plant, out: Path, seed: int, steps: int, say: Say) -> policies.Trial | None:
+    """Policies and LQRs of both plants on the rig; None without the extra "rl"."""
+    say("\n5  Train a policy on the plant without and with the effect, and play it and an LQR on the rig itself …")
+    try:
+        trial = policies.try_on_rig(without, with_it, demo_rig(), out, seed, say, steps)
+    except ValueError as error:
+        say(f"   left out: {error}")
+        return None
+    say(f"   {policies.RUNS} runs of {policies.DURATION:g} s on the rig, from the same starts; ± of the 95 % interval")
+    say("      controller       made       held         rms q1 [rad]     rms q2 [rad]     ∫u² dt [V²·s]")
+    for p in trial.played:
+        held, *figures = (p.figures[name] for name in ("success", "rms_q1", "rms_q2", "energy"))
+        cells = "".join(f"{figure!s:<17}" for figure in figures)
+        say(f"      {p.name:<16} {p.side:<10} {100 * held.value:3.0f} %        {cells}".rstrip())
+    for name in trial.names:
+        say(f"   {name} with the effect, against without it: {trial.verdict(name)}")
+    return trial
 
 
 def _off(estimate: Estimate, truth: dict[str, float]) -> float:
@@ -226,13 +205,9 @@ def _off(estimate: Estimate, truth: dict[str, float]) -> float:
     return float(np.max(np.abs(estimate.values[:9] - true) / estimate.std[:9]))
 
 
-def _conclude(out: Path, figures: dict[str, Any], comparisons: tuple[Comparison, Comparison], say: Say) -> None:
+def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, say: Say) -> None:
     off = figures["largest_error_in_std"]
     change = figures["diagnosis"]["gap"]
-    pushes = [
-        ", ".join(f"{name} {rows['push']['largest_push'].value:.2g}" for name, rows in comparison.scores.items())
-        for comparison in comparisons
-    ]
     say("\nWhat was found")
     say(
         f"  - Model (5) alone: θ is up to {off['model (5)']:.1f} of its own standard deviations from the bench's truth,"
@@ -242,17 +217,20 @@ def _conclude(out: Path, figures: dict[str, Any], comparisons: tuple[Comparison,
         f"  - With the effect added: {off['effect added']:.1f} standard deviations, "
         f"{change['after']['ratio_to_floor']:.2f} times."
     )
-    say("  - Largest push [rad/s] that the pendulum survives on the plant with the effect:")
-    say(f"      designed without it: {pushes[0]};")
-    say(f"      designed with it:    {pushes[1]}.")
+    for name in trial.names if trial else ():
+        assert trial is not None
+        say(f"  - On the rig, the {name} made with the effect against the one made without: {trial.verdict(name)}.")
     say("What to look at")
     for name, what in (
-        ("report.html", "the diagnosis, from the verdict to what to do next; open it in a browser"),
+        ("report.html", "the whole story, from the verdict to the rig; open it in a browser"),
         ("prediction.png", "the held-out log, and what the plants predicted for it, without and with the effect"),
         ("parameters.png", "the error of each estimate against the truth, with 95 % error bars"),
-        ("balance.png", "the episode of step 5; the slow swing that stays is the limit cycle of Coulomb friction"),
-        ("comparison_balance.png", "the controllers, with 95 % intervals"),
-        ("plant.json", "the plant file; try `furuta simulate --plant plant.json --controller lqr -o log.csv`"),
+        ("plant.json", "the plant file; try `furuta compare --plant plant.json --controllers lqr,lqg -o out`"),
+        *(
+            (("policy_with.zip", "the policy; `furuta export plant.json policy_with.zip -o policy.h`"),)
+            if trial
+            else ()
+        ),
     ):
         say(f"  {out / name}: {what}")
     say("Caveats")
@@ -265,8 +243,10 @@ CAVEATS = (
     "The logs are from a simulated bench. It shares no code with the plant model, but what it hides is in the library "
     "of effects, in the library's own form; a real rig is not so kind, and its error bars are then too small.",
     "This rig is of the paper's kind, and no rigid body has the paper's Table 3 (θ4 < θ2); hence the verdict above.",
-    "u_max in plant.json is guessed from the largest command in the log; set it to your amplifier's limit.",
-    "The controllers are compared on the identified plant, not on the bench.",
+    "u_max in plant.json is guessed from the largest command in the log; set it to your amplifier's limit. The "
+    "policies and LQRs of step 5 know the rig's own.",
+    "Each policy learned once, for a short time: another seed gives another policy, and these differ by more than ten "
+    "runs tell.",
 )
 
 

@@ -9,10 +9,11 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 # Okabe & Ito's palette, which colour-blind readers can tell apart; dashes and markers say the same again
-BEFORE, AFTER, MEASURED, FLOOR, MARK = "#D55E00", "#0072B2", "#333333", "#009E73", "rgba(240,228,66,0.35)"
-DASH = {BEFORE: "dot", AFTER: "solid", MEASURED: "solid", FLOOR: "dash"}
+BEFORE, AFTER, MEASURED, FLOOR, MARK = "#D55E00", "#0072B2", "#333333", "#009E73", "rgba(240,228,66,0.22)"
+LAW = "#CC79A7"
+DASH = {BEFORE: "dot", AFTER: "solid", MEASURED: "solid", FLOOR: "dash", LAW: "solid"}
 MARKER = {BEFORE: "circle-open", AFTER: "diamond"}
-MOST_POINTS = 2000  # of one trace
+MOST_POINTS = 1200  # of one trace
 NORMAL_95 = 1.96
 
 _INK, _GRID = "#1a1a1a", "#dddddd"
@@ -40,7 +41,7 @@ def drawing(name: str, figure: go.Figure, alt: str, caption: str, height: int, s
         font={"family": "system-ui, sans-serif", "size": 11 if small else 13, "color": _INK},
         paper_bgcolor="white",
         plot_bgcolor=figure.layout["plot_bgcolor"] or "white",
-        margin={"l": 10, "r": 12, "t": 8 if small else 36, "b": 40 if small else 50},
+        margin={"l": 10, "r": 12, "t": 8 if small else 36, "b": 42 if small else 58},
         legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom", "xanchor": "left"},
         hoverlabel={"font": {"size": 12}},
     )
@@ -52,17 +53,12 @@ def drawing(name: str, figure: go.Figure, alt: str, caption: str, height: int, s
     return Drawing(name, text.replace("<", "\\u003c"), alt, caption, height, small)
 
 
-def pattern(shape: str) -> dict[str, str]:
-    """White strokes over a bar's colour, which tell bars apart without it."""
-    return {"shape": shape, "fgcolor": "white", "fillmode": "overlay"}
-
-
 def thinned(x: Array, *arrays: Array) -> tuple[NDArray[np.floating], ...]:
-    """Every n-th row of arrays of equal length, so that at most `MOST_POINTS` are left; all but x in single precision.
+    """Every n-th row of arrays of equal length, so that at most `MOST_POINTS` are left, in single precision.
 
-    x may be a clock that counts seconds since 1970."""
-    stride = -(-len(x) // MOST_POINTS)
-    return x[::stride], *(np.asarray(a[::stride], dtype=np.float32) for a in arrays)
+    A time counts from its log's start: single precision does not hold a clock that counts since 1970."""
+    stride = max(-(-len(x) // MOST_POINTS), 1)
+    return tuple(np.asarray(a[::stride], dtype=np.float32) for a in (x, *arrays))
 
 
 def curve(x: Array, y: Array, name: str, colour: str, legend: bool = True, width: float = 1.4) -> go.Scatter:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from identification.design.discriminate import Separation
+from furuta_gym.plant import EFFECTS
+from identification.design.discriminate import CLEAR, Separation
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.locate.location import Where
@@ -18,7 +19,8 @@ from identification.logs.log import Log
 from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
-from .words import NEXT
+from .law import Law, law_of
+from .words import ALIKE, NEXT, PART_REMAINS, TELL_APART, joined
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Examination:
     """A diagnosis with its evidence.
 
     where, where_after: of the plant without and with the effects found (where_after is None where none was).
+    law: the torque of the effects found, None where it is no function of the motion.
     closed_loop (before, after): None where it could not be had; `remarks` says why, by "where", "gap" and
     "closed loop". design: the experiment that tells equals apart, None where there are none (or, with the remark
     "design", no experiment could be found). seconds: how long this took, the search not included.
@@ -36,6 +39,7 @@ class Examination:
     held_out: tuple[Log, ...]
     where: Where | None
     where_after: Where | None
+    law: Law | None
     closed_loop: tuple[Resimulation, ...] | None
     design: Separation | None
     remarks: dict[str, str]
@@ -54,14 +58,28 @@ class Examination:
     @property
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
-        if self.design is not None:
-            use = "it is the whole command" if self.design.whole_command else "add it to your controller's command"
-            sentence = self.design.sentence
-            return f"{sentence[:1].upper()}{sentence[1:]}. {COMMAND_FILE} holds it ({use}); diagnose all logs together."
-        naming = self.diagnosis.naming
-        equals = zip(naming.accepted, naming.equals, strict=True) if naming else ()
+        d, design = self.diagnosis, self.design
+        if design is not None and design.nats >= CLEAR:
+            entry, duration = design.best.entry, design.best.setup.duration
+            use = "it is the whole command" if design.whole_command else "add it to your controller's command"
+            return TELL_APART.format(
+                titles=_titles(design.names, "from"),
+                what=f"“{entry.name}” ({entry.advice})",
+                seconds=f"{duration:g}",
+                nats=f"{design.nats:.3g}",
+                file=COMMAND_FILE,
+                use=use,
+            )
+        alike = "" if design is None else ALIKE.format(titles=_titles(design.names, "and"))
+        if d.verdict == "named" or alike:
+            if not d.leftover:
+                return alike + NEXT["named"]
+            names = [log.source for log in (*self.logs, *self.held_out)]
+            names += [] if self.held_out else ["a log of another motion"]
+            return alike + PART_REMAINS.format(logs=joined(names, "and"))
+        equals = zip(d.naming.accepted, d.naming.equals, strict=True) if d.naming else ()
         pair = next((f"{suspect.name},{others[0]}" for suspect, others in equals if others), "EFFECT,EFFECT")
-        return NEXT[self.diagnosis.verdict].format(pair=pair)
+        return NEXT[d.verdict].format(pair=pair)
 
     def to_dict(self) -> dict[str, Any]:
         """The whole of diagnosis.json; what is not a finite number is null there."""
@@ -97,7 +115,7 @@ def examine(
             remarks[what] = str(error)
             return None
 
-    where = where_after = closed_loop = design = None
+    where = where_after = law = closed_loop = design = None
     before, after = diagnosis.before, diagnosis.after
     if before is not None and after is not None:
         plants = [before.plant, after.plant] if diagnosis.added else [before.plant]
@@ -110,6 +128,8 @@ def examine(
                 tried("where", lambda: locate(plants[0], moved(logs, before.zeros), diagnosis.policy)),
                 rest,
             )
+            names = [suspect.name for suspect in diagnosis.found]
+            law = tried("law", lambda: law_of(after.plant, names, moved(logs, after.zeros)))
         if diagnosis.gap is None:
             remarks["gap"] = diagnosis.gap_remark
         shown = (tuple(held_out) or tuple(logs))[0]
@@ -119,8 +139,12 @@ def examine(
             design = tried("design", lambda: design_next(diagnosis, logs))
     seconds = time.monotonic() - began
     return Examination(
-        diagnosis, tuple(logs), tuple(held_out), where, where_after, closed_loop, design, remarks, seconds
+        diagnosis, tuple(logs), tuple(held_out), where, where_after, law, closed_loop, design, remarks, seconds
     )
+
+
+def _titles(names: Sequence[str], last: str) -> str:
+    return joined([EFFECTS[name].title for name in names], last)
 
 
 def _plain(data: Any) -> Any:

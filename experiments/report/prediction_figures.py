@@ -2,65 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
-from identification.diagnosis.verify import readings_at
+from identification.diagnosis.held_out import readings_at
 from identification.logs.log import Log
 from identification.validation.gap import Gap
 from identification.validation.resimulation import Resimulation
 
-from .drawing import AFTER, BEFORE, FLOOR, MEASURED, NORMAL_95, Array, Drawing, band, curve, drawing, pattern
+from .drawing import AFTER, BEFORE, FLOOR, MARKER, MEASURED, NORMAL_95, Array, Drawing, band, curve, drawing
 
 _SPAN = 5.0  # s that are shown at first, those with the largest errors
 
 
-def _coloured(change: GapChange) -> list[tuple[str, Gap, str]]:
-    """(name, gap, colour) of what is to be compared."""
-    return [(name, gap, BEFORE if name == "before" else AFTER) for name, gap in change.sides]
+class Side(NamedTuple):
+    """A plant's predictions, and how they are drawn."""
+
+    name: str
+    gap: Gap
+    colour: str
 
 
-def predictions(change: GapChange) -> Drawing:
+def sides(change: GapChange) -> list[Side]:
+    """What there is to compare."""
+    return [Side(name, gap, BEFORE if name == "before" else AFTER) for name, gap in change.sides]
+
+
+def predictions(logs: Sequence[Log], compared: Sequence[Side]) -> Drawing:
     """Readings and predictions of the first log, and their differences with the band that noise explains."""
-    first = int(change.before.log[0])  # the first log that was long enough
-    log, at = change.logs[first], change.before.log == first
-    t = change.before.times[at]
-    reading = readings_at(log, t)
-    horizon = change.before.horizon
-    shown = _worst(t, change.before.errors[at] / change.floor)
-    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    one = compared[0].gap
+    first = int(one.log[0])  # the first log that was long enough
+    floor = np.min([side.gap.floor for side in compared], axis=0)
+    log, at = logs[first], one.log == first
+    start = float(log.t[0])
+    reading, t = readings_at(log, one.times[at]), one.times[at] - start
+    shown = _worst(t, compared[0].gap.errors[at] / floor)
+    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04, row_heights=[3, 2, 3, 2])
     for axis, name in enumerate(AXES):
         row, legend = 2 * axis + 1, axis == 0
-        noise = NORMAL_95 * change.floor[axis]
-        size = np.full(len(t), 1e3 * noise)
-        figure.add_trace(band(t, -size, size, "noise alone, 95 %", FLOOR, legend=legend), row + 1, 1)
-        t_read, angle = log.t, log.angles[:, axis]
+        noise = NORMAL_95 * floor[axis]
+        size = np.full(2, 1e3 * noise)
+        ends = np.array([t[0], t[-1]])
+        figure.add_trace(band(ends, -size, size, "noise alone, 95 %", FLOOR, legend=legend), row + 1, 1)
+        t_read, angle = log.t - start, log.angles[:, axis]
         near = (t_read >= t[0]) & (t_read <= t[-1])
-        figure.add_trace(curve(t_read[near], angle[near], "measured", MEASURED, legend=legend), row, 1)
-        for side, gap, colour in _coloured(change):
+        figure.add_trace(curve(t_read[near], angle[near], "measured", MEASURED, legend=legend, width=2.2), row, 1)
+        for side, gap, colour in compared:
             error = gap.errors[at, axis]
-            predicted = reading[:, axis] - error
-            figure.add_trace(band(t, predicted - noise, predicted + noise, side, colour), row, 1)
-            figure.add_trace(curve(t, predicted, side, colour, legend=legend), row, 1)
+            figure.add_trace(curve(t, reading[:, axis] - error, side, colour, legend=legend), row, 1)
             figure.add_trace(curve(t, 1e3 * error, side, colour, legend=False), row + 1, 1)
         inside = (t >= shown[0]) & (t <= shown[1])
-        largest = max(float(np.abs(gap.errors[at, axis][inside]).max()) for _, gap, _ in _coloured(change))
+        largest = max(float(np.abs(side.gap.errors[at, axis][inside]).max()) for side in compared)
         reach = 1.1e3 * max(float(noise), largest)
-        figure.update_yaxes(title_text=f"{name} [rad]", row=row)
-        figure.update_yaxes(title_text=f"error of {name[-2:]} [mrad]", range=[-reach, reach], row=row + 1)
+        figure.update_yaxes(title_text=f"{name}<br>[rad]", row=row)
+        figure.update_yaxes(title_text=f"error {name[-2:]}<br>[mrad]", range=[-reach, reach], row=row + 1)
     figure.update_xaxes(range=list(shown))
-    figure.update_xaxes(title_text="t [s]", row=4)
-    compared = " and ".join(side for side, _ in change.sides)
+    figure.update_xaxes(title_text="t [s] from the start of the log", row=4)
+    both = " and ".join(side.name for side in compared) if len(compared) > 1 else "the plant"
     return drawing(
         "predictions",
         figure,
         f"Four panels against time: measured and predicted {AXES[0]} and {AXES[1]}, each with its prediction error.",
-        f"{log.source}: what was measured, and what the plant ({compared}) predicted {horizon:g} s before from the "
-        f"filtered state; around predictions the 95 % band of the noise. Shown are the {_SPAN:g} s with the largest "
-        "errors; double-click for the whole log.",
-        860,
+        f"{log.source}: what was measured, and what {both} predicted {one.horizon:g} s before from the filtered state. "
+        f"Shown are the {_SPAN:g} s with the largest errors; double-click for the whole log.",
+        760,
     )
 
 
@@ -80,12 +90,14 @@ def closed_loop(runs: tuple[Resimulation, ...], log: Log) -> Drawing:
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     measured = (log.q1, log.q2, log.u)
     for panel, label in enumerate((f"{AXES[0]} [rad]", f"{AXES[1]} [rad]", f"command u [{log.input_unit}]")):
-        figure.add_trace(curve(log.t, measured[panel], "measured", MEASURED, legend=panel == 0), panel + 1, 1)
+        figure.add_trace(
+            curve(log.t - log.t[0], measured[panel], "measured", MEASURED, legend=panel == 0), panel + 1, 1
+        )
         for name, run, colour in zip(names, runs, colours, strict=True):
             y = run.command if panel == 2 else run.angles[:, panel]
-            figure.add_trace(curve(run.t, y, name, colour, legend=panel == 0), panel + 1, 1)
+            figure.add_trace(curve(run.t - log.t[0], y, name, colour, legend=panel == 0), panel + 1, 1)
         figure.update_yaxes(title_text=label, row=panel + 1)
-    figure.update_xaxes(title_text="t [s]", row=3)
+    figure.update_xaxes(title_text="t [s] from the start of the log", row=3)
     fits = "; ".join(
         f"{name}: {run.fit_percent[0]:.0f} % of q1, {run.fit_percent[1]:.0f} % of q2"
         + ("" if len(run.t) == len(log) else f" until it fell at {run.t[-1]:.1f} s")
@@ -101,41 +113,60 @@ def closed_loop(runs: tuple[Resimulation, ...], log: Log) -> Drawing:
     )
 
 
-def horizons(change: GapChange) -> Drawing:
-    """Rms error at each horizon, before and after, beside the floor."""
-    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.2)
-    floor = np.minimum(change.before.curve, change.after.curve)
-    labels = [f"{h:.2g} s" for h in floor[:, 0]]
-    rest = [None] * (len(labels) - 1)  # intervals are known at the last horizon only
-
-    def bars(axis: int, rms: Array, name: str, colour: str, stroke: str, whisker: dict | None = None) -> None:
-        bar = go.Bar(
-            x=labels,
-            y=rms,
-            name=name,
-            legendgroup=name,
-            showlegend=axis == 0,
-            error_y=whisker,
-            marker={"color": colour, "pattern": pattern(stroke)},
-            hovertemplate="%{y:.3g} mrad",
-        )
-        figure.add_trace(bar, 1, axis + 1)
-
+def horizons(compared: Sequence[Side]) -> Drawing:
+    """Rms error of each plant at each horizon, beside the floor."""
+    figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.16)
+    curves = [side.gap.curve for side in compared]
+    floor = np.min(curves, axis=0)
     for axis, label in enumerate(AXES):
-        for name, gap, colour in _coloured(change):
-            rms = 1e3 * gap.curve[:, 1 + axis]
+        for (name, gap, colour), rms in zip(compared, curves, strict=True):
             low, high = 1e3 * rms_interval(gap)[axis]
-            ends = {"array": [*rest, high - rms[-1]], "arrayminus": [*rest, rms[-1] - low]}
-            bars(axis, rms, name, colour, "/" if colour == BEFORE else "", {"color": MEASURED, "width": 0, **ends})
-        bars(axis, 1e3 * floor[:, 3 + axis], "noise floor", FLOOR, ".")
-        figure.update_yaxes(title_text=f"error of {label[-2:]} [mrad]", col=axis + 1)
-    figure.update_layout(barmode="group")
-    figure.update_xaxes(title_text="horizon")
+            last = 1e3 * rms[-1, 1 + axis]
+            rest = [None] * (len(rms) - 1)  # intervals are known at the last horizon only
+            whisker = {"array": [*rest, high - last], "arrayminus": [*rest, last - low], "color": colour, "width": 4}
+            line = curve(rms[:, 0], 1e3 * rms[:, 1 + axis], name, colour, legend=axis == 0)
+            line.update(mode="lines+markers", marker={"symbol": MARKER[colour], "size": 8}, error_y=whisker)
+            figure.add_trace(line, 1, axis + 1)
+        figure.add_trace(curve(floor[:, 0], 1e3 * floor[:, 3 + axis], "noise floor", FLOOR, axis == 0), 1, axis + 1)
+        figure.update_yaxes(title_text=f"error {label[-2:]} [mrad]", type="log", dtick="D2", col=axis + 1)
+    figure.update_xaxes(title_text="seconds ahead", rangemode="tozero")
     return drawing(
         "horizons",
         figure,
-        "Bars of the root mean square prediction error of both angles at each horizon, beside the noise floor.",
-        "Prediction error against how far ahead the plant predicts. The whiskers at the last horizon are 95 % "
-        "intervals over stretches of one second. A perfect plant reaches the noise floor.",
-        380,
+        "The root mean square prediction error of both angles at each horizon, beside the noise floor.",
+        "Prediction error (logarithmic) against how far ahead the plant predicts. The whiskers at the last horizon are "
+        "95 % intervals over stretches of one second. A perfect plant reaches the noise floor.",
+        340,
+    )
+
+
+def residuals(gap: Gap) -> Drawing:
+    """Correlation of the first stretch's innovations with their own past, with the band of white ones."""
+    test = gap.tests[0]
+    lag = 1e3 * test.lag_s * np.arange(1, len(test.correlation) + 1)
+    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.06)
+    ends = np.array([0.0, lag[-1] + lag[0]])
+    size = np.full(2, test.band)
+    for axis, label in enumerate(AXES):
+        figure.add_trace(band(ends, -size, size, "white noise, 95 %", FLOOR, legend=axis == 0), 1, axis + 1)
+        bars = go.Bar(
+            x=lag,
+            y=test.correlation[:, axis],
+            name="measured",
+            showlegend=axis == 0,
+            marker={"color": AFTER},
+            hovertemplate="%{x:.3g} ms: %{y:.3f}",
+        )
+        figure.add_trace(bars, 1, axis + 1)
+        figure.update_xaxes(title_text=f"lag of {label[-2:]} [ms]", col=axis + 1)
+    reach = 1.15 * max(float(np.abs(test.correlation).max()), 2 * test.band)
+    figure.update_yaxes(range=[-reach, reach])
+    figure.update_yaxes(title_text="correlation", col=1)
+    return drawing(
+        "residuals",
+        figure,
+        "Correlations of one-step prediction errors with earlier ones, for both angles.",
+        "Residuals: how errors of predicting the next reading go with the errors before. A complete model leaves bars "
+        "within the band, but for a little that rounding adds.",
+        300,
     )

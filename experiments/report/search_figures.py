@@ -5,53 +5,42 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
+from furuta_gym.plant import EFFECTS
 from identification.diagnosis.naming.forward import Naming
 from identification.estimation.estimate import Estimate
 
-from .drawing import AFTER, BEFORE, NORMAL_95, Drawing, drawing, pattern
+from .contents import Bar, Bars
+from .drawing import AFTER, BEFORE, NORMAL_95, Drawing, drawing
 
-_OTHER = "#999999"
 _MOST = 8
 
 
-def rankings(naming: Naming) -> list[Drawing]:
+def rankings(naming: Naming) -> list[Bars]:
     """Suspects of each step by what they gain; the accepted one and its equals stand out."""
     return [_ranking(naming, step) for step in range(len(naming.rankings)) if naming.rankings[step]]
 
 
-def _ranking(naming: Naming, step: int) -> Drawing:
+def _ranking(naming: Naming, step: int) -> Bars:
     shown = naming.rankings[step][:_MOST]
     accepted = {s.name for s in naming.accepted}
     equals = set(naming.equals[step]) if step < len(naming.accepted) else set()
-    labels = {s.name: f"{s.name}  {s.net:+.0f}" for s in shown}
-    figure = go.Figure()
-    for label, colour, shape, chosen in (
-        ("added", AFTER, "", [s for s in shown if s.name in accepted]),
-        ("cannot be told from it", BEFORE, "/", [s for s in shown if s.name in equals - accepted]),
-        ("others", _OTHER, "", [s for s in shown if s.name not in equals | accepted]),
-    ):
-        bars = go.Bar(
-            x=[s.net for s in chosen],
-            y=[labels[s.name] for s in chosen],
-            name=label,
-            orientation="h",
-            marker={"color": colour, "pattern": pattern(shape)},
-            hovertemplate="%{y} nats<extra></extra>",
-        )
-        if chosen:
-            figure.add_trace(bars)
-    order = [labels[s.name] for s in reversed(shown)]
-    figure.update_yaxes(categoryorder="array", categoryarray=order)
-    figure.update_xaxes(title_text="net gain [nats]")
-    figure.update_layout(bargap=0.35, barmode="overlay", showlegend=True)
-    best = ", ".join(f"{s.name} {s.net:+.0f}" for s in shown[:3])
-    return drawing(
-        f"ranking-{step + 1}",
-        figure,
-        f"Horizontal bars of the nats that each suspect gains in step {step + 1}: {best}.",
-        f"Step {step + 1}: each suspect was fitted together with all other parameters and the noise. "
-        "Bars: the log-likelihood that it gains, less the price of its own parameters.",
-        120 + 30 * len(shown),
+    best = max(shown[0].net, 1e-9)
+    bars = []
+    for suspect in shown:
+        role = "chosen" if suspect.name in accepted else "equal" if suspect.name in equals else "other"
+        behind = shown[0].net - suspect.net
+        text = f"{suspect.net:+.0f} nats" + (f", {behind:.0f} behind" if suspect is not shown[0] else "")
+        text += {"chosen": " · added", "equal": " · cannot be told apart", "other": ""}[role]
+        title = EFFECTS[suspect.name].title
+        text = text.replace("-", "−")
+        bars.append(Bar(f"{title[:1].upper()}{title[1:]}", suspect.name, max(suspect.net, 0.0) / best, text, role))
+    found = step < len(naming.accepted)
+    asked = "Each was" if step == 0 else "Beside what was added before, each was"
+    ending = "" if found else " None gains enough to be believed."
+    return Bars(
+        tuple(bars),
+        f"Step {step + 1}. {asked} fitted with all other parameters and the noise. Bars: the log-likelihood that it "
+        f"gains, less the price of its parameters; no bar: nothing gained.{ending}",
     )
 
 
@@ -83,4 +72,28 @@ def parameters(before: Estimate, after: Estimate) -> Drawing:
         "The parameters of model (5) without and with the effects, relative to the value without, with 95 % bars. "
         "What moves by more than its bars was biased by the missing effect.",
         100 + 32 * len(names),
+    )
+
+
+def precision(estimate: Estimate) -> Drawing:
+    """How well each parameter is known: its 95 % interval relative to its value."""
+    every = zip(estimate.names, estimate.values, estimate.std, strict=True)
+    known = {n: float(s / abs(v)) for n, v, s in every if v and np.isfinite(s)}
+    names, std = list(known), np.array(list(known.values()))
+    shown = [name.replace("theta", "θ") for name in names]
+    half = 100 * NORMAL_95 * std
+    figure = go.Figure()
+    bars = {"type": "data", "array": half, "color": AFTER, "thickness": 2.0}
+    points = go.Scatter(x=np.zeros(len(names)), y=shown, error_x=bars, mode="markers", showlegend=False)
+    points.update(marker={"color": AFTER, "symbol": "diamond", "size": 9})
+    figure.add_trace(points)
+    reach = 1.1 * float(min(max(half.max(initial=0.0), 5.0), 150.0))
+    figure.update_yaxes(categoryorder="array", categoryarray=shown[::-1])
+    figure.update_xaxes(title_text="95 % interval [% of the value]", range=[-reach, reach])
+    return drawing(
+        "precision",
+        figure,
+        "The 95 % interval of each parameter, in per cent of its value.",
+        "How well the logs determine each parameter. A bar that reaches ±100 % says that they hardly do.",
+        90 + 30 * len(names),
     )

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
+from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.parameters import THETA_MEANING
-from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
+from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
 from identification.estimation.estimate import Estimate, rounded, unit_of
 from identification.logs.log import Log
+from identification.validation.gap import Gap
+
+from .contents import Table
 
 # What a right model left on simulated logs lies well below these; each is a hint, and the likelihood decides
 _R2, _FISHER, _P = 0.15, 0.2, 1e-3
-
-
-@dataclass(frozen=True)
-class Table:
-    """Head and rows of text; the first column names the row."""
-
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    caption: str
 
 
 def parameters(before: Estimate, after: Estimate, leftover: bool) -> Table:
@@ -33,16 +28,22 @@ def parameters(before: Estimate, after: Estimate, leftover: bool) -> Table:
     rows = []
     for name in names:
         effect, _, parameter = name.partition(".")
-        meaning = THETA_MEANING[name][0] if name in THETA_MEANING else (f"{parameter} of {effect}" if parameter else "")
-        meaning = meaning or "sharpness of Coulomb friction"
+        meaning = THETA_MEANING[name][0] if name in THETA_MEANING else "sharpness of Coulomb friction"
+        if parameter:
+            meaning = next(p.meaning for p in EFFECTS[effect].parameters if p.name == parameter)
         cells = [_value(before, name)] + ([_value(after, name), _shift(before, after, name)] if changed else [])
         rows.append((name.replace("theta", "θ"), meaning, *cells, unit_of(name, after.plant)))
     columns = ("before", "after", "change") if changed else ("value",)
     return Table(
         ("parameter", "meaning", *columns, "unit"),
         rows,
-        "Values ± one standard deviation. The deviations assume that the model is right; before an effect is added "
-        "they are too small" + (", and as something is left over here, afterwards as well." if leftover else "."),
+        "Values ± one standard deviation, which is right where the model is."
+        + (" Before an effect is added they are too small." if changed else "")
+        + (
+            f" A part remains unexplained, so they are too small {'afterwards as well' if changed else 'here'}."
+            if leftover
+            else ""
+        ),
     )
 
 
@@ -67,27 +68,68 @@ def _shift(before: Estimate, after: Estimate, name: str) -> str:
 
 
 def gaps(change: GapChange) -> Table:
-    """Rms errors at the horizon, in mrad and counts, with intervals, over the floor."""
+    """Rms errors at the horizon, in mrad and counts, with intervals, over the floor they share."""
     rows = []
     for axis, name in enumerate(AXES):
-        count = change.before.counts[axis]
-        for side, gap in change.sides:
-            low, high = 1e3 * rms_interval(gap)[axis]
-            rows.append(
-                (
-                    f"{name}, {side}",
-                    f"{1e3 * gap.rms[axis]:.3g} ({low:.3g} … {high:.3g})",
-                    _counts(gap.rms[axis], count),
-                    f"{gap.rms[axis] / change.floor[axis]:.3g}",
-                )
-            )
-        rows.append(
-            (f"{name}, noise floor", f"{1e3 * change.floor[axis]:.3g}", _counts(change.floor[axis], count), "1")
-        )
+        rows += [_error_row(f"{name}, {side}", gap, axis, change.floor[axis]) for side, gap in change.sides]
+        rows.append(_floor_row(name, change.floor[axis], change.before.counts[axis]))
+    return Table(_ERRORS, rows, _windows(change.before))
+
+
+def parts(found: Sequence[Part], what: str) -> Table:
+    """The error over the floor of each log, or of each kind of experiment."""
+    rows = []
+    for part in found:
+        before, after = (f"{ratio:.3g}" for ratio in part.over_floor)
+        low, high = (100 * end for end in part.closed.interval)
+        closed = f"{100 * part.closed.value:.1f} % ({low:.1f} … {high:.1f})"
+        rows.append((part.name, before, after, closed + (" grows" if part.grows else "")))
+    head = (what, "times the floor, before", "after", "of the gap closed (95 %)")
+    return Table(head, rows, f"The same by {what}.")
+
+
+def gap(found: Gap) -> Table:
+    """The same of one plant, with its fit."""
+    rows = []
+    for axis, name in enumerate(AXES):
+        rows.append(_error_row(name, found, axis, found.floor[axis]))
+        rows.append(_floor_row(name, found.floor[axis], found.counts[axis]))
+    return Table(_ERRORS, rows, _windows(found))
+
+
+_ERRORS = ("error", "rms [mrad] (95 %)", "encoder counts", "times the floor", "fit")
+
+
+def _error_row(name: str, found: Gap, axis: int, floor: float) -> tuple[str, ...]:
+    low, high = 1e3 * rms_interval(found)[axis]
+    rms = found.rms[axis]
+    interval = f"{1e3 * rms:.3g} ({low:.3g} … {high:.3g})"
+    return (name, interval, _counts(rms, found.counts[axis]), f"{rms / floor:.3g}", f"{found.fit_percent[axis]:.1f} %")
+
+
+def _floor_row(name: str, floor: float, count: float) -> tuple[str, ...]:
+    return (f"{name}, noise floor", f"{1e3 * floor:.3g}", _counts(floor, count), "1", "")
+
+
+def _windows(found: Gap) -> str:
+    return f"Prediction {found.horizon:g} s ahead, {len(found.errors)} windows."
+
+
+def innovation_tests(found: Gap) -> Table:
+    """Tests that one-step errors are noise, of every stretch."""
+    rows = []
+    for i, test in enumerate(found.tests):
+        for axis, name in enumerate(AXES):
+            own, command = np.abs(test.correlation[:, axis]).max(), np.abs(test.command_correlation[:, axis]).max()
+            which = f"{name}, stretch {i + 1}" if len(found.tests) > 1 else name
+            band = f"± {test.band:.3f}"
+            rows.append((which, f"{own:.3f}", _p(test.p_white[axis]), f"{command:.3f}", _p(test.p_command[axis]), band))
+    head = ("innovations of", "with their past", "p", "with past commands", "p", "band")
     return Table(
-        ("error", "rms [mrad] (95 %)", "encoder counts", "times the floor"),
+        head,
         rows,
-        f"Prediction {change.before.horizon:g} s ahead, {len(change.before.errors)} windows.",
+        "Largest correlations of errors of predicting the next reading. ● marks what noise would hardly give; rounding "
+        "alone can take a correlation a little beyond the band.",
     )
 
 
@@ -168,28 +210,21 @@ def _correlation(where: Where, name: str) -> str:
 
 def suspicions(where: Where) -> Table:
     """What the missing torque goes with, the likeliest first."""
-    rows = [
-        (s.channel, s.variable, f"{s.net:+.0f}", f"{100 * s.share:.0f} %")
-        for s in where.suspicions[:5]
-        if math.isfinite(s.net)
-    ]
+    rows = [(s.channel, s.variable, f"{100 * s.share:.0f} %") for s in where.suspicions[:5] if math.isfinite(s.net)]
     return Table(
-        ("row or path", "against", "nats, net", "of all that any function explains"),
+        ("row or path", "against", "of all that any function explains"),
         rows,
-        "What a free function of each variable would explain of the model's errors, the noise held at the log's own. "
-        "The evidence above estimates the noise anew with and without it.",
+        "What a free function of each variable would explain of the model's errors.",
     )
 
 
-def logs(fitted: tuple[Log, ...], held_out: tuple[Log, ...]) -> Table:
-    """The logs behind the report."""
+def logs(fitted: Sequence[Log], held_out: Sequence[Log] = (), use: str = "searched") -> Table:
+    """The logs behind a page."""
     rows = []
-    for use, group in (("searched", fitted), ("held out", held_out)):
+    for what, group in ((use, fitted), ("held out", held_out)):
         for log in group:
             counts = "unknown" if log.encoder_counts is None else " and ".join(f"{c:g}" for c in log.encoder_counts)
-            rows.append(
-                (log.source, use, f"{log.duration:.4g} s", f"{1e3 * log.sample_time:.4g} ms", counts, log.sha256[:12])
-                if log.sha256
-                else (log.source, use, f"{log.duration:.4g} s", f"{1e3 * log.sample_time:.4g} ms", counts, "—")
-            )
-    return Table(("log", "use", "lasts", "sampled every", "counts per turn", "SHA-256"), rows, "The logs.")
+            sampled = f"{1e3 * log.sample_time:.4g} ms"
+            digest = log.sha256[:12] if log.sha256 else "—"
+            rows.append((log.source, what, f"{log.duration:.4g} s", sampled, counts, digest))
+    return Table(("log", "use", "lasts", "sampled every", "counts per turn", "SHA-256"), rows, "Digests are cut short.")

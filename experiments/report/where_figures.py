@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -9,12 +11,14 @@ from plotly.subplots import make_subplots
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.locate.torque_maps import ROWS, VARIABLES, Map
 
-from .drawing import AFTER, BEFORE, MARK, MARKER, NORMAL_95, Drawing, band, curve, drawing
+from .drawing import AFTER, BEFORE, LAW, MARK, MARKER, NORMAL_95, Drawing, band, curve, drawing
+from .law import Law
 
 _SYMBOLS: dict[str, str] = dict(
     zip(VARIABLES, ("q1 [rad]", "q̇1 [rad/s]", "q2 [rad]", "q̇2 [rad/s]", "u [{u}]", "t [s]"), strict=True)
 )
-MOST_LOGS = 3
+MOST_LOGS = 2
+_ROUNDING = 1e-6  # of the other row's torque: what a law does not act on
 
 
 def _sides(where: Where, after: Where | None) -> list[tuple[str, Where, str]]:
@@ -31,8 +35,8 @@ def torques(where: Where, after: Where | None, least: float) -> list[Drawing]:
 
 def _torque(where: Where, after: Where | None, log: int, least: float) -> Drawing:
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    t = where.torques[log].t
-    always = any(stop - start >= 0.99 * (t[-1] - t[0]) for start, stop in where.intervals_s[log])
+    start, t = where.torques[log].t[0], where.torques[log].t
+    always = any(stop - begin >= 0.99 * (t[-1] - t[0]) for begin, stop in where.intervals_s[log])
     shaded = () if always else where.intervals_s[log]
     reach = 100.0 * least
     for a, row in enumerate(ROWS):
@@ -40,14 +44,16 @@ def _torque(where: Where, after: Where | None, log: int, least: float) -> Drawin
         for name, side, colour in _sides(where, after):
             torque = side.torques[log]
             m, s = torque.mean[:, a], NORMAL_95 * torque.std[:, a]
-            figure.add_trace(band(torque.t, m - s, m + s, name, colour), a + 1, 1)
-            figure.add_trace(curve(torque.t, m, name, colour, legend=a == 0), a + 1, 1)
+            figure.add_trace(band(torque.t - start, m - s, m + s, name, colour), a + 1, 1)
+            figure.add_trace(curve(torque.t - start, m, name, colour, legend=a == 0), a + 1, 1)
             inner = slice(len(m) // 50, None)  # the bands are wide where the filter has just begun
             reach = max(reach, float(np.max(np.abs(m[inner]) + s[inner])))
-        figure.update_yaxes(title_text=f"on the {row} [{where.unit}]", range=[-1.05 * reach, 1.05 * reach], row=a + 1)
-        for start, stop in shaded:
-            figure.add_vrect(x0=start, x1=stop, fillcolor=MARK, line_width=0, layer="below", row=a + 1, col=1)  # type: ignore[arg-type]
-    figure.update_xaxes(title_text="t [s]", row=2)
+        figure.update_yaxes(title_text=f"{row} [{where.unit}]", range=[-1.05 * reach, 1.05 * reach], row=a + 1)
+        for begin, stop in shaded:
+            place: dict[str, Any] = {"row": a + 1, "col": 1}  # declared as text, but numbers are meant
+            span = {"x0": begin - start, "x1": stop - start}
+            figure.add_vrect(**span, fillcolor=MARK, line_width=0, layer="below", **place)
+    figure.update_xaxes(title_text="t [s] from the start of the log", row=2)
     source = where.torques[log].source
     remark = " It stands out of its band all along." if always else ""
     remark += " Shaded: where it stands out of its band." if shaded else ""
@@ -57,8 +63,60 @@ def _torque(where: Where, after: Where | None, log: int, least: float) -> Drawin
         "Two panels against time: the smoothed torque that the model lacks on the arm's and on the pendulum's row.",
         f"{source}: the torque that would have to be added to each row of the model to explain the log, smoothed, with "
         f"95 % bands.{remark} Zero all along is what a complete model gives.",
-        520,
+        460,
     )
+
+
+def fitted_law(law: Law, after: Where) -> Drawing:
+    """The torque that the effects give against the variable that says most about it, through what the logs ask for."""
+    shown = law.best_seen(after.maps)
+    figure = _partial(law, shown, after.unit, legend=True)
+    text = f"{shown.row}'s row against {shown.variable}"
+    return drawing(
+        "law",
+        figure,
+        f"Torque on the {text}: the fitted law as a line through the torque that the log asks for.",
+        f"What was added, on the {text}. The line is the fitted law. The points are the torque that the log asks for "
+        "there beside model (5), the law and what is left together, with 95 % bars.",
+        360,
+    )
+
+
+def partials(law: Law, after: Where) -> list[Drawing]:
+    """The same against every variable of each row that the law acts on, one small figure each."""
+    size = np.sqrt(np.mean(law.torque**2, axis=0))
+    acting = [row for a, row in enumerate(ROWS) if size[a] > _ROUNDING * size.max()]
+    drawn = []
+    for row in acting:
+        mine = [m for m in after.maps if m.row == row]
+        both = [mean + part.mean for part in mine for _, mean in [law.mean(part)]]
+        ends = [side * NORMAL_95 * m.std + b for b, m in zip(both, mine, strict=True) for side in (-1, 1)]
+        low, high = min(0.0, *map(np.nanmin, ends)), max(0.0, *map(np.nanmax, ends))
+        margin = 0.06 * (high - low)
+        for part in mine:
+            figure = _partial(law, part, after.unit)
+            figure.update_yaxes(range=[low - margin, high + margin])
+            text = f"{row}'s row against {part.variable}"
+            name = f"law-{row}-{part.variable}".replace(" ", "-")
+            alt = f"Torque on the {text}: the fitted law through what the log asks for."
+            drawn.append(drawing(name, figure, alt, f"{text[0].upper()}{text[1:]}", 220, small=True))
+    return drawn
+
+
+def _partial(law: Law, shown: Map, unit: str, legend: bool = False) -> go.Figure:
+    """Component plus residual: the law's mean in each bin, and the same with the torque that is left."""
+    place, mean = law.mean(shown)
+    seen = np.isfinite(place)
+    place, mean, left, std = place[seen], mean[seen], shown.mean[seen], shown.std[seen]
+    figure = go.Figure()
+    figure.add_trace(curve(place, mean, "fitted law", LAW, legend=legend, width=2.4))
+    bars = {"type": "data", "array": NORMAL_95 * std, "color": AFTER, "thickness": 1.3, "width": 3}
+    points = go.Scatter(x=place, y=mean + left, name="asked for by the log", mode="markers", showlegend=legend)
+    points.update(marker={"color": AFTER, "symbol": MARKER[AFTER], "size": 9 if legend else 7}, error_y=bars)
+    figure.add_trace(points)
+    figure.update_xaxes(title_text=_SYMBOLS[shown.variable].format(u=unit))
+    figure.update_yaxes(title_text=f"torque [{unit}]")
+    return figure
 
 
 def maps(where: Where, after: Where | None) -> list[Drawing]:
@@ -86,7 +144,7 @@ def _map(found: Map, where: Where, after: Where | None, reach: float) -> Drawing
         )  # fmt: skip
     figure.update_xaxes(title_text=_SYMBOLS[found.variable].format(u=where.unit))
     figure.update_yaxes(title_text=f"torque [{where.unit}]", range=[-reach, reach])
-    here = where.found and (where.channel, where.variable) == (found.row, found.variable)
+    here = after is None and where.found and (where.channel, where.variable) == (found.row, found.variable)
     if here:
         figure.update_layout(plot_bgcolor=MARK)
     text = f"{found.row}'s row against {found.variable}"

@@ -1,30 +1,17 @@
-"""What the report says in sentences."""
+"""What the reports say in sentences."""
 
 from __future__ import annotations
 
-MEANING = {
-    "named": (
-        "What is named here explains what model (5) misses on these logs, clearly better than anything else in the "
-        "library. The plant file contains it."
-    ),
-    "ambiguous": (
-        "An effect is missing, and these logs cannot tell which of several it is. The plant file contains the first; "
-        "the others would predict these logs as well, but not other motions."
-    ),
-    "none": (
-        "Model (5) describes these logs as well as the noise allows. Nothing was added. An effect that these motions "
-        "do not excite can still be there."
-    ),
-    "unknown": (
-        "Something is missing that the library does not hold, or holds only in part. Trust the plant file no further "
-        "than the motions of these logs."
-    ),
-    "insufficient_excitation": (
-        "The logs do not move the rig enough to determine the parameters of model (5). Without them, nothing can be "
-        "said about missing effects, and there is no plant file."
-    ),
+from collections.abc import Sequence
+
+BADGE = {
+    "named": "Named",
+    "ambiguous": "Found, or a look-alike",
+    "none": "Nothing missing",
+    "unknown": "Unknown effect",
+    "insufficient_excitation": "Not enough excitation",
 }
-"""By verdict: what it means for the reader."""
+"""By verdict: a few words for its badge."""
 
 NEXT = {
     "named": (
@@ -41,8 +28,8 @@ NEXT = {
         "and diagnose it too."
     ),
     "unknown": (
-        "Look at the missing torques and their means in section 3: they say on which row, when and against what the "
-        "model fails. Repeat the experiment to see whether it returns; if it does, describe it as a new effect."
+        "Look at the missing torque below: on which row, when and against what. Repeat the experiment to see whether "
+        "it returns; if it does, describe it as a new effect. Trust the plant file no further than these motions."
     ),
     "insufficient_excitation": (
         "Record a longer log with more motion: larger and faster changes of the command for the arm, and the pendulum "
@@ -51,11 +38,23 @@ NEXT = {
 }
 """By verdict: what to do, where the search itself has no advice."""
 
-LABEL = {
-    "named": "named",
-    "ambiguous": "ambiguous",
-    "none": "nothing missing",
-    "unknown": "unknown effect",
-    "insufficient_excitation": "not enough excitation",
-}
-"""By verdict: a few words for its badge."""
+PART_REMAINS = (
+    "Use plant.json for motions like those of these logs. To find what remains, diagnose {logs} together and hold out "
+    "a new log."
+)
+"""What to do with a named effect that leaves a part unexplained."""
+
+
+TELL_APART = (
+    "To tell {titles}, run the experiment {what} for {seconds} s: it is predicted to leave {nats} nats between them. "
+    "{file} holds it ({use}). Then diagnose all logs together."
+)
+"""What to do where a designed experiment tells look-alikes apart."""
+
+ALIKE = "No experiment of the menu would tell {titles} apart, so either will do. "
+"""The same where none does: before what else there is to do."""
+
+
+def joined(parts: Sequence[str], last: str) -> str:
+    """a, b and c."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}" if parts else ""

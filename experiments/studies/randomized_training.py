@@ -25,8 +25,8 @@ from controllers.design import choose_sensors
 from controllers.statistics import Interval, success_rate, typical
 from controllers.training import Training, train
 from controllers.trials import Outcome
+from experiments.bench_runs import run_on_bench
 from experiments.cli.errors import explained
-from experiments.studies.bench_runs import run_on_bench
 from experiments.studies.reidentify_retrain import RIGS, Arguments, recorded
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant

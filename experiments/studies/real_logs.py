@@ -1,4 +1,4 @@
-"""Measured logs of two laboratories: fit, validate on other runs, say what is wrong.
+"""Measured logs of two laboratories: fit, validate on other runs, say what is wrong, and find what is missing.
 
 `python -m experiments.studies.real_logs FOLDER`, FOLDER with `qube_darmstadt/` and `qube_mcgill/` (docs/real_logs.md
 says where they come from). Writes real_logs.json and real_logs.md, and prints the latter.
@@ -11,12 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from experiments.cli.errors import explained
 from experiments.cli.output import busy, write_json
 from furuta_gym.files import write_whole
-from furuta_gym.plant import THETA_NAMES
+from furuta_gym.plant import THETA_NAMES, Plant
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.outcome import Diagnosis
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.logs.log import Log, read_logs
@@ -29,12 +32,14 @@ _FRICTION = THETA_NAMES[5:]
 
 @dataclass(frozen=True)
 class Rig:
-    """A laboratory's logs: the files fitted, and groups of files held out. skip [s]: left out at each start."""
+    """A laboratory's logs: the files fitted, and groups of files held out. witnesses: groups that the diagnosis judges
+    names on; the others it never sees. skip [s]: left out at each start."""
 
     name: str
     folder: str
     fitted: tuple[str, ...]
     held_out: dict[str, tuple[str, ...]]
+    witnesses: tuple[str, ...]
     skip: float = 0.0
 
 
@@ -49,12 +54,14 @@ RIGS = (
             "swing-ups, 250 Hz, 5 s": tuple(f"swingup_250Hz_5s_0{k}" for k in range(3)),
             "swing-ups, 500 Hz, 5 s": tuple(f"swingup_500Hz_5s_0{k}" for k in range(3)),
         },
+        ("the other chirps",),
     ),
     Rig(
         "McGill, upright with PRBS",
         "qube_mcgill",
         ("balance_prbs_20230828T161301",),
         {"another run": ("balance_prbs_20230828T161334",), "a third run": ("balance_prbs_20230828T161408",)},
+        ("another run", "a third run"),
         skip=1.0,  # the hand-over to the controller
     ),
 )
@@ -62,26 +69,37 @@ RIGS = (
 
 @dataclass(frozen=True)
 class Finding:
-    """What came out for a rig: the fit, the same fit with friction free to be negative, and the gaps by name."""
+    """What came out for a rig: the fit, the same fit with friction free to be negative, what the diagnosis says (None
+    where it was not asked), and the gaps by name, of the model without effects and with those found."""
 
     rig: Rig
     estimate: Estimate
     unbounded: Estimate
+    diagnosis: Diagnosis | None
     gaps: dict[str, Gap | str]
+    gaps_after: dict[str, Gap | str]
 
 
-def study(folder: Path, rig: Rig) -> Finding:
-    """Fit and validate one rig. Raises OSError where a file is missing; a log that a plant loses is told in words."""
+def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
+    """Fit and validate one rig. look: find what is missing, too (some minutes). Raises OSError where a file is missing; a log that a plant loses is told in words."""
     logs = _read(folder, rig, rig.fitted)
     estimate = identify(logs)
     unbounded = identify(logs, negative_friction=True)
+    witnesses = [log for n in rig.witnesses if n in rig.held_out for log in _read(folder, rig, rig.held_out[n])]
+    diagnosis = diagnose(logs, witnesses) if look else None
+    after = diagnosis.after.plant if diagnosis and diagnosis.after else estimate.plant
+    gaps = [_gaps(plant, folder, rig) for plant in (estimate.plant, after)]
+    return Finding(rig, estimate, unbounded, diagnosis, *gaps)
+
+
+def _gaps(plant: Plant, folder: Path, rig: Rig) -> dict[str, Gap | str]:
     gaps: dict[str, Gap | str] = {}
     for name, files in rig.held_out.items():
         try:
-            gaps[name] = validate(estimate.plant, _read(folder, rig, files))
+            gaps[name] = validate(plant, _read(folder, rig, files))
         except ValueError as error:
             gaps[name] = str(error)
-    return Finding(rig, estimate, unbounded, gaps)
+    return gaps
 
 
 def _read(folder: Path, rig: Rig, files: Sequence[str]) -> tuple[Log, ...]:
@@ -111,7 +129,31 @@ def _section(found: Finding) -> str:
         pairs = (1e3 * gap.rms, 1e3 * gap.floor, 1e3 * gap.reading_floor, gap.fit_percent)
         numbers = " | ".join(f"{a:.3g}, {b:.3g}" for a, b in pairs)
         lines.append(f"| {name} | {numbers} | {gap.ratio_to_floor:.2f} | {gap.verdict} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *_missing(found)])
+
+
+def _missing(found: Finding) -> list[str]:
+    """What the diagnosis found, and what it does to every group of held-out logs."""
+    if found.diagnosis is None:
+        return []
+    after = found.diagnosis.after
+    lines = ["Diagnosis:", "", "```", str(found.diagnosis), "```", ""]
+    if after is None or not found.diagnosis.added:
+        return lines
+    lines += ["```", str(after), "```", ""]
+    lines += [
+        "| held out | rms q1, q2 [mrad]: model (5) | with effects | median error [mrad]: model (5) | with effects |",
+        "|---|---|---|---|---|",
+    ]
+    for name, gap in found.gaps.items():
+        new = found.gaps_after[name]
+        if not isinstance(gap, str) and not isinstance(new, str):
+            cells = [
+                *(1e3 * g.rms for g in (gap, new)),
+                *(1e3 * np.median(np.abs(g.errors), axis=0) for g in (gap, new)),
+            ]
+            lines.append(f"| {name} | " + " | ".join(f"{a:.3g}, {b:.3g}" for a, b in cells) + " |")
+    return lines
 
 
 def _signed(estimate: Estimate, name: str) -> str:
@@ -128,7 +170,9 @@ def to_json(found: Sequence[Finding]) -> dict[str, Any]:
             "fitted": list(f.rig.fitted),
             "estimate": f.estimate.to_dict(),
             "negative_friction": f.unbounded.to_dict(),
+            "diagnosis": f.diagnosis and f.diagnosis.to_dict(),
             "held_out": {n: g if isinstance(g, str) else g.to_dict()["gap"] for n, g in f.gaps.items()},
+            "held_out_after": {n: g if isinstance(g, str) else g.to_dict()["gap"] for n, g in f.gaps_after.items()},
         }
         for f in found
     ]
@@ -139,7 +183,7 @@ def main(
     folder: Annotated[Path, typer.Argument(help="Folder that holds qube_darmstadt/ and qube_mcgill/.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")] = Path("out/real_logs"),
 ) -> None:
-    """Fit the measured logs, validate on runs that were not fitted, report."""
+    """Fit the measured logs, validate on runs that were not fitted, find what is missing, report."""
     with explained():
         missing = [str(folder / rig.folder) for rig in RIGS if not (folder / rig.folder).is_dir()]
         if missing:

@@ -22,8 +22,8 @@ from rich.table import Table
 from controllers import DesignError, make_controller
 from controllers.training import Training, train
 from experiments.bench import HiddenEffect, Rig, record
+from experiments.bench_runs import FIGURES, Contrast, Run, contrast, run_on_bench, summary
 from experiments.cli.errors import explained
-from experiments.studies.bench_runs import FIGURES, Contrast, Run, contrast, run_on_bench, summary
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from identification.diagnosis.diagnose import diagnose

@@ -14,7 +14,7 @@ from controllers.learned import LearnedController, load_policy
 from controllers.policy_file import read_policy, read_record, write_policy
 from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
-from experiments.studies.bench_runs import run_on_bench
+from experiments.bench_runs import run_on_bench
 from furuta_gym.envs import options_of
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.simulation import simulate

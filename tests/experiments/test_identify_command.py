@@ -54,3 +54,27 @@ def test_what_cannot_be_is_refused_before_the_fit(file: Path, tmp_path: Path, ar
     assert result.exit_code == 2
     assert word in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_report_of_the_fit_and_of_its_validation(file: Path, tmp_path: Path) -> None:
+    rig, page, other = tmp_path / "rig.json", tmp_path / "page.html", tmp_path / "validation.html"
+    result = run(file, "-o", rig, "--report", page)
+    assert result.exit_code == 0, result.output
+    assert f"Written: {rig}, {page}" in result.stdout
+    html = page.read_text(encoding="utf-8")
+    theta1 = Plant.load(rig).theta[0]
+    assert f"{theta1:.4f}"[:6] in html
+    assert "The test is a log that was not." in html
+    result = CliRunner().invoke(app, ["validate", str(rig), str(file), "--report", str(other)])
+    assert result.exit_code == 0, result.output
+    ratio = result.stdout.split(" times what noise alone")[0].split()[-1]
+    assert f"its error is {ratio} times what noise alone leaves" in other.read_text(encoding="utf-8")
+    assert "log.csv: fitted by this plant" in other.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["page.txt", "log.csv", "no.html/page"])
+def test_a_report_that_cannot_be_written_is_refused_before_the_fit(file: Path, tmp_path: Path, name: str) -> None:
+    result = run(file, "-o", tmp_path / "rig.json", "--report", tmp_path / name)
+    assert result.exit_code == 2
+    assert ".html" in result.stderr
+    assert not list(tmp_path.iterdir())

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -19,13 +20,17 @@ pytest.importorskip("plotly", reason="the report needs the extra 'report'")
 pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 
 from experiments.cli import app
-from experiments.report import Examination, build, examine
+from experiments.report import Examination, diagnosis_page, estimate_page, examine, render, validation_page
 from experiments.report.drawing import MOST_POINTS
+from experiments.report.page import plotly_js
+from experiments.report.validation_page import adequacy
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import GapChange, rms_interval
+from identification.diagnosis.held_out import HeldOut
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import measure_gap, verified
+from identification.estimation.estimate import rounded
 from identification.logs.log import Log, read_log, write_log
 from identification.validation.gap import closed_fraction, validate
 from tests.factories import loop_log
@@ -43,9 +48,29 @@ def examined(logs) -> Examination:
     return examine(found, [logs[0]], [logs[1]])
 
 
+def build(examined: Examination) -> str:
+    return render(diagnosis_page(examined))
+
+
 @pytest.fixture(scope="module")
 def page(examined) -> str:
     return build(examined)
+
+
+@pytest.fixture(scope="module")
+def checked(examined, logs) -> tuple[str, str]:
+    """The pages of `identify` and of `validate` for the plant without the effect."""
+    before = examined.diagnosis.before
+    gap = examined.gap.before
+    return (
+        render(estimate_page(before, [logs[0]], gap, "", "rig.json")),
+        render(validation_page(gap, before.plant, [logs[1]], "rig.json")),
+    )
+
+
+def held(log: Log, *held_out: Log) -> HeldOut:
+    """What judges a search in a log: others, or its own last part."""
+    return HeldOut((log,), held_out, DecisionPolicy())
 
 
 def with_gap(examined: Examination, gap: GapChange | None) -> Examination:
@@ -74,16 +99,25 @@ class Page(HTMLParser):
         self.addresses += [v for k, v in attrs if k in ("src", "href", "srcset", "action")]
         if found.get("class") == "plot" and not (found.get("role") == "img" and found.get("aria-label")):
             self.unlabelled.append(str(found))
+        self.headings += [""] if tag == "h2" else []
         self.inside = found.get("data-for", "") if tag == "script" else ""
         self.heading = tag == "h2"
+
+    def handle_endtag(self, tag):
+        self.heading = self.heading and tag != "h2"
 
     def handle_data(self, data):
         if self.inside:
             self.figures[self.inside] = json.loads(data)
             self.inside = ""
         if self.heading:
-            self.headings.append(data.strip())
-            self.heading = False
+            self.headings[-1] += data
+
+
+def text_of(html: str) -> str:
+    """What a reader sees of a piece of a page."""
+    inside = re.sub(r"<(script|style).*?</\1>", "", html, flags=re.S)
+    return " ".join(unescape(re.sub(r"<[^>]+>", "", inside)).split())
 
 
 def size_of(data) -> int:
@@ -111,8 +145,48 @@ def test_error_bars_are_told_too_small_where_something_is_left(examined):
     left = examined.diagnosis.falling_short(2.0)
     told = {d.leftover: (build(replace(examined, diagnosis=d)), str(d)) for d in (examined.diagnosis, left)}
     for leftover, (page, text) in told.items():
-        assert ("as something is left over here, afterwards as well" in page) == leftover
+        assert ("The error bars are too small for that reason" in page) == leftover
+        assert ("they are too small afterwards as well" in page) == leftover
         assert ("here they are too small" in text) == leftover
+
+
+def test_one_verdict_that_no_section_contradicts(examined):
+    complete = text_of(build(examined))
+    assert "no torque stands out of the noise any more" in complete
+    assert "remains" not in complete
+    short = text_of(build(replace(examined, diagnosis=examined.diagnosis.falling_short(2.4))))
+    assert "Named; a part remains" in short
+    assert short.count("2.4 times") >= 2
+    for promise in ("Nothing is left", "any more", "the error should stay near the noise floor"):
+        assert promise not in short
+    vetoed = text_of(build(replace(examined, diagnosis=examined.diagnosis.vetoed())))
+    assert "A cable that pulls at the arm would explain the fitted logs, but the error on new data" in vetoed
+    assert "Use plant.json in the simulator" not in vetoed
+
+
+def test_the_first_sentence_is_physical_and_its_numbers_are_the_files(examined, page):
+    k, q1n = (examined.diagnosis.after.plant.effect("arm_spring").parameters[n] for n in ("k", "q1n"))
+    data = examined.to_dict()
+    before, after = (data["gap"][side]["ratio_to_floor"] for side in ("before", "after"))
+    headline = text_of(page[page.index("<h1>") : page.index("</h1>")])
+    assert headline == (
+        f"A cable pulls the arm towards {math.degrees(q1n):.0f}°: {k:.3g} V/rad. After adding it, the error on new "
+        f"data falls from {before:.1f} to {after:.1f} times the noise."
+    )
+
+
+def test_the_law_is_drawn_through_what_the_log_asks_for(examined, page):
+    """A spring is a line of slope −k, and the points lie on it."""
+    k, q1n = (examined.diagnosis.after.plant.effect("arm_spring").parameters[n] for n in ("k", "q1n"))
+    shown = examined.law.best_seen(examined.where_after.maps)
+    assert (shown.row, shown.variable) == ("arm", "arm angle")
+    place, torque = examined.law.mean(shown)
+    assert torque == pytest.approx(-k * (place - q1n), abs=1e-9)
+    slope = np.polyfit(place, torque + shown.mean, 1, w=1.0 / shown.std)[0]
+    assert slope == pytest.approx(-k, rel=0.1)
+    assert np.all(examined.law.torque[:, 1] == pytest.approx(0.0, abs=1e-9))
+    figure = Page(page).figures["law"]
+    assert [trace["name"] for trace in figure["data"]] == ["fitted law", "asked for by the log"]
 
 
 def test_the_gap_is_that_of_the_validation(examined, logs):
@@ -131,7 +205,7 @@ def test_the_gap_is_that_of_the_validation(examined, logs):
 
 def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
     log = logs[0]
-    change = measure_gap(examined.diagnosis, [log])
+    change = measure_gap(examined.diagnosis, held(log))
     assert change.tail == 0.3
     assert change.to_dict()["held_out"] is False
     starts = change.before.times - change.before.horizon
@@ -140,7 +214,7 @@ def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
     assert change.closed.value > 0.8
     rest = log.slice(stop=float(log.t[0]) + 0.7 * log.duration)  # what the plants may know
     moved = replace(log, q1=np.where(log.t > rest.t[-1], log.q1 + 0.05, log.q1))
-    assert measure_gap(examined.diagnosis, [moved]).before.rms[0] > change.before.rms[0]
+    assert measure_gap(examined.diagnosis, held(moved)).before.rms[0] > change.before.rms[0]
 
 
 def test_intervals_of_the_rms_cover_it(examined):
@@ -148,30 +222,37 @@ def test_intervals_of_the_rms_cover_it(examined):
     assert np.all((low < examined.gap.after.rms) & (examined.gap.after.rms < high))
 
 
-def test_the_page_stands_alone_and_reads_from_top_to_bottom(page):
-    found = Page(page)
-    assert [heading[0] for heading in found.headings] == list("1234567")
-    assert not found.addresses
-    assert not {"link", "iframe", "img", "object"} & set(found.tags)
-    assert "cdn.plot.ly" not in re.sub(r"<script>.*?</script>", "", page, flags=re.S)
-    assert not found.unlabelled
-    assert len(set(found.ids)) == len(found.ids)
-    assert {f"plot-{name}" for name in found.figures} <= set(found.ids)
-    assert {
-        "predictions",
-        "closed-loop",
-        "torque-0",
-        "map-arm-arm-angle",
-        "ranking-1",
-        "parameters",
-        "horizons",
-    } <= set(found.figures)
+def test_the_page_stands_alone_and_reads_from_top_to_bottom(page, checked):
+    for html, sections in ((page, 6), (checked[0], 4), (checked[1], 3)):
+        found = Page(html)
+        assert [heading.split()[0] for heading in found.headings] == [str(i + 1) for i in range(sections)]
+        assert {address[1:] for address in found.addresses} <= set(found.ids)
+        assert all(address.startswith("#") for address in found.addresses)
+        assert len(found.addresses) == sections
+        assert not {"link", "iframe", "img", "object"} & set(found.tags)
+        assert "default-src 'none'" in html
+        assert "://" not in html.replace(plotly_js(), "")
+        assert len(html.encode()) < 2e6
+        assert not found.unlabelled
+        assert len(set(found.ids)) == len(found.ids)
+        assert {f"plot-{name}" for name in found.figures} <= set(found.ids)
+    drawn = {"predictions", "closed-loop", "law", "torque-0", "map-arm-arm-angle", "parameters", "horizons"}
+    assert drawn <= set(Page(page).figures)
+    assert {"predictions", "horizons", "residuals"} <= set(Page(checked[1]).figures)
+    assert "precision" in Page(checked[0]).figures
+
+
+def test_the_bundle_is_that_of_the_python_package():
+    from plotly.offline import get_plotlyjs_version
+
+    assert f"plotly.js (basic - minified) v{get_plotlyjs_version()}" in plotly_js()[:200]
 
 
 def test_axes_have_titles_and_traces_are_thinned(page):
     for name, figure in Page(page).figures.items():
         axes = [axis for key, axis in figure["layout"].items() if key.startswith("yaxis")]
-        assert any("title" in axis for axis in axes) or name.startswith(("ranking", "parameters")), name
+        assert any("title" in axis for axis in axes) or name in ("parameters", "precision"), name
+        assert {trace["type"] for trace in figure["data"]} <= {"scatter", "bar"}, "what the basic bundle draws"
         assert any("title" in axis for key, axis in figure["layout"].items() if key.startswith("xaxis")), name
         for trace in figure["data"]:
             assert size_of(trace["x"]) <= 2 * MOST_POINTS + 2, name  # a band goes there and back
@@ -180,15 +261,47 @@ def test_axes_have_titles_and_traces_are_thinned(page):
 def test_the_page_says_what_was_found(page, examined):
     k = examined.diagnosis.after.plant.effect("arm_spring").parameters["k"]
     assert f"k = {k:.4g}" in page
-    assert "arm_spring" in page
-    assert f"<strong>{100 * examined.gap.closed.value:.1f} %</strong>" in page
-    assert "back emf (adds to θ6); amplifier gain (scales every θ)" in page
-    assert examined.where.sentence.split(":")[0].replace("'", "&#39;") in page
+    assert "<code>arm_spring</code>" in page
+    assert f"<b>{100 * examined.gap.closed.value:.1f} %</b>" in page
+    assert "back emf (adds to θ6), amplifier gain (scales every θ)" in page
+    assert "the model misses a torque on the arm that depends on the arm angle" in page
+
+
+def test_the_first_screen_of_identify_and_validate(examined, checked):
+    gap = examined.gap.before
+    for html in checked:
+        first = text_of(html[html.index("<h1>") : html.index("</header>")])
+        assert "The model is not adequate" in first
+        assert f"{gap.ratio_to_floor:.1f} times what noise alone leaves" in first
+        assert f"{gap.fit_percent[0]:.1f} and".replace("-", "−") in first
+        assert "Next: Find what is missing: furuta diagnose" in first
+    before = examined.diagnosis.before
+    assert rounded(before.value("theta1"), float(before.std[0])) in text_of(checked[0])
+    fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", ["a.csv"]))
+    assert "a.csv: fitted by this plant, so this is no test on new data." in text_of(fitted)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.74, 0.76, 1.0, 1.09, 1.11, 1.9, 2.1, 30.0])
+@pytest.mark.parametrize("torque", [0.5, 0.99])
+def test_the_badge_says_what_the_validation_says(examined, ratio, torque):
+    """One decision: the page's word and `Gap.verdict` go together."""
+    reading = np.sqrt(1.0 - torque) * examined.gap.before.floor
+    gap = replace(examined.gap.before, rms=ratio * examined.gap.before.floor, reading_floor=reading, repeats=False)
+    words = {
+        "Adequate": "nothing of size is missing",
+        "Something small is missing": "something small is missing",
+        "Not adequate": "the plant misses something",
+        "Cannot be judged": "",
+    }
+    judged = adequacy(gap)
+    assert words[judged.badge] in gap.verdict
+    assert (judged.badge == "Cannot be judged") == gap.verdict.startswith(("this says little", "below the floor"))
+    assert judged.good == (judged.badge == "Adequate")
 
 
 def test_the_page_shows_the_tail_that_judged_a_repeating_effect(page, examined, logs):
     assert "On the last part of the searched logs" not in page
-    own_tail = measure_gap(examined.diagnosis, [logs[0]])
+    own_tail = measure_gap(examined.diagnosis, held(logs[0]))
     html = build(with_gap(examined, replace(examined.gap, own_tail=own_tail)))
     assert "On the last part of the searched logs" in html
     windows = f", {len(own_tail.before.errors)} windows."
@@ -207,10 +320,10 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
     else:
         naming = replace(d.naming, accepted=(), equals=())
         d = replace(d, verdict=verdict, after=d.before, naming=naming, gap=None)
-        x = replace(examined, diagnosis=d, where_after=None, closed_loop=examined.closed_loop[:1])
+        x = replace(examined, diagnosis=d, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
     json.dumps(x.to_dict(), allow_nan=False)
     found = Page(build(x))
-    assert len(found.headings) == 7
+    assert len(found.headings) == 6
     for figure in found.figures.values():
         assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
 
@@ -234,7 +347,11 @@ def test_a_file_name_cannot_write_into_the_page(examined):
 def test_what_could_not_be_measured_is_said(examined):
     plain = Log(examined.logs[0].t, examined.logs[0].q1, examined.logs[0].q2, examined.logs[0].u)
     short = plain.slice(stop=0.9)
-    x = examine(verified(replace(examined.diagnosis, rest=None, gap=None), [short], [short]), [short], [short])
+    x = examine(
+        verified(replace(examined.diagnosis, rest=None, gap=None), held(short, short)),
+        [short],
+        [short],
+    )
     assert {"where", "gap", "closed loop"} <= set(x.remarks)
     html = build(x)
     assert "Not available" in html
@@ -242,25 +359,32 @@ def test_what_could_not_be_measured_is_said(examined):
 
 
 @pytest.mark.timeout(400)
-def test_a_browser_draws_every_figure(page, tmp_path):
+def test_a_browser_draws_every_figure(page, checked, tmp_path):
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
         pytest.skip("no Chromium on PATH: nothing to draw the page with")
-    path = tmp_path / "report.html"
-    path.write_text(page, encoding="utf-8")
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=30000")
-    offline = ("--host-resolver-rules=MAP * ~NOTFOUND",)
-    run = subprocess.run(
-        [browser, *flags, *offline, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", path.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    body = run.stdout[run.stdout.index("<main>") :]
-    drawn = re.findall(r'<div class="plot js-plotly-plot" id="plot-([^"]+)"', body)
-    assert sorted(drawn) == sorted(Page(page).figures)
-    assert len(re.findall(r'<svg class="main-svg"', body)) >= len(drawn)
-    assert "CONSOLE" not in run.stderr, run.stderr
+    for html in (page, *checked):
+        path = tmp_path / "report.html"
+        path.write_text(html, encoding="utf-8")
+        flags = (
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--enable-logging=stderr",
+            "--virtual-time-budget=30000",
+        )
+        offline = ("--host-resolver-rules=MAP * ~NOTFOUND",)
+        run = subprocess.run(
+            [browser, *flags, *offline, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", path.as_uri()],
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        body = run.stdout[run.stdout.index("<main>") :]
+        drawn = re.findall(r'<div class="plot js-plotly-plot" id="plot-([^"]+)"', body)
+        assert sorted(drawn) == sorted(Page(html).figures)
+        assert len(re.findall(r'<svg class="main-svg"', body)) >= len(drawn)
+        assert "CONSOLE" not in run.stderr, run.stderr
 
 
 @pytest.fixture
@@ -278,7 +402,11 @@ def at_once(monkeypatch, examined) -> None:
     import identification.diagnosis.diagnose as search
 
     found = replace(examined.diagnosis, gap=None, still_off=1.0)
-    monkeypatch.setattr(search, "diagnose", lambda logs, held_out, *args, **options: verified(found, logs, held_out))
+    monkeypatch.setattr(
+        search,
+        "diagnose",
+        lambda logs, held_out, *args, **options: verified(found, held(*logs, *held_out)),
+    )
 
 
 def test_the_command_writes_all_three_files(files, at_once, tmp_path):

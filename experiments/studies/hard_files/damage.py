@@ -58,7 +58,8 @@ def damaged_tree(draw: random.Random, tree: Any, most: int = 3) -> Any:
 
 
 def _damaged_node(draw: random.Random, tree: Any) -> Any:
-    parent, key = None, None
+    parent: Any = None
+    key: Any = None
     node = tree
     while isinstance(node, dict | list) and node and (parent is None or draw.random() < 0.75):
         parent, key = node, draw.choice(list(node)) if isinstance(node, dict) else draw.randrange(len(node))

@@ -140,7 +140,7 @@ def try_policy(raw: bytes, folder: Path) -> str:
         warnings.simplefilter("error")
         try:
             network, _ = read_policy(path)
-            network(np.zeros((1, network.size), dtype=np.float32))
+            network(np.zeros((1, network.size)))
         except ValueError as error:
             _sentence(error, path)
             answer = "refused"

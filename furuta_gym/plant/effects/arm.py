@@ -6,6 +6,7 @@ import math
 from ..compiled import compiled
 from ..elementary import tanh
 from .declaration import EffectType, Parameter
+from .words import Quantity, by_direction, either, near_standstill, percent
 
 
 def _stribeck(v1, r1, ΔF, vs):
@@ -100,9 +101,11 @@ def _backlash_rate(tau, a1, plant_theta1, b, s, w):
 ARM_EFFECTS = (
     EffectType(
         name="arm_stribeck",
+        title="friction of the arm that differs near standstill",
         place="arm",
         equation="arm: −ΔF exp(−(q̇1/vs)²) tanh(r q̇1)",
         symptom="friction is larger or smaller near standstill than the Coulomb level it settles to (ΔF > 0: larger)",
+        says=lambda ΔF, vs: near_standstill("arm", ΔF, vs),
         parameters=(
             Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 0.5, relative_to="theta8"),
             Parameter(
@@ -114,18 +117,22 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_coulomb_asymmetry",
+        title="friction of the arm that differs by direction",
         place="arm",
         equation="arm: −a |tanh(r q̇1)|",
         symptom="the arm slows faster turning one way than the other",
+        says=lambda a: by_direction("arm", a),
         parameters=(Parameter("a", "{u}", "half the difference of the levels", 0.35, relative_to="theta8"),),
         kernels={"torque": _coulomb_asymmetry},
         mistaken_for=("input_offset",),
     ),
     EffectType(
         name="arm_quadratic_drag",
+        title="drag on the arm that grows with its speed squared",
         place="arm",
         equation="arm: −c q̇1 |q̇1|",
         symptom="fast turns of the arm lose more speed than viscous friction explains",
+        says=lambda c: f"A drag that grows with the square of its speed slows the arm: {c}",
         parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 3.0, relative_to="theta6", lower=0.0),),
         kernels={"torque": _quadratic_drag},
         mistaken_for=("arm_stribeck",),
@@ -133,9 +140,11 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_spring",
+        title="a cable that pulls at the arm",
         place="arm",
         equation="arm: −k (q1 − q1n)",
         symptom="with no command the arm is drawn to one angle, as by the pendulum encoder's cable",
+        says=lambda k, q1n: f"A cable pulls the arm towards {q1n}: {k}",
         parameters=(
             Parameter("k", "{u}/rad", "stiffness", 1.0, relative_to="theta5", lower=0.0),
             Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="product"),
@@ -145,9 +154,11 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_ripple",
+        title="cogging of the arm",
         place="arm",
         equation="arm: −A sin(n q1 + φ), n integer",
         symptom="the arm rests and hesitates at evenly spaced angles (cogging)",
+        says=lambda A, n: f"The arm's torque ripples {n} times a turn, by ±{A} (cogging)",
         parameters=(
             Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
             Parameter(
@@ -168,9 +179,14 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_position_friction",
+        title="friction of the arm that changes over the turn",
         place="arm",
         equation="arm: −(a sin q1 + b cos q1) tanh(r q̇1)",
         symptom="the arm turns more stiffly over one part of its circle",
+        says=lambda a, b: (
+            f"The arm's friction changes by ±{Quantity(math.hypot(a, b), a.unit)} over a turn; "
+            f"it is largest near {Quantity(math.atan2(a, b), 'rad')}"
+        ),
         parameters=(
             Parameter("a", "{u}", "sine part of the Coulomb level", 0.5, relative_to="theta8"),
             Parameter("b", "{u}", "cosine part of the Coulomb level", 0.3, relative_to="theta8"),
@@ -180,9 +196,11 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_presliding",
+        title="an arm that gives before it slides",
         place="arm",
         equation="arm: θ8 tanh(r q̇1) replaced by σ0 z, ż = q̇1 − σ0 |q̇1| z / θ8 (Dahl; rate at most 1000 1/s)",
         symptom="near standstill the arm springs back by a fraction of a degree instead of stopping dead",
+        says=lambda σ0: f"Before it slides, the arm gives like a spring of {σ0}",
         parameters=(
             Parameter(
                 "σ0",
@@ -202,27 +220,37 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_friction_drift",
+        title="friction of the arm that drifts",
         place="arm",
         equation="arm: −θ8 a t tanh(r q̇1)",
         symptom="Coulomb friction of the arm falls (or rises) during the run, as a motor warms up",
+        says=lambda a: (
+            f"The arm's Coulomb friction {either(a, 'rises', 'falls')} by {percent(a)} a second during the run"
+        ),
         parameters=(Parameter("a", "1/s", "relative change a second", -0.02, lower=-1.0, upper=1.0),),
         kernels={"torque": _friction_drift},
         mistaken_for=("arm_viscous_drift", "payload_step"),
     ),
     EffectType(
         name="arm_viscous_drift",
+        title="viscous friction of the arm that drifts",
         place="arm",
         equation="arm: −θ6 a t q̇1",
         symptom="viscous friction of the arm changes during the run (grease, magnet temperature)",
+        says=lambda a: (
+            f"The arm's viscous friction {either(a, 'rises', 'falls')} by {percent(a)} a second during the run"
+        ),
         parameters=(Parameter("a", "1/s", "relative change a second", 0.2, lower=-1.0, upper=5.0),),
         kernels={"torque": _viscous_drift},
         mistaken_for=("arm_friction_drift",),
     ),
     EffectType(
         name="arm_backlash",
+        title="play between motor and arm",
         place="arm",
         equation="play of width 2b between motor and arm: a rotor of inertia θ1/10 drives the arm through a stop",
         symptom="on each reversal of the command the arm is free for a moment, then is hit",
+        says=lambda b: f"There is a play of {Quantity(2 * b, b.unit)} between motor and arm",
         parameters=(
             Parameter(
                 "b",
@@ -242,9 +270,11 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="periodic_torque",
+        title="a torque that repeats in time",
         place="arm",
         equation="arm: +A sin(2π f t + φ)",
         symptom="a hum or beat of fixed frequency in the arm, whatever the command",
+        says=lambda A, f: f"A torque of ±{A} shakes the arm at {f}",
         parameters=(
             Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
             Parameter("f", "Hz", "frequency", 3.3, lower=0.02, upper=100.0, role="shape", grid="frequencies"),

@@ -35,9 +35,11 @@ def _hysteresis_update(q1, d, d2, y, y2):
 CABLE_EFFECTS = (
     EffectType(
         name="arm_cable",
+        title="a cable that stiffens to one side",
         place="arm",
         equation="arm: −k (q1 − q1n) − k3 ((q1 − q1s)³ − (q1n − q1s)³)",
         symptom="with no command the arm is drawn to one angle, and more strongly the further it turns to one side",
+        says=lambda k, q1n, q1s: f"A cable pulls the arm towards {q1n}: {k} where it is softest, at {q1s}",
         parameters=(
             Parameter("k", "{u}/rad", "stiffness where the cable is softest, at q1s", 0.5, "theta5", lower=0.0),
             Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="linear"),
@@ -59,9 +61,11 @@ CABLE_EFFECTS = (
     ),
     EffectType(
         name="arm_taut_cable",
+        title="a cable that comes taut at one angle",
         place="arm",
         equation="arm: −(g(q1) − g(q1n)), g(q) = k1 (q − qt) for q < qt, k2 (q − qt) beyond",
         symptom="the arm is drawn back on one side of some angle only, where the cable is taut",
+        says=lambda k1, k2, qt: f"A cable pulls at the arm with {k1} below {qt} and with {k2} above",
         parameters=(
             Parameter("k1", "{u}/rad", "stiffness below qt (0: slack)", 0.3, "theta5", lower=0.0),
             Parameter("k2", "{u}/rad", "stiffness above qt (0: slack)", 1.5, "theta5", lower=0.0),
@@ -83,11 +87,13 @@ CABLE_EFFECTS = (
     ),
     EffectType(
         name="arm_hysteresis",
+        title="friction of the arm that builds up with its travel",
         place="arm",
         # Prandtl–Ishlinskii. The memory y is the angle at which the element hangs, z = clip(q1 − y, ±d): so the torque
         # is a function of the state, and a step that does not reverse ends at the exact y whatever its length.
         equation="arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) (stops; z = z2 = 0 at q1 = 0)",
         symptom="after a reversal the arm's friction builds up over some hundredths of a radian, at any speed",
+        says=lambda κ, d: f"After a reversal the arm's friction builds up over {d} at {κ}",
         parameters=(
             Parameter("κ", "{u}/rad", "stiffness before it slips", 4.0, "theta8", lower=0.0),
             Parameter(

@@ -3,6 +3,7 @@
 import math
 
 from .declaration import EffectType, Parameter
+from .words import either, percent
 
 
 def _delay(d):
@@ -42,9 +43,11 @@ def _saturation(u, m, knee):
 COMMAND_EFFECTS = (
     EffectType(
         name="input_delay",
+        title="a delay of the command",
         place="input",
         equation="τ(t) = u(t − d)",
         symptom="the arm answers a step of the command late but then as sharply as it should",
+        says=lambda d: f"The command reaches the motor {d} late",
         parameters=(
             Parameter(
                 "d",
@@ -61,36 +64,47 @@ COMMAND_EFFECTS = (
     ),
     EffectType(
         name="input_offset",
+        title="an offset of the command",
         place="input",
         equation="τ = u + b",
         symptom="the arm creeps to one side with no command, or rests off its reference",
+        says=lambda b: f"A constant {b} is added to the command",
         parameters=(Parameter("b", "{u}", "constant added to the command", 0.4, relative_to="theta8"),),
         kernels={"command": _offset},
         mistaken_for=("arm_coulomb_asymmetry", "arm_spring"),
     ),
     EffectType(
         name="input_gain_asymmetry",
+        title="a motor that is stronger one way",
         place="input",
         equation="τ = u (1 + a sign u)",
         symptom="equal commands of opposite sign move the arm by different amounts",
+        says=lambda a: (
+            f"Positive commands act {percent(a)} {either(a, 'more', 'less')} strongly than the mean, "
+            f"negative ones as much {either(a, 'less', 'more')}"
+        ),
         parameters=(Parameter("a", "1", "half the relative difference of the gains", 0.08, lower=-0.9, upper=0.9),),
         kernels={"command": _gain_asymmetry},
         mistaken_for=("input_offset", "arm_coulomb_asymmetry"),
     ),
     EffectType(
         name="input_cubic_gain",
+        title="a gain that changes with the command",
         place="input",
         equation="τ = u + a u³",
         symptom="large commands act more (or less) than in proportion to small ones",
+        says=lambda a: f"The motor's gain {either(a, 'rises', 'falls')} with the square of the command: {a}",
         parameters=(Parameter("a", "1/{u}²", "cubic coefficient", 0.3, relative_to="1/u_max²"),),
         kernels={"command": _cubic_gain},
         mistaken_for=("input_saturation", "input_dead_zone"),
     ),
     EffectType(
         name="input_dead_zone",
+        title="a dead zone of the command",
         place="input",
         equation="τ = u − clip(u, −w, w)",
         symptom="small commands do nothing; the arm hunts around its reference",
+        says=lambda w: f"Commands within ±{w} do nothing",
         parameters=(
             Parameter("w", "{u}", "half-width of the zone", 0.8, relative_to="theta8", lower=0.0, grid=(0.1, 0.4, 1.0)),
         ),
@@ -99,9 +113,11 @@ COMMAND_EFFECTS = (
     ),
     EffectType(
         name="input_saturation",
+        title="a limit of the motor",
         place="input",
         equation="τ = clip(u, −m, m), its corners rounded over ±knee m",
         symptom="beyond some command the arm accelerates no faster",
+        says=lambda m: f"The motor gives no more than {m}",
         parameters=(
             Parameter(
                 "m",
@@ -129,9 +145,11 @@ COMMAND_EFFECTS = (
     ),
     EffectType(
         name="actuator_lag",
+        title="a lag of the motor",
         place="input",
         equation="T τ̇ + τ = u",
         symptom="the arm's answer to a step of the command is rounded off",
+        says=lambda T: f"The motor's torque follows the command with a lag of {T}",
         parameters=(
             Parameter("T", "s", "time constant", 0.01, lower=0.0, upper=1.0, grid=(0.001, 0.003, 0.008, 0.02)),
         ),

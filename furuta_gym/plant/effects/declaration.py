@@ -8,6 +8,7 @@ from typing import Any
 from ..compiled import compiled
 from ..layout import BASE_NAMES
 from ..parameters import THETA_NAMES
+from .words import Quantity
 
 PLACES = ("arm", "pendulum", "arm and pendulum", "input", "sensor", "parameters")
 
@@ -69,6 +70,10 @@ class Parameter:
 class EffectType:
     """An entry of the library; `kernels` maps each hook (see `HOOKS`) to compiled scalar code.
 
+    `title` names the effect in a sentence ("a cable that pulls at the arm"), and `says` is a function of some fitted
+    parameters, by name, to a sentence about the rig, without its full stop. It is given `Quantity` values, which print
+    with their units; `Effect.sentence` calls it.
+
     The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
     entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
@@ -76,9 +81,11 @@ class EffectType:
     """
 
     name: str
+    title: str
     place: str
     equation: str
     symptom: str
+    says: Callable[..., str]
     parameters: tuple[Parameter, ...]
     kernels: dict[str, Callable[..., Any]]
     mistaken_for: tuple[str, ...] = ()
@@ -97,8 +104,10 @@ class EffectType:
             arguments[hook] = tuple(inspect.signature(kernel).parameters)
             if strange := set(arguments[hook]) - own - set(HOOKS[hook]):
                 raise ValueError(f"effect {self.name}: its {hook} kernel asks for unknown {sorted(strange)}")
-        if self.linear and (strange := set(inspect.signature(self.linear).parameters) - set(self.parameter_names)):
-            raise ValueError(f"effect {self.name}: its linear coefficients ask for unknown {sorted(strange)}")
+        for what, function in (("linear coefficients", self.linear), ("sentence", self.says)):
+            asked = set(inspect.signature(function).parameters) if function else set()
+            if strange := asked - set(self.parameter_names):
+                raise ValueError(f"effect {self.name}: its {what} ask for unknown {sorted(strange)}")
         object.__setattr__(self, "arguments", arguments)
         compiled_kernels = {hook: compiled(k, forceinline=True) for hook, k in self.kernels.items()}
         object.__setattr__(self, "kernels", compiled_kernels)
@@ -111,6 +120,11 @@ class EffectType:
         """`linear` of an effect that has it, at the parameters `values`."""
         assert self.linear is not None
         return self.linear(**{name: values[name] for name in inspect.signature(self.linear).parameters})
+
+    def sentence(self, values: Mapping[str, float], unit: str) -> str:
+        """What the effect does to a rig at the parameters `values`, in words; unit: of the command."""
+        spoken = {p.name: Quantity(values[p.name], p.unit.format(u=unit)) for p in self.parameters}
+        return self.says(**{name: spoken[name] for name in inspect.signature(self.says).parameters})
 
     def neutral(self) -> dict[str, float]:
         """Parameter values at which the effect is absent (shape parameters at their defaults)."""

@@ -105,6 +105,10 @@ class Effect:
         named = {_PLAIN.get(key, key): given.parameters[_PLAIN.get(key, key)] for key in keys}
         return cls(given.name, {**left_out(given.name).parameters, **named})
 
+    def sentence(self, unit: str) -> str:
+        """What it does to the rig, in words and with its size, without a full stop; unit: of the command."""
+        return self.type.sentence(self.parameters, unit)
+
     def to_dict(self, unit: str) -> dict[str, Any]:
         units = {p.name: p.unit.format(u=unit) for p in self.type.parameters}
         return {

@@ -4,6 +4,7 @@ import math
 
 from ..elementary import tanh
 from .declaration import EffectType, Parameter
+from .words import Quantity, by_direction, either, near_standstill, percent
 
 
 def _quadratic_drag(v2, c):
@@ -41,12 +42,19 @@ def _payload(t, theta1, theta2, theta3, theta4, theta5, m, t0):
     )
 
 
+def _sharpness_says(r1, r2):
+    found = [f"{r} on the {joint}" for r, joint in ((r1, "arm"), (r2, "pendulum")) if r > 0.0]
+    return f"Friction sets in with a sharpness of {' and '.join(found) or 'the plant'}"
+
+
 PENDULUM_EFFECTS = (
     EffectType(
         name="pendulum_quadratic_drag",
+        title="air drag on the pendulum",
         place="pendulum",
         equation="pendulum: −c q̇2 |q̇2|",
         symptom="large swings decay faster than small ones (air)",
+        says=lambda c: f"A drag that grows with the square of its speed slows the pendulum: {c}",
         parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 1.0, relative_to="theta7", lower=0.0),),
         kernels={"torque": _quadratic_drag},
         mistaken_for=("pendulum_stribeck",),
@@ -54,9 +62,11 @@ PENDULUM_EFFECTS = (
     ),
     EffectType(
         name="pendulum_stribeck",
+        title="friction of the pendulum that differs near standstill",
         place="pendulum",
         equation="pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)",
         symptom="the pendulum sticks near rest more than its friction in motion explains",
+        says=lambda ΔF, vs: near_standstill("pendulum", ΔF, vs),
         parameters=(
             Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 1.0, relative_to="theta9"),
             Parameter(
@@ -68,18 +78,22 @@ PENDULUM_EFFECTS = (
     ),
     EffectType(
         name="pendulum_coulomb_asymmetry",
+        title="friction of the pendulum that differs by direction",
         place="pendulum",
         equation="pendulum: −a |tanh(r q̇2)|",
         symptom="the pendulum's joint drags more one way than the other",
+        says=lambda a: by_direction("pendulum", a),
         parameters=(Parameter("a", "{u}", "half the difference of the levels", 0.5, relative_to="theta9"),),
         kernels={"torque": _coulomb_asymmetry},
         mistaken_for=("pendulum_encoder_offset", "base_tilt"),
     ),
     EffectType(
         name="base_tilt",
+        title="a tilted base",
         place="arm and pendulum",
         equation="e = −αx sin q1 + αy cos q1; arm: +G1 e − θ5 sin q2 (αx cos q1 + αy sin q1); pendulum: +θ5 cos q2 e",
         symptom="the pendulum balances off its zero, by an amount that turns with the arm",
+        says=lambda αx, αy: f"The base is tilted by {Quantity(math.hypot(αx, αy), 'rad')}",
         parameters=(
             Parameter("αx", "rad", "tilt about the x axis", 0.015, lower=-0.5, upper=0.5),
             Parameter("αy", "rad", "tilt about the y axis", 0.01, lower=-0.5, upper=0.5),
@@ -99,9 +113,11 @@ PENDULUM_EFFECTS = (
     ),
     EffectType(
         name="friction_sharpness",
+        title="friction that sets in at another sharpness",
         place="parameters",
         equation="tanh(r1 q̇1), tanh(r2 q̇2): r itself differs (0 keeps the plant's r)",
         symptom="friction turns over more softly or more sharply near standstill than the model's",
+        says=_sharpness_says,
         parameters=(
             Parameter(
                 "r1",
@@ -128,9 +144,11 @@ PENDULUM_EFFECTS = (
     ),
     EffectType(
         name="payload_step",
+        title="a load that changes during the run",
         place="parameters",
         equation="from t0 on θ1 … θ5 change as a mass m·m2 added at the pendulum's centre of mass would change them",
         symptom="the pendulum is heavier from some moment on, or lighter (m < 0)",
+        says=lambda m, t0: f"From {t0} on, the pendulum is {percent(m)} {either(m, 'heavier', 'lighter')}",
         parameters=(
             Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0),
             Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times"),

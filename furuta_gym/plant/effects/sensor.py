@@ -3,6 +3,7 @@
 import math
 
 from .declaration import EffectType, Parameter
+from .words import off_centre
 
 
 def _offset(b):
@@ -27,27 +28,33 @@ def _eccentricity_parameters() -> tuple[Parameter, ...]:
 SENSOR_EFFECTS = (
     EffectType(
         name="pendulum_encoder_offset",
+        title="a wrong zero of the pendulum's encoder",
         place="sensor",
         equation="y2 = q2 + b",
         symptom="the pendulum balances at a reading other than zero, the same for every arm angle",
+        says=lambda b: f"The pendulum's encoder reads {b} when the pendulum is upright",
         parameters=(Parameter("b", "rad", "zero error of the pendulum's encoder", 0.012, lower=-1.0, upper=1.0),),
         kernels={"sensor": _offset},
         mistaken_for=("base_tilt", "pendulum_coulomb_asymmetry"),
     ),
     EffectType(
         name="pendulum_encoder_eccentricity",
+        title="an encoder of the pendulum that sits off its centre",
         place="sensor",
         equation="y2 = q2 + a sin q2 + b (cos q2 − 1)",
         symptom="the pendulum's reading runs ahead and behind once a turn",
+        says=lambda a, b: off_centre("pendulum", a, b),
         parameters=_eccentricity_parameters(),
         kernels={"sensor": _pendulum_eccentricity},
         mistaken_for=("pendulum_encoder_offset",),
     ),
     EffectType(
         name="arm_encoder_eccentricity",
+        title="an encoder of the arm that sits off its centre",
         place="sensor",
         equation="y1 = q1 + a sin q1 + b (cos q1 − 1)",
         symptom="the arm's reading runs ahead and behind once a turn",
+        says=lambda a, b: off_centre("arm", a, b),
         parameters=_eccentricity_parameters(),
         kernels={"sensor": _arm_eccentricity},
         mistaken_for=("arm_position_friction",),

@@ -11,7 +11,7 @@ import pytest
 from controllers.statistics import success_rate
 from experiments.bench import Rig
 from experiments.bench.control import Balance, lqr_gain
-from experiments.studies.bench_runs import Contrast, Run, contrast, run_on_bench, summary
+from experiments.bench_runs import Contrast, Run, contrast, run_on_bench, summary
 
 
 class Own:

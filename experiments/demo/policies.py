@@ -1,0 +1,93 @@
+"""The last step of the demo: policies learned without and with the effect, and LQRs, on the bench rig that hides it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controllers import make_controller
+from controllers.statistics import Interval
+from controllers.training import Training, train
+from experiments.bench import Rig
+from experiments.bench_runs import Run, contrast, run_on_bench, summary
+from furuta_gym.plant import Plant
+
+STEPS = 400_000  # of the environment: about ten seconds of CPU on one core
+RUNS, DURATION = 10, 6.0
+SEED = 2000  # of the first run; not a seed of the logs
+SIDES = ("without", "with")
+
+
+@dataclass(frozen=True)
+class Played:
+    """A controller on the rig. side: the plant it was made from, "without" or "with" the effect."""
+
+    name: str
+    side: str
+    runs: tuple[Run, ...]
+
+    @property
+    def figures(self) -> dict[str, Interval]:
+        """Success rate, and rms angles [rad] and ∫u² dt of the runs that held, with 95 % intervals."""
+        return summary(self.runs)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """All that was played. training: seconds on the clock and of CPU that each policy took to learn."""
+
+    played: tuple[Played, ...]
+    training: dict[str, dict[str, float]]
+
+    def verdict(self, name: str) -> str:
+        """What the runs allow to say of a controller made with the effect against one made without."""
+        without, with_it = (next(p for p in self.played if (p.name, p.side) == (name, side)) for side in SIDES)
+        return contrast(without.runs, with_it.runs).verdict
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(p.name for p in self.played))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For machines."""
+        rows = [
+            {"controller": p.name, "made": p.side} | {k: interval.to_dict() for k, interval in p.figures.items()}
+            for p in self.played
+        ]
+        return {
+            "runs": RUNS,
+            "duration_s": DURATION,
+            "steps": STEPS,
+            "rows": rows,
+            "with_against_without": {name: self.verdict(name) for name in self.names},
+            "training": self.training,
+        }
+
+
+def try_on_rig(
+    without: Plant, with_it: Plant, rig: Rig, folder: Path, seed: int, say: Callable[[str], None], steps: int = STEPS
+) -> Trial:
+    """Train a policy on each plant, and let it and an LQR balance the rig itself from the same starts.
+
+    The policies, three readings and the last command deep so that they can see a delay, are kept in `folder`. Raises
+    ValueError without the extra "rl".
+    """
+    known = {"u_max": rig.kind.u_max, "sample_time": rig.period}  # what a laboratory knows and a log does not tell
+    played, spent = [], {}
+    for side, plant in zip(SIDES, (without, with_it), strict=True):
+        plant = plant.replace(**known)
+        path = folder / f"policy_{side}.zip"
+        path.unlink(missing_ok=True)
+        wall, cpu = time.perf_counter(), time.process_time()
+        train(Training(plant, "balance", "ppo", steps, seed, history=3, observe_command=True), path)
+        spent[side] = {"wall_s": round(time.perf_counter() - wall, 1), "cpu_s": round(time.process_time() - cpu, 1)}
+        say(f"   trained on the plant {side} the effect: {steps:,} steps in {spent[side]['wall_s']:.0f} s")
+        for name, source in (("lqr", "lqr"), ("policy", path)):
+            controller = make_controller(source, plant, rig.period)
+            runs = tuple(run_on_bench(rig, controller, SEED + i, DURATION) for i in range(RUNS))
+            played.append(Played(name, side, runs))
+    played.sort(key=lambda p: p.name)
+    return Trial(tuple(played), spent)

@@ -1,0 +1,71 @@
+"""The page of `furuta identify`: is the model adequate, what are its parameters, and how sure are they?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from identification.estimation.estimate import Estimate
+from identification.logs.log import Log
+from identification.validation.gap import Gap
+
+from . import search_figures, tables
+from .contents import Block, Fact, Figure, Page, Section, Text, Verdict
+from .validation_page import about, adequacy, effects_of, error_in_words, facts, footer, gap_sections
+from .words import joined
+
+_FITTED = "These logs were fitted. The test is a log that was not."
+
+
+def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, remark: str, plant_file: str) -> Page:
+    """The report of an identification. gap: of the estimated plant on the fitted logs, or None with the reason in
+    `remark`; plant_file: what the plant was saved as."""
+    sources = joined([log.source for log in logs], "and")
+    weak = [w.replace("theta", "θ") for w in (*estimate.identifiability.unidentified, *estimate.identifiability.weak)]
+    known = f"{len(estimate.names) - len(weak)} of {len(estimate.names)} parameters are well determined."
+    judged = adequacy(gap) if gap is not None else None
+    if gap is None or judged is None:
+        badge, good, headline = (
+            "Identified",
+            estimate.valid,
+            "The parameters were identified; the error was not measured.",
+        )
+        doubts: list[str] = [f"{remark[:1].upper()}{remark[1:]}."]
+    else:
+        badge, good = judged.badge, judged.good and estimate.valid
+        headline = f"{judged.words}: {error_in_words(gap, 'the fitted logs')}"
+        doubts = [f"{gap.verdict[:1].upper()}{gap.verdict[1:]}."] if judged.floor_in_doubt else []
+        doubts.append(_FITTED)
+    if not estimate.converged:
+        doubts.insert(0, f"The fit did not converge: {estimate.message}.")
+    if weak:
+        doubts.append(f"Weakly determined: {', '.join(weak)}. The section on parameters says what would help.")
+    numbers = (
+        *(facts(gap) if gap is not None else ()),
+        Fact("Parameters", known.split(" parameters")[0], "well determined"),
+    )
+    verdict = Verdict(
+        badge, good, headline, tuple(doubts), numbers, _next(judged, sources, plant_file), effects_of(estimate.plant)
+    )
+    return Page(
+        "Identification",
+        f"furuta identify · {sources}",
+        verdict,
+        (_parameters(estimate), *(gap_sections(gap, logs) if gap is not None else ()), about(logs, "fitted")),
+        footer(),
+    )
+
+
+def _next(judged: object, sources: str, plant_file: str) -> str:
+    if judged is None or getattr(judged, "good", False):
+        return f"Record a log of another kind of motion and run `furuta validate {plant_file} LOG`."
+    return f"Find what is missing: `furuta diagnose {sources.replace(' and ', ' ').replace(',', '')} -o out`."
+
+
+def _parameters(estimate: Estimate) -> Section:
+    blocks: list[Block] = [Figure(search_figures.precision(estimate)), tables.parameters(estimate, estimate, False)]
+    said = [*estimate.identifiability.advice, *estimate.warnings]
+    if estimate.u_max_guessed:
+        limit = f"{estimate.plant.u_max:g} {estimate.plant.unit}"
+        said.append(f"u_max = {limit} is guessed from the largest command; set it with `--u-max`")
+    blocks += [Text(f"{text[:1].upper()}{text[1:]}.", "note") for text in said]
+    return Section("parameters", "Parameters", tuple(blocks))

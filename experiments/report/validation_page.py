@@ -1,0 +1,133 @@
+"""The page of `furuta validate`: does the plant predict these logs as well as the noise allows?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from furuta_gym.plant import Plant
+from identification.logs.log import Log
+from identification.validation.gap import Gap
+
+from . import prediction_figures, tables
+from .contents import Block, Details, Fact, Figure, Page, Section, Text, Verdict
+from .drawing import AFTER
+from .verdict import fit, times
+from .words import joined
+
+# As `Gap.verdict` has them; a test holds the two together.
+_ADEQUATE, _SMALL = 1.1, 2.0  # error over the floor: nothing of size is missing, something small is
+_DOUBTFUL, _MOSTLY_TORQUE = 0.75, 0.95  # below the floor, or a floor that is all torque noise
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """Whether a plant is adequate, as a page says it; `floor_in_doubt`: the floor cannot be trusted."""
+
+    badge: str
+    good: bool
+    words: str
+    floor_in_doubt: bool
+
+
+def adequacy(gap: Gap) -> Adequacy:
+    """What the error over the noise floor says of a plant."""
+    ratio, torque = gap.ratio_to_floor, float(gap.torque_share.max()) > _MOSTLY_TORQUE
+    if ratio < _DOUBTFUL or (torque and ratio < _SMALL):
+        return Adequacy("Cannot be judged", False, "These logs cannot judge the model", True)
+    if ratio < _ADEQUATE:
+        return Adequacy("Adequate", True, "The model is adequate", False)
+    if ratio < _SMALL:
+        return Adequacy("Something small is missing", False, "The model misses something small", False)
+    return Adequacy("Not adequate", False, "The model is not adequate", torque)
+
+
+def validation_page(gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen: Sequence[str] = ()) -> Page:
+    """The report of a validation. name: of the plant file; seen: logs among these that the plant was fitted to."""
+    sources = [log.source for log in logs]
+    judged = adequacy(gap)
+    doubts = _doubts(gap, judged)
+    if seen:
+        doubts = (f"{joined(seen, 'and')}: fitted by this plant, so this is no test on new data.", *doubts)
+    use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
+    fitted = [str(entry["source"]) for entry in plant.provenance.get("logs", []) if "source" in entry]
+    given = f"{' '.join(fitted)} --held-out {' '.join(sources)}" if fitted and not seen else " ".join(sources)
+    look = f"Find what is missing: `furuta diagnose {given} -o out`."
+    verdict = Verdict(
+        judged.badge,
+        judged.good,
+        f"{judged.words}: {error_in_words(gap, 'these logs')}",
+        doubts,
+        facts(gap),
+        use if judged.good else look,
+        effects_of(plant),
+    )
+    kicker = f"furuta validate · {name} · {joined(sources, 'and')}"
+    return Page("Validation", kicker, verdict, (*gap_sections(gap, logs), about(logs, "predicted")), footer())
+
+
+def error_in_words(gap: Gap, where: str) -> str:
+    """The error as the headline says it."""
+    digits = f"{gap.ratio_to_floor:.2f}" if gap.ratio_to_floor < _SMALL else times(gap.ratio_to_floor)
+    return f"{gap.horizon:g}\u00a0s ahead on {where}, its error is {digits} times what noise alone leaves."
+
+
+def facts(gap: Gap) -> tuple[Fact, ...]:
+    """The numbers of the first screen."""
+    ahead = f"{gap.horizon:g} s ahead"
+    unit = f"rms of q1 and q2, {ahead}"
+    if np.all(gap.counts > 0):
+        counts = gap.rms / gap.counts
+        unit += f"; {counts[0]:.1f} and {counts[1]:.1f} counts"
+    rms = " and ".join(f"{1e3 * r:.3g}" for r in gap.rms)
+    return (
+        Fact("Error over the noise floor", f"{gap.ratio_to_floor:.2f} ×", f"{ahead}; 1 is perfect"),
+        Fact("Fit", fit(gap), f"of q1 and q2, {ahead}"),
+        Fact("Error", f"{rms} mrad", unit),
+    )
+
+
+def _doubts(gap: Gap, judged: Adequacy) -> tuple[str, ...]:
+    return (f"{gap.verdict[:1].upper()}{gap.verdict[1:]}.",) if judged.floor_in_doubt else ()
+
+
+def effects_of(plant: Plant) -> tuple[Block, ...]:
+    """What the plant has beside model (5)."""
+    if not plant.effects:
+        return ()
+    said = "; ".join(effect.sentence(plant.unit) for effect in plant.effects)
+    return (Text(f"The plant has this beside model (5): {said}.", "quiet"),)
+
+
+def gap_sections(gap: Gap, logs: Sequence[Log]) -> tuple[Section, ...]:
+    """Predictions over measurements, and residuals."""
+    side = prediction_figures.Side("predicted", gap, AFTER)
+    source = "the spread of the repeated runs" if gap.repeats else "what readings and torque noise leave"
+    floor = f"The noise floor is {source} if the plant is right."
+    table = tables.gap(gap)
+    return (
+        Section("measured", "Measured over predicted", (Figure(prediction_figures.predictions(logs, [side])),)),
+        Section(
+            "residuals",
+            "Residuals",
+            (
+                Figure(prediction_figures.horizons([side])),
+                Text(floor),
+                Figure(prediction_figures.residuals(gap)),
+                Details("Errors with intervals, tests of the residuals", (table, tables.innovation_tests(gap))),
+            ),
+        ),
+    )
+
+
+def about(logs: Sequence[Log], use: str) -> Section:
+    """The logs behind a page."""
+    return Section("about", "The logs", (tables.logs(logs, use=use),))
+
+
+def footer() -> tuple[Block, ...]:
+    """What made the page."""
+    return (Text(f"furuta-gym {version('furuta-gym')}"),)

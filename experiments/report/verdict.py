@@ -1,0 +1,176 @@
+"""The first screen of a diagnosis: one verdict in physical words, which no later section contradicts."""
+
+from __future__ import annotations
+
+import math
+
+from furuta_gym.plant import EFFECTS, Effect
+from identification.diagnosis.gap_change import GapChange
+from identification.diagnosis.locate.location import Where
+from identification.diagnosis.outcome import Diagnosis, structured
+from identification.validation.gap import Gap
+
+from .contents import Fact, Verdict
+from .words import BADGE, joined
+
+_PLACES = {
+    "arm": "a torque on the arm",
+    "pendulum": "a torque on the pendulum",
+    "input": "something between the command and the motor",
+    "sensor": "an error of a reading",
+    "parameters": "a change of the parameters",
+}
+_AGAINST = {
+    "constant": "is constant",
+    "frequency": "repeats in time",
+    "command": "goes with the command",
+    "change of the command": "follows the changes of the command",
+    "memory of the motion": "remembers the motion before",
+    "time (friction)": "is friction that changes in time",
+    "time (masses)": "is a mass that changes in time",
+    "time (zero of the arm)": "is a zero of the arm that moves",
+    "time (zero of the pendulum)": "is a zero of the pendulum that moves",
+}
+
+
+def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
+    """The verdict of a diagnosis as the page shows it first."""
+    d = diagnosis
+    label = BADGE[d.verdict]
+    if d.verdict in ("named", "ambiguous") and d.leftover:
+        label += "; a part remains"
+    headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
+    good = d.verdict in ("named", "none") and not d.leftover
+    return Verdict(label, good, headline, tuple(_doubts(d)), tuple(_facts(d)), next_step)
+
+
+def sentences(diagnosis: Diagnosis) -> list[str]:
+    """What each effect found does to the rig, with its size."""
+    after = diagnosis.after
+    return [f"{e.sentence(after.plant.unit)}." for e in effects(diagnosis)] if after is not None else []
+
+
+def effects(diagnosis: Diagnosis) -> list[Effect]:
+    """The effects found, as the plant has them."""
+    plant = diagnosis.after.plant if diagnosis.after else None
+    return [e for s in diagnosis.found if plant is not None and (e := plant.effect(s.name)) is not None]
+
+
+def equals(diagnosis: Diagnosis) -> list[str]:
+    """Names of what these logs cannot tell from the effects found."""
+    sets = diagnosis.naming.equals if diagnosis.naming else ()
+    return list(dict.fromkeys(name for names in sets for name in names))
+
+
+def judged_on(diagnosis: Diagnosis) -> GapChange | None:
+    """The gap that judged the effects: on the logs' own last part where an effect follows the clock of its log."""
+    gap = diagnosis.gap
+    return gap.own_tail if gap is not None and gap.tail is None and diagnosis.timed else gap
+
+
+def data(gap: GapChange) -> str:
+    """What the data are called that no fit saw."""
+    return "new data" if gap.tail is None else f"the last {100 * gap.tail:.0f} % of the logs, held out of the fit,"
+
+
+def place(where: Where) -> str:
+    """What the model misses and what it goes with, in words."""
+    what = _PLACES.get(where.channel or "", "something")
+    return f"{what} that {_AGAINST.get(where.variable or '', f'depends on the {where.variable}')}"
+
+
+def times(ratio: float) -> str:
+    """An error over the noise floor, as it is printed everywhere."""
+    return f"{ratio:.1f}" if ratio < 100 else f"{ratio:.0f}"
+
+
+def fit(gap: Gap) -> str:
+    """The fit of both angles."""
+    return " and ".join(f"{percent:.1f}" for percent in gap.fit_percent).replace("-", "−") + " %"
+
+
+def _found(d: Diagnosis) -> str:
+    if d.verdict in ("named", "ambiguous"):
+        return " ".join(sentences(d))
+    if d.verdict == "none":
+        return "Nothing is missing from the model that these logs can show."
+    if d.verdict == "insufficient_excitation":
+        return "These logs move the rig too little to determine the model, so nothing can be said of missing effects."
+    start = "Something is missing from the model, and the library has no name for it"
+    if d.found or d.rest is None or not d.rest.matters:
+        return f"{start}."
+    return f"{start}: {place(d.rest)}."
+
+
+def _improvement(d: Diagnosis) -> str:
+    """What adding the effects does to the error on data that no fit saw."""
+    gap, titles = judged_on(d), joined([EFFECTS[s.name].title for s in d.found], "and")
+    one = len(d.found) == 1
+    it = "it" if one else "them"
+    if gap is None:
+        return "It could not be tested on new data." if d.found else ""
+    before, after = times(gap.over_floor(gap.before)), times(gap.after_over_floor)
+    if not gap.changed:
+        return f"The error on {data(gap)} is {after} times the noise."
+    if d.verdict == "unknown" and not d.confirmed:
+        explain = "would explain the fitted logs"
+        change = f"the error on {data(gap)} does not improve ({before} times the noise without {it}, {after} with {it})"
+        return f"{titles[:1].upper()}{titles[1:]} {explain}, but {change}."
+    if not gap.closed.interval[0] > 0:  # NaN where the error was at the floor before
+        return (
+            f"The error on {data(gap)} is {before} times the noise without {it} and {after} times with {it}; the gain "
+            f"shows in predictions of the next reading ({gap.likelier:+.0f} nats)."
+        )
+    fall = f"the error on {data(gap)} falls from {before} to {after} times the noise"
+    if d.verdict == "unknown":
+        comes = "comes" if one else "come"
+        return f"Nearest {comes} {titles}: with {it}, {fall}, but more is left than {it} explain{'s' if one else ''}."
+    return f"After adding {it}, {fall}."
+
+
+def _doubts(d: Diagnosis) -> list[str]:
+    doubts = []
+    if d.verdict == "insufficient_excitation":
+        doubts.append(f"{d.summary[:1].upper()}{d.summary[1:]}.")
+    if alike := equals(d) if d.verdict == "ambiguous" else []:
+        others = joined([EFFECTS[name].title for name in alike], "or")
+        doubts.append(f"These logs cannot tell this from {others}.")
+    remains = []
+    if d.verdict in ("named", "ambiguous"):
+        if d.rest is not None and d.rest.matters:
+            remains.append(f"on the searched logs there is still {place(d.rest)}")
+        elif d.rest is not None and structured(d.rest, d.policy):
+            remains.append("the parameters are not the same all along the searched logs")
+        elif d.naming is not None and d.naming.refused is not None:
+            remains.append(f"{EFFECTS[d.naming.refused.name].title} would explain a little more, too little to be sure")
+        if d.still_off > 1.0:
+            remains.append(f"new data are still {times(d.still_off)} times as far off as noise alone would be")
+    if remains:
+        doubts.append(
+            f"A part remains unexplained: {'; '.join(remains)}. The error bars are too small for that reason."
+        )
+    return doubts
+
+
+def _facts(d: Diagnosis) -> list[Fact]:
+    gap = judged_on(d)
+    if gap is None:
+        return [Fact("Error on new data", "not known", d.gap_remark)] if d.gap_remark else []
+    before, after = (times(gap.over_floor(g)) for g in (gap.before, gap.after))
+    ahead = f"{gap.before.horizon:g} s ahead"
+    where = "new data" if gap.tail is None else f"last {100 * gap.tail:.0f} %"
+    fits = [fit(g) for _, g in gap.sides]
+    facts = [
+        Fact(
+            f"Error on {where}", " → ".join([before, after][-len(gap.sides) :]) + " × noise", f"{ahead}; 1 is perfect"
+        ),
+        Fact(f"Fit {ahead}", fits[-1], "of q1 and q2" + (f"; before: {fits[0]}" if gap.changed else "")),
+    ]
+    if gap.changed and math.isfinite(gap.closed.value):
+        low, high = (100 * end for end in gap.closed.interval)
+        facts.insert(1, Fact("Gap closed", f"{100 * gap.closed.value:.1f} %", f"95 %: {low:.1f} … {high:.1f} %"))
+    if d.after is not None and math.isfinite(d.left_over):
+        share = 100 * d.left_over / d.command_rms if d.command_rms > 0 else math.nan
+        meaning = f"rms; {share:.1f} % of the command" if math.isfinite(share) else "rms"
+        facts.append(Fact("Torque taken for noise", f"{d.left_over:.2g} {d.after.plant.unit}", meaning))
+    return facts
