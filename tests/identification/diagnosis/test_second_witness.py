@@ -16,7 +16,8 @@ from identification.validation.shooting import Shooting
 from tests.factories import made_log
 from tests.identification.diagnosis.fits import POLICY, a_change, a_diagnosis
 
-SHOT = TABLE_3.replace(theta=TABLE_3.theta * np.array([1.0, 1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0]))
+FOUND = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+SHOT = FOUND.replace(theta=TABLE_3.theta * np.array([1.0, 1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0]))
 
 
 def _asked(
@@ -29,7 +30,7 @@ def _asked(
     monkeypatch.setattr(second_witness, "shooting", lambda *_: shot)
     monkeypatch.setattr(HeldOut, "gap", lambda *_: None)
     monkeypatch.setattr(HeldOut, "change", lambda *_: a_change(closed))
-    after: Any = SimpleNamespace(plant=TABLE_3, names=names, values=TABLE_3.theta, std=std, zeros={})
+    after: Any = SimpleNamespace(plant=FOUND, names=names, values=TABLE_3.theta, std=std, zeros={})
     found = replace(a_diagnosis("arm_spring", after=after), gap=a_change(), still_off=still_off)
     held = HeldOut((made_log(),), (made_log(),) if whole else (), POLICY)
     return second_witness.with_second_witness(found, held)
