@@ -85,7 +85,9 @@ def _effect(kind: Any) -> list[str]:
         lines.append(f"| {p.name} | {p.unit or '1'} | {_cell(p.meaning)} | {p.role} | {p.default:g}{of} |")
     if kind.mistaken_for:
         alike = ", ".join(f"[`{name}`](#{name})" for name in kind.mistaken_for)
-        lines.append(f"\n**Mistaken for:** {alike}. `furuta excite --between` designs an experiment that separates them.")
+        lines.append(
+            f"\n**Mistaken for:** {alike}. `furuta excite --between` designs an experiment that separates them."
+        )
     lines.append(f"\n![Arm and pendulum without and with {kind.name}](effects/{kind.name}.png)")
     return lines
 
@@ -155,7 +157,11 @@ def commands_page() -> str:
         if shared:
             reading = shared
             lines.append("\nAlso the options of [how a log is written](#how-a-log-is-written).")
-    lines += ["\n## How a log is written\n", "`furuta init` finds these out and keeps them in `rig.toml`.\n", *_table(reading)]
+    lines += [
+        "\n## How a log is written\n",
+        "`furuta init` finds these out and keeps them in `rig.toml`.\n",
+        *_table(reading),
+    ]
     lines.append("\nBad input ends a command with exit code 2 and one message. Nothing is half-written.")
     return "\n".join(lines) + "\n"
 
@@ -197,8 +203,8 @@ PLANT_WORDS = """A plant file is the model of one rig with numbers in it. `furut
 `Plant.load` write and read it in Python, and every command that takes `--plant` reads it. `gymnasium.make("FurutaID-v0",
 plant="rig.json")` simulates it."""
 
-DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`, and `Diagnosis.to_dict()` gives the same in Python. The file is for
-reading; no function turns it into a `Diagnosis` again. The plant to use goes into `plant.json` beside it."""
+DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`, and `Diagnosis.to_dict()` gives the same in Python. The
+file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes into `plant.json` beside it."""
 
 
 def file_page(kind: str, words: str) -> str:
