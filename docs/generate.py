@@ -56,8 +56,8 @@ def effects_page() -> str:
         "A *size* parameter makes the effect vanish at its neutral value. A *shape* parameter has no influence then. "
         "{u} stands for the unit of the command, V or N·m. The usual size is a size worth noticing on a rig; "
         "some are a share of a quantity of the plant.\n",
-        "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the effect "
-        "(grey) and with it at its usual size (blue). `python docs/generate.py` draws them.\n",
+        "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the "
+        "effect (grey) and with it at its usual size (blue). `python docs/generate.py` draws them.\n",
         "| effect | in words | acts on |",
         "|---|---|---|",
     ]
@@ -199,12 +199,13 @@ def _words(text: str | None) -> str:
 
 # ------------------------------------------------------------------------------------------------------- files
 
-PLANT_WORDS = """A plant file is the model of one rig with numbers in it. `furuta identify` and `furuta diagnose` write it, `Plant.save` and
-`Plant.load` write and read it in Python, and every command that takes `--plant` reads it. `gymnasium.make("FurutaID-v0",
-plant="rig.json")` simulates it."""
+PLANT_WORDS = """A plant file is the model of one rig with numbers in it. `furuta identify` and `furuta diagnose`
+write it, `Plant.save` and `Plant.load` write and read it in Python, and every command that takes `--plant` reads it.
+`gymnasium.make("FurutaID-v0", plant="rig.json")` simulates it."""
 
-DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`, and `Diagnosis.to_dict()` gives the same in Python. The
-file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes into `plant.json` beside it."""
+DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`. Most of its keys are those of
+`Diagnosis.to_dict()`. The file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes
+into `plant.json` beside it."""
 
 
 def file_page(kind: str, words: str) -> str:
