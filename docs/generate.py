@@ -181,7 +181,7 @@ def _table(parameters: list[Any]) -> list[str]:
         said = _words(getattr(p, "help", None))
         if p.required:
             said += " Required."
-        elif shown and isinstance(default, (int, float, str)) and not isinstance(default, bool):
+        elif shown and type(default) in (int, float, str) and "default" not in said.lower():
             said += f" Default: {default}."
         rows.append(f"| {names} | {_cell(str(kind).strip('{}').lower())} | {_cell(said)} |")
     return rows
