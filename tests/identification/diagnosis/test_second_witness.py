@@ -46,7 +46,7 @@ def test_the_plant_that_predicts_better_for_certain_is_used_and_marked(
     assert "torque noise hides structure" in found.summary
     assert bool(found.plant.theta[4] == SHOT.theta[4]) is better
     assert (found.plant.provenance.get("method") == "multiple shooting") is better
-    assert found.to_dict()["second_witness"]["better"] is better
+    assert found.second.to_dict()["better"] is better
 
 
 def test_it_is_not_asked_where_nothing_is_left_or_nobody_could_judge(monkeypatch: pytest.MonkeyPatch) -> None:
