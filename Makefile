@@ -28,11 +28,12 @@ fast: $(READY)  ## every test that fits nothing, trains nothing and records noth
 slow: $(READY)  ## the tests of tests/slow.txt
 	$(PYTEST) -m slow $(PYTEST_ARGS) || test $$? -eq 5
 
-lint: $(READY)  ## formatting, style, types and the import contracts
+lint: $(READY)  ## formatting, style, types, the import contracts, and how the docs read
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	$(BIN)/python docs/readability.py
 
 docs: $(READY)  ## the site, to out/site: generated pages, then a strict build that checks every link
 	$(BIN)/python docs/generate.py

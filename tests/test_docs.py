@@ -17,6 +17,7 @@ DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS))
 
 import generate  # noqa: E402
+import readability  # noqa: E402
 import run_pages  # noqa: E402
 
 TUTORIALS = sorted(page.stem for page in (DOCS / "tutorials").glob("*.md"))
@@ -137,3 +138,10 @@ def test_what_a_page_beside_the_site_links_to_is_there(page: str) -> None:
 
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
+def test_the_pages_are_short_sentences_in_the_fields_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert readability.main([]) == 0, capsys.readouterr().out
+    assert readability.figures(["One two three four. " + "word " * 31 + "end."])[1:] == (18.0, 0.5)
+    assert readability.workshop_words("Torque that passes\nfor noise, and a name that brings nothing.")
+    assert readability.sentences("# A title\n\n| a | table |\n\n```\ncode is left out\n```\n") == []
