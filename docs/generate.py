@@ -190,7 +190,7 @@ def _table(parameters: list[Any]) -> list[str]:
 def _type_name(kind: Any) -> str:
     if get_args(kind):
         return _type_name(get_args(kind)[0])
-    return " or ".join(kind) if issubclass(kind, Enum) else KINDS[kind]
+    return " or ".join(str(one) for one in kind) if issubclass(kind, Enum) else KINDS[kind]
 
 
 def _words(text: str | None) -> str:

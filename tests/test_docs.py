@@ -142,6 +142,6 @@ def test_the_readme_is_short() -> None:
 
 def test_the_pages_are_short_sentences_in_the_fields_words(capsys: pytest.CaptureFixture[str]) -> None:
     assert readability.main([]) == 0, capsys.readouterr().out
-    assert readability.figures(["One two three four. " + "word " * 31 + "end."])[1:] == (18.0, 0.5)
+    assert readability.figures(["One two three four. Then " + "word " * 30 + "end."])[1:] == (18.0, 0.5)
     assert readability.workshop_words("Torque that passes\nfor noise, and a name that brings nothing.")
     assert readability.sentences("# A title\n\n| a | table |\n\n```\ncode is left out\n```\n") == []
