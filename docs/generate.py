@@ -57,7 +57,8 @@ def effects_page() -> str:
         "{u} stands for the unit of the command, V or N·m. The usual size is a size worth noticing on a rig; "
         "some are a share of a quantity of the plant.\n",
         "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the "
-        "effect (grey) and with it at its usual size (blue). `python docs/generate.py` draws them.\n",
+        "effect (grey), with it at its usual size (blue), and the difference (orange). What happens at an instant, happens at 2 s. "
+        "`python docs/generate.py --pictures` draws them.\n",
         "| effect | in words | acts on |",
         "|---|---|---|",
     ]
@@ -118,13 +119,26 @@ def draw_effects(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     without = run(plant)
     for name in EFFECTS:
-        with_it = run(plant.with_effects(Effect(name)))
-        figure = Figure(figsize=(7.2, 1.7), layout="constrained")
-        for axis, column, title in zip(figure.subplots(1, 2), (0, 1), ("arm q1 [°]", "pendulum q2 [°]"), strict=True):
+        at_two = {p.name: 2.0 for p in EFFECTS[name].parameters if p.grid == "times"}
+        usual = dict(plant.default_effect(name).parameters)
+        with_it = run(plant.with_effects(Effect(name, usual | at_two)))
+        n = min(len(without.t), len(with_it.t))  # a run ends where the pendulum falls
+        difference = np.degrees(with_it.measured[:n] - without.measured[:n])
+        if not np.abs(difference).max() > 0.0:
+            raise ValueError(f"{name} changes nothing in {n} samples: its picture would show no effect")
+        figure = Figure(figsize=(7.2, 2.4), layout="constrained")
+        axes = figure.subplots(2, 2, sharex=True, height_ratios=(1.5, 1.0))
+        for column, title in enumerate(("arm q1 [°]", "pendulum q2 [°]")):
+            top, bottom = axes[:, column]
             for record, color, width in ((without, "#9aa0a6", 2.2), (with_it, "#2f6f9f", 1.0)):
-                axis.plot(record.t, np.degrees(record.measured[:, column]), color=color, linewidth=width)
-            axis.set_title(title, fontsize=8, loc="left")
-            axis.tick_params(labelsize=7)
+                top.plot(record.t, np.degrees(record.measured[:, column]), color=color, linewidth=width)
+            bottom.plot(without.t[:n], difference[:, column], color="#d9822b", linewidth=1.0)
+            top.set_title(title, fontsize=8, loc="left")
+            bottom.set_title("difference [°]", fontsize=8, loc="left")
+            top.tick_params(labelsize=7)
+            bottom.tick_params(labelsize=7)
+        axes[1, 0].set_xlabel("t [s]", fontsize=7)
+        axes[1, 1].set_xlabel("t [s]", fontsize=7)
         figure.savefig(folder / f"{name}.png", dpi=75)
 
 
