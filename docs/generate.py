@@ -57,7 +57,8 @@ def effects_page() -> str:
         "{u} stands for the unit of the command, V or N·m. The usual size is a size worth noticing on a rig; "
         "some are a share of a quantity of the plant.\n",
         "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the "
-        "effect (grey), with it at its usual size (blue), and the difference (orange). What happens at an instant, happens at 2 s. "
+        "effect (grey), with it at its usual size (blue), and the difference (orange). What happens at an instant, "
+        "happens at 2 s. "
         "`python docs/generate.py --pictures` draws them.\n",
         "| effect | in words | acts on |",
         "|---|---|---|",
