@@ -5,13 +5,13 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test fast slow lint bench matrix clean
+.PHONY: setup demo test fast slow lint docs bench matrix clean
 
 setup: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,dev]" -c constraints.txt
+	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,docs,dev]" -c constraints.txt
 	$(BIN)/furuta warm-up
 	touch $@
 
@@ -33,6 +33,10 @@ lint: $(READY)  ## formatting, style, types and the import contracts
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+docs: $(READY)  ## the site, to out/site: generated pages, then a strict build that checks every link
+	$(BIN)/python docs/generate.py
+	$(BIN)/mkdocs build --strict --quiet
 
 bench: $(READY)  ## speed against named references, as ratios
 	$(BIN)/python -m experiments.studies.speed
