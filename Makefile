@@ -7,12 +7,12 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 .PHONY: setup demo test fast slow lint docs bench matrix clean
 
-setup: $(READY)
+setup: $(READY)  ## the virtual environment, and everything compiled
+	$(BIN)/furuta warm-up
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,docs,dev]" -c constraints.txt
-	$(BIN)/furuta warm-up
 	touch $@
 
 demo: $(READY)  ## the main job on bundled logs; writes out/demo
