@@ -11,7 +11,7 @@ setup: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet -e ".[rl,report,mujoco,video,dev]" -c constraints.txt
+	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,dev]" -c constraints.txt
 	$(BIN)/furuta warm-up
 	touch $@
 

@@ -13,11 +13,16 @@ __all__ = [
     "LogError",
     "LogWarning",
     "NotIdentifiable",
+    "RigMapping",
     "diagnose",
     "excite",
     "identify",
+    "load_mapping",
+    "propose",
     "read_log",
     "read_logs",
+    "read_table",
+    "save_mapping",
     "validate",
     "write_log",
 ]
@@ -33,9 +38,14 @@ _WHERE = {
     "NotIdentifiable": ".estimation.identifiability",
     "diagnose": ".diagnosis.diagnose",
     "excite": ".design.next_experiment",
+    "RigMapping": ".logs.rig_mapping",
     "identify": ".estimation.identify",
+    "load_mapping": ".logs.rig_file",
+    "propose": ".logs.proposal.propose",
     "read_log": ".logs.log",
     "read_logs": ".logs.log",
+    "read_table": ".logs.formats",
+    "save_mapping": ".logs.rig_file",
     "validate": ".validation.gap",
     "write_log": ".logs.log",
 }
@@ -46,7 +56,11 @@ if TYPE_CHECKING:
     from .estimation.estimate import Estimate
     from .estimation.identifiability import NotIdentifiable
     from .estimation.identify import identify
+    from .logs.formats import read_table
     from .logs.log import Log, LogError, LogWarning, read_log, read_logs, write_log
+    from .logs.proposal.propose import propose
+    from .logs.rig_file import load_mapping, save_mapping
+    from .logs.rig_mapping import RigMapping
     from .validation.gap import Gap, validate
 else:
     from importlib import import_module

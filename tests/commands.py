@@ -27,7 +27,8 @@ def refused(result: Result, *words: str) -> None:
 def some_log(path: Path, n: int = 400, **columns: object) -> Path:
     """A small log file that reads without complaint, with columns replaced."""
     t = 0.002 * np.arange(n)
-    table = {"t": t, "q1": 0.1 * np.sin(3 * t), "q2": 0.1 * np.sin(5 * t), "u": np.sign(np.sin(9 * t))} | columns
+    q2 = 0.05 * (np.sin(5 * t) + np.sin(11 * t) + np.sin(23 * t))  # no pendulum, so that nothing is said of its zero
+    table = {"t": t, "q1": 0.1 * np.sin(3 * t), "q2": q2, "u": np.sign(np.sin(9 * t))} | columns
     rows = [",".join(str(v) for v in row) for row in zip(*table.values(), strict=True)]
     path.write_text("\n".join([",".join(table), *rows]) + "\n")
     return path

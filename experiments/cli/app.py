@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -11,10 +12,14 @@ from .command import Command
 from .compare import compare_command
 from .demo import demo_command
 from .diagnose import DiagnoseCommand, diagnose_command
+from .effects import effects_command
 from .errors import explained
 from .excite import excite_command
 from .export import export_command
 from .identify import identify_command
+from .init import init_command
+from .logbook import keep_logbook, print_version
+from .residuals import residuals_command
 from .simulate import simulate_command
 from .train import train_command
 from .trials import trials_command
@@ -45,24 +50,36 @@ app = typer.Typer(
     name="furuta",
     cls=ExplainingGroup,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="From measured logs of a Furuta pendulum to a plant with error bars, and to controllers that balance it.",
-    epilog="Start with `furuta demo`. Every command has --help.",
+    epilog="Start with `furuta demo`, or with `furuta init LOG` of your own. Every command has --help.",
 )
 
 
 @app.callback()
 def options(
     traceback: Annotated[bool, typer.Option("--traceback", help="Show where in the code an error arose.")] = False,
+    verbose: Annotated[
+        int, typer.Option("-v", "--verbose", count=True, help="Say what is done; -vv says more.", show_default=False)
+    ] = 0,
+    log_file: Annotated[
+        Path | None, typer.Option(help="Keep a record of what is done in this file.", metavar="FILE")
+    ] = None,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=print_version)
+    ] = False,
 ) -> None:
-    """Options of every command; `ExplainingGroup` reads them."""
+    """Options of every command; `ExplainingGroup` reads --traceback."""
+    keep_logbook(verbose, log_file)
 
 
 app.command("demo", cls=Command)(demo_command)
+app.command("init", cls=Command)(init_command)
 app.command("identify", cls=Command)(identify_command)
 app.command("validate", cls=Command)(validate_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
+app.command("residuals", cls=Command)(residuals_command)
+app.command("effects", cls=Command)(effects_command)
 app.command("excite", cls=Command)(excite_command)
 app.command("simulate", cls=Command)(simulate_command)
 app.command("compare", cls=Command)(compare_command)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,6 +52,7 @@ def compare_command(
     from controllers.evaluation import compare
     from controllers.film import require_film
     from controllers.plots import draw_comparison
+    from furuta_gym.plant import Plant
 
     from .whole import whole_folder
 
@@ -81,9 +83,15 @@ def compare_command(
     if as_json:
         print_json(result.to_dict())
         return
+    if "paper-lqr" in names and result.plant != Plant.resolve("table3"):
+        typer.echo(
+            "paper-lqr has the gains of the paper's rig (table3), not of this plant; it is there to compare with."
+        )
     console = Console()
     (console if console.is_terminal else Console(width=120)).print(result.table())
     typer.echo(f"Written in {output}: {', '.join(written)}")
+    if own := [name for name in names if name != "paper-lqr" and not name.endswith(".zip")]:
+        typer.echo(f"Next: furuta export {shlex.quote(plant)} --controller {own[-1]} -o {own[-1]}.h")
 
 
 def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[str]:

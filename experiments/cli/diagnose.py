@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,10 @@ import typer
 
 from . import options as opt
 from .command import Command
-from .output import check_folder, errors, print_json, write_json
+from .output import check_folder, print_json, write_json
+from .reading import Reading, reads_logs
+from .reading import read as read_logs
+from .steps import steps
 
 if TYPE_CHECKING:
     from experiments.report import Examination
@@ -48,8 +52,10 @@ def _show_policy(wanted: bool) -> None:
         raise typer.Exit
 
 
+@reads_logs
 def diagnose_command(
     logs: opt.Logs,
+    reading: Reading,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html.")],
     held_out: Annotated[
         list[Path] | None,
@@ -67,38 +73,23 @@ def diagnose_command(
         ),
     ] = False,
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 3,
-    columns: opt.Columns = None,
-    unit: opt.Unit = None,
-    pendulum_zero: opt.PendulumZero = None,
-    flip: opt.Flip = None,
-    encoder_counts: opt.EncoderCounts = None,
-    input_unit: opt.InputUnit = None,
-    time_unit: opt.TimeUnit = "s",
-    skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
     from experiments.report import COMMAND_FILE, diagnosis_page, examine, render, require_extra, write_command
     from furuta_gym.plant import Plant
-    from identification.logs.log import read_logs
 
     from .whole import whole_folder
 
     require_extra()
     check_folder(output)
-    if plant is not None:
-        Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
-    read = read_logs(logs, **mapping)
-    held = read_logs(held_out, constant_command="ignore", **mapping) if held_out else ()
+    known = None if plant is None else Plant.resolve(plant)
+    read = read_logs(logs, reading, known)
+    held = read_logs(held_out, reading, known, "ignore") if held_out else ()
     from identification.diagnosis.diagnose import diagnose
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
-    with whole_folder(output, own) as folder, errors.status("diagnosing …") as status:
-
-        def tell(text: str) -> None:
-            status.update(f"{text} …")
-
+    with whole_folder(output, own) as folder, steps("diagnose", sum(map(len, read))) as tell:
         found = diagnose(read, held, plant, max_effects, progress=tell)
         examination = examine(found, read, held, progress=tell)
         result = examination.to_dict()
@@ -117,6 +108,8 @@ def diagnose_command(
     written = ["diagnosis.json", *(["plant.json"] if found.plant else []), "report.html"]
     written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
+    if found.plant is not None:
+        typer.echo(f"Next: furuta compare --plant {shlex.quote(str(output / 'plant.json'))} -o comparison")
 
 
 def _evidence(x: Examination) -> list[str]:

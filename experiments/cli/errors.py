@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ def explained(traceback: bool = False) -> Iterator[None]:
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if issubclass(category, UserWarning) and str(message) not in shown:
             shown.add(str(message))
+            logging.getLogger("furuta").warning("%s", message)
             typer.echo(f"Warning: {message}", err=True)
 
     with warnings.catch_warnings():
@@ -36,6 +38,7 @@ def explained(traceback: bool = False) -> Iterator[None]:
         except EXPECTED as error:
             if traceback:
                 raise
+            logging.getLogger("furuta").debug("%s", type(error).__name__, exc_info=error)
             typer.echo(f"Error: {sentence(error)}", err=True)
             raise typer.Exit(2) from None
 

@@ -13,14 +13,18 @@ from identification.estimation.methods import DEFAULT, METHODS, method_named
 
 from . import options as opt
 from .output import busy, print_json
+from .reading import Reading, reads_logs
+from .reading import read as read_logs
 
 if TYPE_CHECKING:
     from identification.estimation.estimate import Estimate
     from identification.logs.log import Log
 
 
+@reads_logs
 def identify_command(
     logs: opt.Logs,
+    reading: Reading,
     output: Annotated[Path, typer.Option("-o", "--output", help="Plant file to write (.json).")],
     method: Annotated[
         str, typer.Option(help="; ".join(f"{name}: {m.summary}" for name, m in METHODS.items()) + ".")
@@ -48,14 +52,6 @@ def identify_command(
         ),
     ] = False,
     report: opt.Report = None,
-    columns: opt.Columns = None,
-    unit: opt.Unit = None,
-    pendulum_zero: opt.PendulumZero = None,
-    flip: opt.Flip = None,
-    encoder_counts: opt.EncoderCounts = None,
-    input_unit: opt.InputUnit = None,
-    time_unit: opt.TimeUnit = "s",
-    skip: opt.Skip = 0.0,
     as_json: opt.AsJson = False,
 ) -> None:
     """Estimate θ1 … θ9 and r, with uncertainty, from logs of one rig (several are fitted jointly)."""
@@ -68,19 +64,15 @@ def identify_command(
         raise ValueError(f"--fix, --prior, --physical and --profile work with --method {DEFAULT}, not with {method}")
     _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
-    from identification.logs.log import read_logs
 
-    if start is not None:
-        Plant.resolve(start)  # a wrong name is told before the logs are read
-
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
-    read = read_logs(logs, **mapping)
+    known = None if start is None else Plant.resolve(start)  # a wrong name is told before the logs are read
+    read = read_logs(logs, reading, known)
     from identification.estimation.identify import identify
 
     if not as_json:
         for log in read:
             typer.echo(str(log))
-    with busy("fitting …"):
+    with busy("fitting …", "identify", sum(map(len, read))):
         estimate = identify(
             read,
             start,
@@ -95,8 +87,10 @@ def identify_command(
     estimate.save(output)
     if report is not None:
         write_whole(report, page)
-    with busy("profiling …"):
-        profiles = [estimate.profile(name) for name in profiled]
+    profiles = []
+    for name in profiled:
+        with busy(f"profiling {name} …"):
+            profiles.append(estimate.profile(name))
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
         print_json(estimate.to_dict() | found | {"plant": str(output)})
@@ -106,7 +100,7 @@ def identify_command(
         std = float(estimate.std[estimate.names.index(p.name)])
         typer.echo(f"{p}; ± 1.96 standard deviations: {_interval(estimate.value(p.name), std)}")
     typer.echo(f"Written: {output}" + (f", {report}" if report is not None else ""))
-    typer.echo(f"Next: furuta validate {output} LOG   (a log that was not fitted, with the same mapping options)")
+    typer.echo(f"Next: furuta validate {output} LOG   (a log that was not fitted)")
 
 
 def _page(estimate: Estimate, logs: Sequence[Log], output: Path) -> str:

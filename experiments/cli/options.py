@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,31 +15,7 @@ from .output import check_folder
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
 
-_MAPPING = "How the file is written"
-
-Logs = Annotated[list[Path], typer.Argument(help="Logs of one rig: .csv, .parquet, .npz, .mat, ….", metavar="LOG…")]
-Columns = Annotated[
-    str | None, typer.Option(help="Names in the file: t=Time,q1=theta,q2=alpha,u=volts.", rich_help_panel=_MAPPING)
-]
-Unit = Annotated[str | None, typer.Option(help="Angles in rad (default), deg or counts.", rich_help_panel=_MAPPING)]
-PendulumZero = Annotated[
-    str | None,
-    typer.Option(help="Where the file's q2 is zero: upright (default) or hanging.", rich_help_panel=_MAPPING),
-]
-Flip = Annotated[
-    list[str] | None,
-    typer.Option(help="Turn the sign of q1, q2 or u; repeat it, or use commas.", rich_help_panel=_MAPPING),
-]
-EncoderCounts = Annotated[
-    str | None,
-    typer.Option(help="Counts per revolution, one number or two: 2048 or 2048,4096.", rich_help_panel=_MAPPING),
-]
-InputUnit = Annotated[str | None, typer.Option(help="Unit of the command: V or N·m.", rich_help_panel=_MAPPING)]
-TimeUnit = Annotated[str, typer.Option(help="Of the time column: s, ms, us or d (days).", rich_help_panel=_MAPPING)]
-Skip = Annotated[
-    float,
-    typer.Option(help="Seconds left out at the start of each log, as a hand-over to the controller."),
-]
+Logs = Annotated[list[Path], typer.Argument(help="Logs of one rig: .csv, .parquet, .mat, .mcap, ….", metavar="LOG…")]
 Trust = Annotated[
     bool,
     typer.Option(
@@ -52,29 +28,6 @@ Report = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of text.")]
 Seed = Annotated[int, typer.Option(help="Everything random follows from it.", min=0)]
-
-
-def mapping(
-    columns: str | None,
-    unit: str | None,
-    pendulum_zero: str | None,
-    flip: list[str] | None,
-    encoder_counts: str | None,
-    input_unit: str | None,
-    time_unit: str,
-    skip: float,
-) -> dict[str, Any]:
-    """The mapping options and --skip as `read_log` takes them."""
-    return {
-        "columns": columns,
-        "unit": unit,
-        "pendulum_zero": pendulum_zero,
-        "flip": ",".join(flip or ()),
-        "encoder_counts": encoder_counts,
-        "input_unit": input_unit,
-        "time_unit": time_unit,
-        "skip": skip,
-    }
 
 
 def output_file(path: Path, endings: Iterable[str], inputs: Iterable[Path] = ()) -> Path:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-errors = Console(stderr=True)
+from .steps import busy as busy  # beside the other ways to print
+from .steps import errors as errors
 
 
 def print_json(data: Any) -> None:
@@ -38,13 +36,6 @@ def check_folder(path: Path) -> None:
         tempfile.TemporaryFile(dir=there).close()
     except OSError as error:
         raise ValueError(f"output {path}: nothing can be written in {there} ({error.strerror})") from None
-
-
-@contextmanager
-def busy(text: str) -> Iterator[None]:
-    """A spinner on stderr while something runs, where stderr is a terminal."""
-    with errors.status(text):
-        yield
 
 
 def progress_bar() -> Progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -106,7 +107,7 @@ def simulate_command(
         )
     counts = sensors.encoder_counts
     log = Log.from_run(
-        run,
+        _rounded(run),
         rig.unit,
         counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
         device=f"simulated {plant}",
@@ -117,6 +118,19 @@ def simulate_command(
     output.parent.mkdir(parents=True, exist_ok=True)
     write_log(output, log)
     _report(output, log, run, at, as_json)
+
+
+@dataclass(frozen=True)
+class _Stamped:
+    """A run with stamps as people write them: 0.002 where a sum of steps gave 0.0020000000000000018."""
+
+    t: Any
+    measured: Any
+    command: Any
+
+
+def _rounded(run: Any) -> _Stamped:
+    return _Stamped(run.t.round(12), run.measured, run.command)
 
 
 def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:

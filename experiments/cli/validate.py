@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import options as opt
 from .output import busy, check_folder, print_json, write_json
+from .reading import Reading, reads_logs
+from .reading import read as read_logs
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Plant
+
+SMALL = 1.2
+"""Times the noise floor, below which a gap is no reason to look for an effect."""
 
 
+@reads_logs
 def validate_command(
     plant: Annotated[str, typer.Argument(help="Plant file (or table3, qube, large).", metavar="PLANT")],
     logs: opt.Logs,
+    reading: Reading,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the gap as JSON to this file; - prints it.", metavar="FILE")
     ] = None,
     horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
     report: opt.Report = None,
-    columns: opt.Columns = None,
-    unit: opt.Unit = None,
-    pendulum_zero: opt.PendulumZero = None,
-    flip: opt.Flip = None,
-    encoder_counts: opt.EncoderCounts = None,
-    input_unit: opt.InputUnit = None,
-    time_unit: opt.TimeUnit = "s",
-    skip: opt.Skip = 0.0,
 ) -> None:
     """Measure the gap between a plant and logs that were not fitted, against the noise floor."""
     printed = json_file is not None and str(json_file) == "-"
@@ -37,18 +41,16 @@ def validate_command(
         check_folder(plots)
     opt.report_file(report, [Path(plant), *logs])
     from furuta_gym.plant import Plant
-    from identification.logs.log import read_logs
 
     rig = Plant.resolve(plant)
-    mapping = opt.mapping(columns, unit, pendulum_zero, flip, encoder_counts, input_unit, time_unit, skip)
-    read = read_logs(logs, constant_command="ignore", **mapping)
+    read = read_logs(logs, reading, rig, "ignore")
     if rig.unit != read[0].input_unit:
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
         )
     from identification.validation.gap import HORIZON, validate
 
-    with busy("predicting …"):
+    with busy("predicting …", "validate", sum(map(len, read))):
         result = validate(rig, read, HORIZON if horizon is None else horizon)
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
     if seen := [log.source for log in read if log.sha256 in fitted]:
@@ -71,6 +73,7 @@ def validate_command(
         print_json(result.to_dict())
         return
     typer.echo(str(result))
+    _say_next(rig, logs, result.ratio_to_floor)
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
@@ -78,3 +81,14 @@ def validate_command(
         typer.echo(f"Written: {json_file}")
     if report is not None:
         typer.echo(f"Written: {report}")
+
+
+def _say_next(rig: Plant, logs: Sequence[Path], ratio: float) -> None:
+    """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found."""
+    if ratio < SMALL:
+        return
+    sources = [str(entry.get("source")) for entry in rig.provenance.get("logs", [])]
+    places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]
+    fitted = " ".join("LOG" if place is None else shlex.quote(str(place)) for place in places) or "LOG"
+    held_out = " ".join(shlex.quote(str(log)) for log in logs)
+    typer.echo(f"Next: furuta diagnose {fitted} --held-out {held_out} -o diagnosis")

@@ -40,7 +40,7 @@ class Estimate:
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
     zeros: of the encoders in each log after the first, whose zeros are the plant's.
     stretches: of each log, the seconds (from, to) that were fitted, where not all were.
-    u_max_guessed: whether the plant's u_max was guessed from the largest command.
+    u_max_guessed: whether the plant's u_max was guessed from the largest command, which is largest_command [{u}].
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
     """
 
@@ -63,6 +63,7 @@ class Estimate:
     warnings: tuple[str, ...] = ()
     stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
     u_max_guessed: bool = False
+    largest_command: float = math.nan
     zeros: Zeros = field(default_factory=dict)
     problem: PredictionError | None = field(default=None, repr=False)
     optimum: Optimum | None = field(default=None, repr=False)
@@ -153,9 +154,8 @@ class Estimate:
             lines.append(f"  fitted on {_spans(self.stretches)}: what says most about θ; --all takes every sample")
         if self.u_max_guessed:
             limit = f"{self.plant.u_max:g} {self.plant.unit}"
-            lines.append(
-                f"  u_max = {limit}, guessed from the largest command; say --u-max if the amplifier gives more"
-            )
+            why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
+            lines.append(f"  u_max = {limit} (largest command {self.largest_command:.3g}, {why}); set it with --u-max")
         lines.append(f"Verdict: {self.verdict}")
         lines += [f"  ! {w}" for w in (*self.identifiability.advice, *self.warnings)]
         return "\n".join(lines)

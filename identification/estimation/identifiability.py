@@ -204,19 +204,22 @@ def _advice(names: Sequence[str], relative: Mapping[str, float], m: Motion) -> I
         if name == "theta2":
             yield (
                 f"{shown}: |sin q2| stays below {math.sin(min(m.largest_q2, math.pi / 2)):.2g}; swing the pendulum "
-                "further (a hanging log at large amplitude, used jointly), or fix θ2"
+                "further (a hanging log at large amplitude, used jointly), or give its value: --fix theta2=VALUE"
             )
         elif name in ("theta1", "theta6", "theta8"):
-            yield f"{shown}: the arm's rms speed is {m.arm_speed:.2g} rad/s; drive it harder, fast and slow, or fix it"
+            yield (
+                f"{shown}: the arm's rms speed is {m.arm_speed:.2g} rad/s; drive it harder, fast and slow, or give its "
+                f"value: --fix {name}=VALUE"
+            )
         elif name in scale and len(scale) < 3:
             yield (
                 f"{shown}: the pendulum's rms speed is {m.pendulum_speed:.2g} rad/s; let it swing more, for example "
-                "a free decay while hanging (used jointly with a driven log), or fix it"
+                f"a free decay while hanging (used jointly with a driven log), or give its value: --fix {name}=VALUE"
             )
         elif name not in scale:
             yield f"{shown}: this experiment hardly shows it; excite it, give a prior, or leave the effect out"
     if len(scale) >= 3:
         yield (
             f"{spoken(scale)} share a scale that only the pendulum's pull on the arm shows, and it is weak here: "
-            "drive harder and faster, or weigh and measure the pendulum and fix θ4 or θ5"
+            "drive harder and faster, or weigh and measure the pendulum and give one: --fix theta4=VALUE or theta5"
         )

@@ -416,7 +416,8 @@ def with_plant(
         provenance=_provenance(estimate, logs, start, u_max),
         checks=consistency.to_dict() | {"identifiability": estimate.identifiability.to_dict()},
     )
-    return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None)
+    largest = max(float(np.abs(log.u).max()) for log in logs)
+    return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None, largest_command=largest)
 
 
 def _value_of(plant: Plant, name: str) -> float:
@@ -449,6 +450,7 @@ def _provenance(
             | ({"stretches_s": [list(span) for span in spans]} if spans else {})
             for log, spans in zip(logs, estimate.stretches or ((),) * len(logs), strict=True)
         ],
+        **({} if logs[0].mapping.empty else {"mapping": logs[0].mapping.to_dict()}),
         "method": estimate.method,
         "start": "from the logs" if start is None else start if isinstance(start, str) else "a plant given",
         "fixed": dict(estimate.fixed),

@@ -1,7 +1,8 @@
 """File formats: each reader returns a `Table` of named columns and text metadata, each writer takes one.
 
-CSV (also .txt, .tsv, .dat), Parquet, NPZ and MAT version 5. `register` adds a format by the ending of its files; every
-command and `read_log` then take it. Nothing here knows what a pendulum is.
+CSV (also .txt, .tsv, .dat, packed as .gz), Parquet, Feather, NPZ and MAT; with their packages installed MAT 7.3, TDMS,
+MCAP and bags of ROS. `register` adds a format by the ending of its files; every command and `read_log` then take it.
+Nothing here knows what a pendulum is.
 """
 
 from __future__ import annotations
@@ -10,8 +11,7 @@ import csv
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,50 +19,15 @@ import numpy as np
 
 from furuta_gym.files import whole_file
 
+from .bags import read_bag, read_mcap
 from .checks import LogError
+from .labview import read_tdms
+from .layouts import from_variables
 from .mat_file import mat_variables
 from .number_block import number_block
 from .opening import check_cells, check_file
-
-_MAX_MATRIX_COLUMNS = 32  # a wider matrix is not a table of samples
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns by name (1-D arrays, of text where a cell is not a number), metadata, and where a row came from."""
-
-    name: str
-    columns: dict[str, np.ndarray]
-    metadata: dict[str, str] = field(default_factory=dict)
-    lines: np.ndarray | None = None  # line of the file for each row, in text files
-
-    def where(self, row: int) -> str:
-        """The place of a row as a person would look for it."""
-        return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
-
-    def numbers(self, column: str) -> np.ndarray:
-        """A column as float64. Raises LogError, naming the row, where a cell holds text."""
-        values = self.columns[column]
-        if values.dtype.kind in "fiub":
-            return values.astype(np.float64)
-        if values.dtype.kind in "OUS":
-            for row, cell in enumerate(values):
-                if _number(cell) is None:
-                    shown = "an empty cell" if str(cell).strip() == "" else f"the text {str(cell)[:40]!r}"
-                    raise LogError(
-                        f"{self.name}: {shown} in column {column} at {self.where(row)}. Expected a number. "
-                        "Delete or mend that row (the log is cut where a stamp is missing, and prediction starts anew)."
-                    )
-            return np.array([_number(cell) for cell in values], dtype=np.float64)
-        kind = {"M": "dates", "m": "durations", "c": "complex numbers"}.get(values.dtype.kind, "no numbers")
-        raise LogError(f"{self.name}: column {column} holds {kind}. Expected real numbers (time in seconds).")
-
-
-def listed(names: Sequence[str], most: int = 40) -> str:
-    """Names with commas: the first `most` of them, and of each so many letters as belong in a sentence."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(name if len(name) <= 60 else f"{name[:57]}..." for name in names[:most]) + more
-
+from .table import Table, listed, number
+from .text import comment_of, dates, decoded, units_row, unpacked
 
 Reader = Callable[[Path], Table]
 """Reads a file that exists. Raises LogError for one that is not of its format."""
@@ -87,11 +52,19 @@ def register(ending: str, reader: Reader, writer: Writer | None = None) -> None:
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read a file in the format that its ending names. Raises LogError for anything that is not such a file."""
     path = Path(path)
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
+    if os.path.isfile(path / "metadata.yaml"):  # a folder: a bag of ROS 2
+        return READERS[".bag"](path)
+    reader = READERS.get(ending_of(path))
+    if reader is None and not os.path.isdir(path):
         raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
     check_file(path)
+    assert reader is not None  # a folder was refused
     return reader(path)
+
+
+def ending_of(path: Path) -> str:
+    """The ending by which a reader is found: that of a packed file without the .gz."""
+    return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
@@ -108,7 +81,7 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray],
 
 
 def _read_csv(path: Path) -> Table:
-    raw = path.read_bytes()
+    raw = unpacked(path)
     return _read_long(path.name, raw) or _read_text(path.name, raw)
 
 
@@ -126,19 +99,15 @@ def _read_long(name: str, raw: bytes) -> Table | None:
         return None
     joined = {c: np.concatenate([first, block.values[:, j]]) for j, (c, first) in enumerate(columns.items())}
     lines = np.concatenate([top.lines, block.first_line + np.arange(len(block.values))])
-    return Table(name, joined, top.metadata, lines)
+    return Table(name, joined, top.metadata, lines, top.units, top.notes)
 
 
 def _read_text(name: str, raw: bytes) -> Table:
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise LogError(f"{name}: not a text file in UTF-8 ({error.reason}). Save it as CSV in UTF-8.") from None
-    if "\0" in text:
-        raise LogError(f"{name}: holds zero bytes, so it is not a text file. Save it as CSV in UTF-8.")
+    text, notes = decoded(name, raw)
     numbered = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
-    comments = [line.lstrip()[1:].strip() for _, line in numbered if line.lstrip().startswith("#")]
-    body = [(i, line) for i, line in numbered if not line.lstrip().startswith("#")]
+    said = [comment_of(line) for _, line in numbered]
+    comments = [comment for comment in said if comment is not None]
+    body = [pair for pair, comment in zip(numbered, said, strict=True) if comment is None]
     if not body:
         raise LogError(f"{name}: the file holds no rows. Expected a header t,q1,q2,u and one row per sample.")
     body = _from_header(body)
@@ -148,13 +117,17 @@ def _read_text(name: str, raw: bytes) -> Table:
     else:
         split = [line.split() for _, line in body]
     header, rows, lines = split[0], split[1:], [i for i, _ in body[1:]]
-    if all(_number(cell) is not None for cell in header):
+    if all(number(cell) is not None for cell in header):
         header, rows, lines = _commented_header(name, comments, len(header)), split, [i for i, _ in body]
     while header and not header[-1]:  # a delimiter at the end of each line
         header = header[:-1]
+    units = units_row(header, rows[0]) if rows else {}
+    if units:
+        rows, lines = rows[1:], lines[1:]
     columns = _columns(name, header, rows, lines)
     pairs = (comment.split(":", 1) for comment in comments if ":" in comment)
-    return Table(name, columns, {k.strip(): v.strip() for k, v in pairs}, np.array(lines, dtype=int))
+    metadata = {k.strip(): v.strip() for k, v in pairs}
+    return Table(name, columns, metadata, np.array(lines, dtype=int), units, notes)
 
 
 def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -164,7 +137,7 @@ def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
     separators = [max(map(line.count, ",;\t")) for _, line in body[:10]]
     start = separators.index(max(separators))
     cells = [cell.strip() for cell in re.split(r"[,;\t]", body[start][1])]
-    return body if all(_number(cell) is not None for cell in cells if cell) else body[start:]
+    return body if all(number(cell) is not None for cell in cells if cell) else body[start:]
 
 
 def _csv_rows(name: str, lines: list[str], delimiter: str) -> list[list[str]]:
@@ -204,17 +177,9 @@ def _columns(name: str, header: list[str], rows: list[list[str]], lines: list[in
         try:
             columns[column] = np.array([float(cell) for cell in cells], dtype=np.float64)
         except ValueError:
-            columns[column] = np.array(cells, dtype=object)
+            stamps = dates(cells)
+            columns[column] = np.array(cells, dtype=object) if stamps is None else stamps
     return columns
-
-
-def _number(cell: Any) -> float | None:
-    """A cell as a number, also with a decimal comma; None if it is none."""
-    text = cell.decode(errors="replace") if isinstance(cell, bytes) else str(cell)
-    try:
-        return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
-    except ValueError:
-        return None
 
 
 def _write_csv(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
@@ -248,6 +213,21 @@ def _read_parquet(path: Path) -> Table:
     return Table(path.name, columns, text)
 
 
+def _read_feather(path: Path) -> Table:
+    _pyarrow()
+    from pyarrow import feather
+
+    try:
+        table = feather.read_table(path)
+        check_cells(path.name, table.num_rows * table.num_columns)
+        columns = {name: table[name].to_numpy() for name in table.column_names}
+    except LogError:
+        raise
+    except Exception as error:  # as with Parquet
+        raise LogError(f"{path.name}: not a readable Feather file ({_in_short(error)}).") from None
+    return Table(path.name, columns)
+
+
 def _write_parquet(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
     pyarrow, parquet = _pyarrow()
     parquet.write_table(pyarrow.table(dict(columns)).replace_schema_metadata(dict(metadata)), path)
@@ -266,7 +246,7 @@ def _read_npz(path: Path) -> Table:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:  # open: numpy leaves broken ones so
             check_cells(path.name, sum(member.file_size for member in archive.zip.infolist()) // 8)
-            return _from_variables(path.name, {name: archive[name] for name in archive.files})
+            return from_variables(path.name, {name: archive[name] for name in archive.files})
     except LogError:
         raise
     except Exception as error:  # zipfile, zlib, numpy and the header parser each raise their own
@@ -283,7 +263,7 @@ def _write_npz(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[
 
 
 def _read_mat(path: Path) -> Table:
-    return _from_variables(path.name, mat_variables(path))
+    return from_variables(path.name, mat_variables(path))
 
 
 def _write_mat(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
@@ -295,29 +275,15 @@ def _write_mat(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[
     savemat(path, {**columns, **metadata}, oned_as="column")
 
 
-def _from_variables(name: str, variables: Mapping[str, Any]) -> Table:
-    """Columns are the vectors and the columns of matrices (`data.1`, …); scalars and text are metadata."""
-    columns: dict[str, np.ndarray] = {}
-    metadata: dict[str, str] = {}
-    longest = max((np.asarray(value).shape[0] for value in variables.values() if np.ndim(value)), default=0)
-    for key, value in variables.items():
-        array = np.asarray(value)
-        if array.ndim == 0 or (array.ndim == 1 and array.size <= 4 < longest):
-            metadata[key] = " ".join(str(item) for item in np.atleast_1d(array))
-        elif array.ndim == 1:
-            columns[key] = array
-        elif array.ndim == 2 and 1 in array.shape:
-            columns[key] = array.ravel()
-        elif array.ndim == 2 and array.shape[1] <= _MAX_MATRIX_COLUMNS:
-            columns |= {f"{key}.{j + 1}": array[:, j] for j in range(array.shape[1])}
-    return Table(name, columns, metadata)
-
-
 READERS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _read_csv),
     ".parquet": _read_parquet,
+    **dict.fromkeys((".feather", ".arrow"), _read_feather),
     ".npz": _read_npz,
     ".mat": _read_mat,
+    ".tdms": read_tdms,
+    ".mcap": read_mcap,
+    ".bag": read_bag,
 }
 WRITERS: dict[str, Writer] = {
     ".csv": _write_csv,

@@ -11,15 +11,18 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 
-from .checks import GAP, LogError, LogWarning, check_length
+from .checks import GAP, LogError, LogWarning, check_length, warn
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
-from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_gain, parse_unit
+from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_flip, parse_gain, parse_unit
+from .rig_mapping import RigMapping
+from .table import Table
 
 __all__ = ["Log", "LogError", "LogWarning", "read_log", "read_logs", "write_log"]
 
@@ -46,6 +49,7 @@ class Log:
     t [s], q1, q2 [rad], u [input_unit]. encoder_counts: counts per revolution of (q1, q2), None if unknown.
     controller_gain: K of u = −K (q1, q̇1, q2, q̇2) + d, None if unknown. source, sha256: the file it came from.
     read_as: what the mapping did to the file's columns, as formulas. skipped: seconds left out at its start.
+    mapping: what was said of how to read it, so that the rig's other files can be read likewise.
     metadata: further `# key: value` pairs of that file. Raises LogError if any of this does not hold.
     """
 
@@ -61,6 +65,7 @@ class Log:
     sha256: str | None = None
     read_as: str = ""
     skipped: float = 0.0
+    mapping: RigMapping = field(default_factory=RigMapping)
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -228,13 +233,15 @@ def read_log(
     flip: str | Iterable[str] = (),
     encoder_counts: float | str | Sequence[float] | None = None,
     input_unit: str | None = None,
+    input_scale: float = 1.0,
     device: str | None = None,
     controller_gain: str | Sequence[float] | None = None,
     time_unit: str = "s",
     constant_command: str = "error",
     skip: float = 0.0,
+    table: Table | None = None,
 ) -> Log:
-    """Read a CSV, Parquet, NPZ or MAT (version 5) file, map it to the paper's convention, and check it.
+    """Read a file of any format in `formats.READERS`, map it to the paper's convention, and check it.
 
     columns: names in the file by our names, `{"t": "Time", "q1": "theta"}` or `"t=Time,q1=theta"`.
     unit: of the angles, "rad" (default), "deg" or "counts", or one per column, `{"q2": "deg"}`.
@@ -244,16 +251,18 @@ def read_log(
     than three quarters of a turn from upright.
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
-    time_unit: "s", "ms", "us" or "d" (days). constant_command: "error", "warn" or "ignore" (no word about free
-    decays, u = 0).
+    input_scale: what the file's command is multiplied by to be in input_unit, as 0.001 for millivolts.
+    time_unit: "s", "ms", "us", "ns" or "d" (days); dates need none.
+    constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
     skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
+    table: the file's content, where it has been read already.
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
     Raises LogError (a ValueError) for anything that would make an estimate from this file meaningless.
     """
     if not 0.0 <= skip < np.inf:
         raise LogError(f"skip {skip:g} (--skip): expected seconds, not negative")
-    table = read_table(path)
+    table = read_table(path) if table is None else table
     mapped = map_table(
         table,
         columns=columns,
@@ -262,14 +271,28 @@ def read_log(
         flip=flip,
         encoder_counts=encoder_counts,
         input_unit=input_unit,
+        input_scale=input_scale,
         device=device,
         controller_gain=controller_gain,
         time_unit=time_unit,
         constant_command=constant_command,
     )
-    with open(path, "rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    log = Log(**mapped.signals, **mapped.facts, source=table.name, sha256=digest, metadata=mapped.metadata)
+    said = RigMapping.of(
+        columns,
+        unit,
+        time_unit=None if time_unit == "s" else time_unit,
+        pendulum_zero=pendulum_zero,
+        flip=parse_flip(flip) or None,
+        encoder_counts=None if encoder_counts is None else parse_counts(encoder_counts),
+        input_unit=input_unit,
+        input_scale=None if input_scale == 1.0 else input_scale,
+        skip=skip or None,
+    )
+    for note in table.notes if said.empty else ():  # where names are given, they were found
+        warn(note)
+    digest = file_hash(path)
+    about = {"source": table.name, "sha256": digest, "mapping": said}
+    log = Log(**mapped.signals, **mapped.facts, **about, metadata=mapped.metadata)
     if not skip:
         return log
     rest = replace(log.slice(float(log.t[0]) + skip), skipped=float(skip))
@@ -277,8 +300,28 @@ def read_log(
     return rest
 
 
-def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: Any) -> tuple[Log, ...]:
+def file_hash(path: str | os.PathLike[str]) -> str:
+    """SHA-256 of a file, or of the files of a folder (a bag of ROS 2) one after the other by name."""
+    path = Path(path)
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
+        digest.update(part.read_bytes())
+    return digest.hexdigest()
+
+
+def read_logs(
+    paths: Iterable[str | os.PathLike[str]],
+    *,
+    mappings: Sequence[RigMapping] | None = None,
+    tables: Sequence[Table] | None = None,
+    **mapping: Any,
+) -> tuple[Log, ...]:
     """Several logs of one rig, all with the same mapping (see `read_log`); sample times may differ.
+
+    mappings, tables: of each log, in place of one mapping for all and of reading the files once more.
 
     A log whose command is constant (a free decay) is accepted beside one that is driven, never alone. Raises LogError
     as `read_log` does, for no logs, and for logs whose commands differ in unit.
@@ -287,7 +330,12 @@ def read_logs(paths: Iterable[str | os.PathLike[str]], **mapping: Any) -> tuple[
     if not paths:
         raise LogError("no log was given. Expected at least one file.")
     severity = mapping.pop("constant_command", "warn" if len(paths) > 1 else "error")
-    logs = tuple(read_log(path, constant_command=severity, **mapping) for path in paths)
+    each = [m.arguments() for m in mappings] if mappings is not None else [mapping] * len(paths)
+    read = tables if tables is not None else [None] * len(paths)
+    logs = tuple(
+        read_log(path, constant_command=severity, table=table, **said)
+        for path, table, said in zip(paths, read, each, strict=True)
+    )
     if severity == "warn" and len(logs) > 1 and all(np.ptp(log.u) == 0 for log in logs):
         raise LogError(f"the command is constant in all {len(logs)} logs. Expected at least one that is driven.")
     units = {log.input_unit for log in logs}

@@ -14,25 +14,21 @@ import numpy as np
 
 from . import checks as log_checks
 from .checks import LogError
-from .formats import Table, listed
 from .signs import motion_signs
+from .table import Table, listed
+from .vocabulary import ROLES, core, fits, unit_in
 
 COLUMNS = ("t", "q1", "q2", "u")
 KNOWN_KEYS = ("input_unit", "pendulum_zero", "encoder_counts", "device", "controller_gain", "angle_unit")
 """Metadata that a file may declare about itself; any other key is kept as it is."""
 
-_SYNONYMS = {
-    "t": ("t", "time", "timestamp", "seconds", "sec", "clock"),
-    "q1": ("q1", "theta", "arm", "theta1", "motor", "rotor", "servo", "phi"),
-    "q2": ("q2", "alpha", "pendulum", "theta2", "pend", "pole", "beta"),
-    "u": ("u", "voltage", "volts", "command", "input", "tau", "torque", "vm", "motor_voltage"),
-}
 _UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "d": 86400.0}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
+"""What one unit of a time column is in s."""
 _LOOKED_AT = 500  # columns of a file, when guessing which one is meant
 _LONGEST_NAME = 80  # letters of such a column
 _TURN = 2 * np.pi
-_UNIT_ENDING = re.compile(r"_(s|sec|ms|us|rad|deg|degrees|counts|v|volts?)$")
+_DATE = 1e7  # s; stamps beyond this count from some date, and lose digits unless they are counted from the first
 
 
 @dataclass(frozen=True)
@@ -97,13 +93,36 @@ def parse_zero(value: str) -> str:
     return value.strip().lower()
 
 
-def parse_angle_units(value: str | Mapping[str, str]) -> dict[str, str]:
-    """Units of q1 and q2, "rad", "deg" or "counts", from one word or one for each. Raises LogError."""
-    units = dict(value) if isinstance(value, Mapping) else dict.fromkeys(("q1", "q2"), str(value).strip())
+def parse_angle_units(value: str | Mapping[str, str], both: bool = True) -> dict[str, str]:
+    """Units of q1 and q2, "rad", "deg" or "counts", from one word or one for each, "q1=deg,q2=rad".
+
+    both: with rad for an angle that is not named. Raises LogError."""
+    units: dict[str, str]
+    if isinstance(value, Mapping):
+        units = dict(value)
+    elif "=" in value:
+        units = {k.strip(): v.strip() for k, _, v in (part.partition("=") for part in value.split(","))}
+    else:
+        units = dict.fromkeys(("q1", "q2"), str(value).strip())
     for column, unit in units.items():
         if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
             raise LogError(f"unit {column}={unit!r}: expected rad, deg or counts, for q1 and q2")
-    return {"q1": "rad", "q2": "rad"} | units
+    return {"q1": "rad", "q2": "rad"} | units if both else units
+
+
+def parse_time_unit(value: str) -> str:
+    """Unit of the time column, one of `SECONDS`. Raises LogError."""
+    if value not in SECONDS:
+        raise LogError(f"time_unit {value!r}: expected one of {', '.join(SECONDS)}")
+    return value
+
+
+def parse_scale(value: float) -> float:
+    """What the command's numbers are multiplied by. Raises LogError."""
+    (scale,) = _floats("input_scale", value)[:1] or (0.0,)
+    if not (np.isfinite(scale) and scale > 0):
+        raise LogError(f"input_scale {value!r}: expected a positive number (use flip for the sign)")
+    return scale
 
 
 def parse_gain(value: str | Sequence[float]) -> tuple[float, float, float, float]:
@@ -123,6 +142,7 @@ def map_table(
     flip: str | Iterable[str],
     encoder_counts: float | str | Sequence[float] | None,
     input_unit: str | None,
+    input_scale: float,
     device: str | None,
     controller_gain: str | Sequence[float] | None,
     time_unit: str,
@@ -132,8 +152,8 @@ def map_table(
     name = table.name
     if constant_command not in ("error", "warn", "ignore"):
         raise LogError(f"constant_command {constant_command!r}: expected error, warn or ignore")
-    if time_unit not in _SECONDS:
-        raise LogError(f"time_unit {time_unit!r}: expected one of {', '.join(_SECONDS)}")
+    factor = SECONDS[parse_time_unit(time_unit)]
+    gain_of_u = parse_scale(input_scale)
     names = _find_columns(table, parse_columns(columns))
     metadata = _named(table.metadata)
     stored = metadata.get
@@ -149,7 +169,10 @@ def map_table(
         raise LogError(f"{name}: columns of different length ({shown}). Expected one value per sample in each.")
     for ours, values in raw.items():
         log_checks.check_numbers(name, names[ours], values, table.where)
-    t = raw["t"] * _SECONDS[time_unit]
+    if table.columns[names["t"]].dtype.kind in "Mm":  # `Table.numbers` gives seconds
+        factor = 1.0
+    start = raw["t"][0] if len(raw["t"]) and abs(raw["t"][0]) * factor > _DATE else 0.0
+    t = (raw["t"] - start) * factor
     log_checks.check_clock(name, t, table.where)
     log_checks.check_length(name, len(t))
     log_checks.check_command(name, raw["u"], constant_command)
@@ -168,7 +191,7 @@ def map_table(
     q2 = sign["q2"] * (q2 - (np.pi if zero == "hanging" else 0.0))
     if abs(q2[0]) > 0.75 * _TURN:
         q2 = q2 - _TURN * np.round(q2[0] / _TURN)
-    u = sign["u"] * raw["u"]
+    u = sign["u"] * gain_of_u * raw["u"]
 
     facts: dict[str, Any] = {}
     chosen = _prefer(name, "input_unit", input_unit, stored("input_unit"), parse_unit)
@@ -177,13 +200,13 @@ def map_table(
     facts["encoder_counts"] = counts
     gain = _prefer(name, "controller_gain", controller_gain, stored("controller_gain"), parse_gain)
     if gain is not None:
-        factors = (sign[q] * sign["u"] / scale[q] for q in ("q1", "q1", "q2", "q2"))
+        factors = (sign[q] * sign["u"] * gain_of_u / scale[q] for q in ("q1", "q1", "q2", "q2"))
         gain = tuple(k * factor for k, factor in zip(gain, factors, strict=True))
     facts["controller_gain"] = gain
-    facts["read_as"] = _read_as(names, units, zero, sign, known)
+    facts["read_as"] = _read_as(names, units, zero, sign, known, gain_of_u)
 
     log_checks.warn_about_clock(name, t)
-    log_checks.warn_about_command(name, names["u"], raw["u"])
+    log_checks.warn_about_command(name, names["u"], u)
     log_checks.check_motion(name, q1, q2)
     if not any(odd_unit):
         if counts is not None:
@@ -211,12 +234,15 @@ def _read_as(
     zero: str,
     sign: Mapping[str, float],
     counts: Mapping[str, float | None],
+    gain_of_u: float = 1.0,
 ) -> str:
     """What the mapping does to the file's columns, as formulas; "" where it does nothing."""
     said = {}
     for ours in ("q1", "q2", "u"):
         unit = units.get(ours, "")
         text = names[ours] + {"deg": "*pi/180", "counts": f"*2*pi/{counts.get(ours) or 1:g}"}.get(unit, "")
+        if ours == "u" and gain_of_u != 1.0:
+            text = f"{gain_of_u:g}*{text}"
         if ours == "q2" and zero == "hanging":
             text = f"{text} - pi" if sign[ours] > 0 else f"({text} - pi)"
         said[ours] = text if sign[ours] > 0 else f"-{text}"
@@ -243,9 +269,11 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
         absent = listed([wanted.get(ours, ours) for ours in missing])
         hint = ",".join(guesses) if guesses else ",".join(f"{ours}=..." for ours in missing)
         hint = shlex.quote(hint) if guesses else hint
-        endings = " ".join(c.lower() for c in free)
-        hint += " --unit deg" if re.search(r"[_ (\[]deg", endings) else ""
-        hint += " --time-unit ms" if re.search(r"[_ (\[]ms\b", endings) else ""
+        meant = {ours: theirs for ours, _, theirs in (guess.partition("=") for guess in guesses)}
+        angles = [unit_in(theirs) for ours, theirs in meant.items() if ours in ("q1", "q2")]
+        time = unit_in(meant.get("t", ""))
+        hint += " --unit deg" if "deg" in angles else ""
+        hint += f" --time-unit {time}" if time in SECONDS and time != "s" else ""
         raise LogError(
             f"{table.name}: no column {absent}. Found: {listed(list(table.columns)) or 'none'}. Expected t, q1 (arm), "
             f"q2 (pendulum), u; map names that differ, {'perhaps ' if guesses else ''}--columns {hint}"
@@ -258,15 +286,11 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
 
 def _guess(ours: str, free: Sequence[str]) -> str | None:
     """The column that is most likely meant, with a unit at the end of its name or without; None if none is near."""
-    whole = {re.sub(r"[\[(].*", "", c).strip().lower(): c for c in reversed(free)}
-    for plain in (whole, {_UNIT_ENDING.sub("", name): c for name, c in whole.items()}):
-        for synonym in _SYNONYMS[ours]:
-            if synonym in plain:
-                return plain[synonym]
-        near = [m for s in _SYNONYMS[ours] if len(s) > 2 for m in difflib.get_close_matches(s, plain, n=1, cutoff=0.75)]
-        if near:
-            return plain[near[0]]
-    return None
+    if (best := max(free, key=lambda c: fits(c, ours), default=None)) is not None and fits(best, ours):
+        return best
+    plain = {core(c): c for c in reversed(free)}
+    near = [m for w in ROLES[ours] if len(w) > 2 for m in difflib.get_close_matches(w, plain, n=1, cutoff=0.75)]
+    return plain[near[0]] if near else None
 
 
 def _prefer(name: str, key: str, explicit: Any, stored: str | None, parse: Any = None) -> Any:

@@ -25,7 +25,7 @@ _CHILD = Path(__file__).with_name("mat_child.py")
 def mat_variables(path: Path) -> dict[str, np.ndarray]:
     """Arrays of numbers or text by name, structs opened as `struct.field`.
 
-    Raises LogError for what is no MAT file of version 5, and where reading it dies, takes longer than `LONGEST` or
+    Raises LogError for what is no MAT file, and where reading it dies, takes longer than `LONGEST` or
     more than `MOST_MEMORY`.
     """
     try:
@@ -40,7 +40,10 @@ def mat_variables(path: Path) -> dict[str, np.ndarray]:
     except subprocess.TimeoutExpired:
         raise LogError(f"{path.name}: not a readable MAT file (reading it took more than {LONGEST} s).") from None
     if child.returncode == VERSION:
-        raise LogError(f"{path.name}: a MAT file of version 7.3. Save it with save(..., '-v7') instead.")
+        raise LogError(
+            f"{path.name}: a MAT file of version 7.3, which needs the package pymatreader. Install it: "
+            "pip install 'furuta-gym[matlab]', or save the file with save(..., '-v7')."
+        )
     if child.returncode == BROKEN:
         said = " ".join(child.stderr.decode(errors="replace").split()[-40:])
         raise LogError(f"{path.name}: not a readable MAT file ({said}).")

@@ -21,8 +21,8 @@ from .checks import GAP
 
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
 _MOST_ROWS = 200_000  # of the regressions: more would make a sign no surer
-_TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
-_TRUSTED_R2_ARM = 0.5
+TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
+TRUSTED_R2_ARM = 0.5
 _TRUSTED_T = 20.0  # the regression's own t ratio is optimistic: its residuals are far from white
 
 
@@ -52,6 +52,12 @@ class Signs:
         """What is wrong and the options that mend it, given those declared; None if nothing is known wrong."""
         if self.wrong is None:
             return None
+        zero, flips = self.mended(zero, flip)
+        options = f"--pendulum-zero {zero}" + (f" --flip {','.join(flips)}" if flips else " and no --flip")
+        return f"{self.wrong}. Unless you know better, read it with {options}."
+
+    def mended(self, zero: str, flip: Iterable[str]) -> tuple[str, tuple[str, ...]]:
+        """The zero and the flips to read with, where these signs were seen with `zero` and `flip`."""
         flips = set(flip)
         coupling = self.coupling
         if self.gravity < 0:
@@ -61,40 +67,94 @@ class Signs:
             flips ^= {"q1"} if self.command < 0 else {"q2"}
         elif self.command < 0:
             flips ^= {"u"}
-        options = f"--pendulum-zero {zero}" + (f" --flip {','.join(sorted(flips))}" if flips else " and no --flip")
-        return f"{self.wrong}. Unless you know better, read it with {options}."
+        return zero, tuple(sorted(flips))
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """An angle between two gaps of the clock, smoothed: q, its first and second derivative v, a, each (n,)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+    def scaled(self, factor: float, zero: float = 0.0) -> Smoothed:
+        """In another unit, then from another zero [of that unit]."""
+        return Smoothed(factor * self.q - zero, factor * self.v, factor * self.a)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the model fitted to smoothed signals: its first two coefficients, those of their signs that are clear,
+    and how much of the output it explains."""
+
+    coefficients: tuple[float, float]
+    signs: tuple[int, int]
+    r2: float
+
+
+NO_ROW = Row((0.0, 0.0), (0, 0), 0.0)
+
+
+def longest_piece(t: np.ndarray) -> tuple[np.ndarray, int]:
+    """Indices of the longest stretch between two gaps, and the smoother's window for it; 0 if it is too short."""
+    T = float(np.median(np.diff(t)))
+    longest = max(np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > GAP * T) + 1), key=len)
+    window = int(_SPAN / T) | 1
+    return longest, 0 if window < 5 or len(longest) < 4 * window else window
+
+
+def smoothed(q: np.ndarray, T: float, window: int) -> Smoothed:
+    """An angle of a stretch without gaps, sampled every T [s], by a polynomial over `window` samples."""
+
+    def derivative(order: int) -> np.ndarray:
+        return np.asarray(savgol_filter(q, window, 3, deriv=order, delta=T))[_inner(q, window)]
+
+    return Smoothed(np.asarray(q)[_inner(q, window)], derivative(1), derivative(2))
+
+
+def smoothed_command(u: np.ndarray, window: int) -> np.ndarray:
+    """A command of a stretch, smoothed as the angles' derivatives are."""
+    return np.asarray(savgol_filter(u, window, 3))[_inner(u, window)]
+
+
+def _inner(q: np.ndarray, window: int) -> slice:
+    return slice(window, -window, -(-len(q) // _MOST_ROWS))
+
+
+def pendulum_row(arm: Smoothed, pendulum: Smoothed) -> Row:
+    """q̈2 by gravity and the arm: coefficients of sin q2 and q̈1 cos q2. Angles in rad."""
+    sin, cos = np.sin(pendulum.q), np.cos(pendulum.q)
+    return _fit(np.column_stack([sin, arm.a * cos, arm.v**2 * sin * cos, pendulum.v]), pendulum.a)
+
+
+def arm_row(arm: Smoothed, pendulum: Smoothed, command: np.ndarray) -> Row:
+    """The command (smoothed as the angles are) by the arm's motion: coefficients of q̈1 and q̈2 cos q2."""
+    v1, v2 = arm.v, pendulum.v
+    sin, cos = np.sin(pendulum.q), np.cos(pendulum.q)
+    # with a column for a cable: a strong one would else take the sign of the inertia
+    columns = [arm.a, pendulum.a * cos, v2**2 * sin, v1, np.tanh(v1 / 0.01), np.ones_like(v1), arm.q]
+    return _fit(np.column_stack(columns), command)
 
 
 def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -> Signs:
     """Signs of gravity, coupling and command that a log shows between two gaps, each 0 where it is not clear."""
-    T = float(np.median(np.diff(t)))
-    longest = max(np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > GAP * T) + 1), key=len)
-    t, q1, q2, u = t[longest], q1[longest], q2[longest], u[longest]
-    window = int(_SPAN / T) | 1
-    if window < 5 or len(t) < 4 * window:
+    longest, window = longest_piece(t)
+    if not window:
         return Signs(0, 0, 0)
-    inner = slice(window, -window, -(-len(t) // _MOST_ROWS))
-
-    def derivative(q: np.ndarray, order: int) -> np.ndarray:
-        return np.asarray(savgol_filter(q, window, 3, deriv=order, delta=T))
-
-    v1, v2, a1, a2 = derivative(q1, 1), derivative(q2, 1), derivative(q1, 2), derivative(q2, 2)
-    sin, cos = np.sin(q2), np.cos(q2)
-    pendulum = np.column_stack([sin, a1 * cos, v1**2 * sin * cos, v2])
-    (gravity, coupling), r2 = _first_two(pendulum[inner], a2[inner])
-    if r2 < _TRUSTED_R2:
-        gravity = coupling = 0
-    # with a column for a cable: a strong one would else take the sign of the inertia
-    arm = np.column_stack([a1, a2 * cos, v2**2 * sin, v1, np.tanh(v1 / 0.01), np.ones_like(v1), q1])
-    (command, _), r2 = _first_two(arm[inner], derivative(u, 0)[inner])  # u smoothed as the angles are
-    return Signs(gravity, -coupling, command if r2 > _TRUSTED_R2_ARM else 0)
+    T = float(np.median(np.diff(t)))
+    arm, pendulum = smoothed(q1[longest], T, window), smoothed(q2[longest], T, window)
+    row = pendulum_row(arm, pendulum)
+    gravity, coupling = row.signs if row.r2 >= TRUSTED_R2 else (0, 0)
+    command = arm_row(arm, pendulum, smoothed_command(u[longest], window))
+    return Signs(gravity, -coupling, command.signs[0] if command.r2 > TRUSTED_R2_ARM else 0)
 
 
-def _first_two(regressors: np.ndarray, output: np.ndarray) -> tuple[tuple[int, int], float]:
-    """Clear signs of the first two coefficients of a least-squares fit, and its R²."""
+def _fit(regressors: np.ndarray, output: np.ndarray) -> Row:
+    """Least squares; a sign is clear where the coefficient is many times its error."""
     scale = np.linalg.norm(regressors, axis=0)
     if not np.var(output) > 0 or scale[0] == 0:  # of the smallest numbers the square is zero
-        return (0, 0), 0.0
+        return NO_ROW
     scaled = regressors / np.where(scale > 0, scale, 1.0)
     coefficients, *_ = np.linalg.lstsq(scaled, output, rcond=1e-10)
     residual = output - scaled @ coefficients
@@ -105,4 +165,5 @@ def _first_two(regressors: np.ndarray, output: np.ndarray) -> tuple[tuple[int, i
     )  # of columns that depend on each other, rounding may leave less
     clear = np.abs(coefficients) > _TRUSTED_T * std
     signs = np.where(clear, np.sign(coefficients), 0).astype(int)
-    return (int(signs[0]), int(signs[1])), r2
+    values = coefficients / np.where(scale > 0, scale, 1.0)
+    return Row((float(values[0]), float(values[1])), (int(signs[0]), int(signs[1])), r2)

@@ -281,12 +281,9 @@ def test_texts_of_options() -> None:
 
 
 def test_warnings_are_readable_lines(tmp_path: Path) -> None:
-    q1 = 0.1 * np.sin(3 * T)
-    degrees = np.round(40 * np.sin(5 * T) / 0.17578) * 0.17578
-    log = some_log(tmp_path / "log.csv", q1=np.round(np.degrees(q1) / 0.17578) * 0.17578, q2=degrees)
+    log = some_log(tmp_path / "log.csv", t=T + 0.5 * (T > 0.4))
     result = furuta("identify", log, "-o", tmp_path / "rig.json", "--method", "recursive-ls")
-    assert "Warning: log.csv" in result.stderr
-    assert "--unit deg" in result.stderr
+    assert "Warning: log.csv: 1 gaps in the clock" in result.stderr
     assert "LogWarning" not in result.stderr
 
 

@@ -69,10 +69,10 @@ def test_binary_files_that_are_none(tmp_path, suffix):
         read_log(tmp_path / f"log{suffix}")
 
 
-def test_mat_of_version_7_3_says_how_to_save_it(tmp_path):
+def test_a_damaged_mat_of_version_7_3_is_refused(tmp_path):
     header = b"MATLAB 7.3 MAT-file".ljust(116) + b"\0" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\0" * 512
     (tmp_path / "log.mat").write_bytes(header)
-    with pytest.raises(LogError, match=r"version 7.3.*-v7"):
+    with pytest.raises(LogError, match="not a readable MAT file"):
         read_log(tmp_path / "log.mat")
 
 
@@ -191,8 +191,8 @@ def test_dates_in_parquet(tmp_path):
     frame = pd.DataFrame(rows())
     frame["t"] = pd.to_datetime(frame["t"], unit="s")
     frame.to_parquet(tmp_path / "log.parquet")
-    with pytest.raises(LogError, match="column t holds dates"):
-        read_log(tmp_path / "log.parquet")
+    log = quietly(tmp_path / "log.parquet")
+    assert np.allclose(log.t, rows()["t"])
 
 
 # --- clock ------------------------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ def test_pieces_cut_at_dropped_samples():
     log = made_log(300)
     keep = np.ones(300, dtype=bool)
     keep[100:120] = keep[200] = False
-    pieces = log._where(keep).pieces()
+    pieces = log.taken(keep).pieces()
     assert [len(p) for p in pieces] == [100, 80, 99]
     np.testing.assert_array_equal(np.concatenate([p.t for p in pieces]), log.t[keep])
     assert all(p.regular for p in pieces)

@@ -1,0 +1,228 @@
+"""Logs on the command line: the options that say how they are written, where else it is said, and what is wrong."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import logging
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Plant
+    from identification.logs.log import Log
+    from identification.logs.rig_mapping import RigMapping
+    from identification.logs.table import Table
+
+_PANEL = "How the file is written (furuta init finds it out)"
+_logger = logging.getLogger("furuta.reading")
+
+
+def _option(help: str, *names: str) -> Any:
+    return typer.Option(*names, help=help, rich_help_panel=_PANEL)
+
+
+Columns = Annotated[str | None, _option("Names in the file: t=Time,q1=theta,q2=alpha,u=volts.")]
+Unit = Annotated[str | None, _option("Angles in rad (default), deg or counts; or q1=deg,q2=rad.")]
+PendulumZero = Annotated[str | None, _option("Where the file's q2 is zero: upright (default) or hanging.")]
+Flip = Annotated[list[str] | None, _option("Turn the sign of q1, q2 or u; repeat it, or use commas; none turns none.")]
+EncoderCounts = Annotated[str | None, _option("Counts per revolution, one number or two: 2048 or 2048,4096.")]
+InputUnit = Annotated[str | None, _option("Unit of the command: V or N·m.")]
+InputScale = Annotated[float | None, _option("What the file's command is multiplied by: 0.001 for millivolts.")]
+TimeUnit = Annotated[str | None, _option("Of the time column: s (default), ms, us, ns or d (days).")]
+Skip = Annotated[float | None, _option("Seconds left out at the start of each log, as a hand-over to the controller.")]
+MappingFile = Annotated[
+    Path | None,
+    _option("The rig's rig.toml; none reads none. Default: beside the log, or here.", "--mapping", "--rig"),
+]
+AsGiven = Annotated[bool, _option("Read it as it is said, against what the data show.", "--as-given")]
+
+_OPTIONS: dict[str, tuple[Any, Any]] = {
+    "columns": (Columns, None),
+    "unit": (Unit, None),
+    "pendulum_zero": (PendulumZero, None),
+    "flip": (Flip, None),
+    "encoder_counts": (EncoderCounts, None),
+    "input_unit": (InputUnit, None),
+    "input_scale": (InputScale, None),
+    "time_unit": (TimeUnit, None),
+    "skip": (Skip, None),
+    "mapping": (MappingFile, None),
+    "as_given": (AsGiven, False),
+}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the command line says of how logs are written.
+
+    file: a rig.toml. as_given: what is said is not held against the data. told: what was printed of it already."""
+
+    said: RigMapping
+    file: Path | None = None
+    as_given: bool = False
+    told: set[str] = field(default_factory=set, compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        mapping: Path | None,
+        as_given: bool,
+        flip: list[str] | None,
+        columns: str | None,
+        unit: str | None,
+        **said: Any,
+    ) -> Reading:
+        """From the values of the options. Raises LogError."""
+        from identification.logs.rig_mapping import RigMapping
+
+        turned = None if flip is None else ",".join(f for f in flip if f != "none")
+        return cls(RigMapping.of(columns, unit, flip=turned, **said), mapping, as_given)
+
+
+def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of how a log is written, in place of its parameter `reading`."""
+    hints = get_type_hints(command, include_extras=True)
+    signature = inspect.signature(command)
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in signature.parameters.items():
+        if name == "reading":
+            keyword = inspect.Parameter.KEYWORD_ONLY
+            parameters += [
+                inspect.Parameter(option, keyword, default=default, annotation=kind)
+                for option, (kind, default) in _OPTIONS.items()
+            ]
+        else:
+            parameters.append(parameter.replace(annotation=hints[name], kind=inspect.Parameter.KEYWORD_ONLY))
+
+    @functools.wraps(command)
+    def run(**values: Any) -> Any:
+        options = {name: values.pop(name) for name in _OPTIONS}
+        return command(reading=Reading.of(**options), **values)
+
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    del run.__wrapped__  # type: ignore[attr-defined]
+    return run
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A log with its table, the mapping that applies to it, and where that is said."""
+
+    path: Path
+    table: Table
+    mapping: RigMapping
+    origin: str
+
+
+def read(
+    paths: Sequence[Path], reading: Reading, plant: Plant | None = None, constant_command: str | None = None
+) -> tuple[Log, ...]:
+    """Logs as the options say, else a rig.toml, else the plant file, and checked against what the data show.
+
+    Prints on stderr where the mapping comes from. Raises LogError with all that is wrong at once.
+    """
+    from identification.logs.log import read_logs
+
+    sources = sources_of(paths, reading, plant)
+    for origin, mapping in dict.fromkeys((s.origin, s.mapping) for s in sources):
+        message = f"Read as {origin} says: {mapping.options()}"
+        if origin and not mapping.empty and message not in reading.told:
+            typer.echo(message, err=True)
+            reading.told.add(message)
+    if not reading.as_given:
+        refuse_wrong(sources, constant_command)
+    more = {} if constant_command is None else {"constant_command": constant_command}
+    logs = read_logs(paths, mappings=[s.mapping for s in sources], tables=[s.table for s in sources], **more)
+    for log in logs:
+        _logger.info("read %s: %d samples, %.4g s, sha256 %s", log.source, len(log), log.duration, log.sha256)
+    return logs
+
+
+def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = None) -> list[_Source]:
+    """Each log with the mapping that applies to it: the options, over a rig.toml, over the plant file's."""
+    from identification.logs.formats import read_table
+    from identification.logs.mapping import COLUMNS
+    from identification.logs.rig_mapping import RigMapping
+
+    sources = []
+    for path in paths:
+        table = read_table(path)
+        base, origin = _base(path, reading, plant)
+        names = {ours: base.columns.get(ours, ours) for ours in COLUMNS}
+        lacking = [theirs for theirs in names.values() if not _has(table, theirs)]
+        if origin and lacking and all(_has(table, ours) for ours in COLUMNS):
+            message = f"{path.name} has no column {', '.join(lacking)} of {origin}; read by its own t, q1, q2, u."
+            typer.echo(message, err=True)
+            base, origin = RigMapping(), ""
+        sources.append(_Source(path, table, reading.said.over(base), origin))
+    return sources
+
+
+def _has(table: Table, name: str) -> bool:
+    return name in table.columns or any(column.endswith(f".{name}") for column in table.columns)
+
+
+def _base(path: Path, reading: Reading, plant: Plant | None) -> tuple[RigMapping, str]:
+    from identification.logs.rig_file import find_mapping, load_mapping
+    from identification.logs.rig_mapping import RigMapping
+
+    if reading.file is not None and str(reading.file) == "none":
+        return RigMapping(), ""
+    file = reading.file or find_mapping(path)
+    if file is not None:
+        return load_mapping(file), os.fspath(file)
+    stored = plant.provenance.get("mapping") if plant is not None else None
+    return (RigMapping.from_dict(stored), "the plant file") if stored else (RigMapping(), "")
+
+
+def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None) -> None:
+    """Raise LogError with everything that the data contradict, and the options that read the logs."""
+    from identification.logs.checks import LogError
+    from identification.logs.mapping import COLUMNS
+    from identification.logs.proposal import propose
+
+    mappings = dict.fromkeys(s.mapping for s in sources)
+    severity = constant_command or ("warn" if len(sources) > 1 else "error")
+    said: list[str] = []
+    for mapping in mappings:
+        tables = [s.table for s in sources if s.mapping == mapping]
+        names = {ours: mapping.columns.get(ours, ours) for ours in COLUMNS}
+        if lacking := [ours for ours, theirs in names.items() if not _has(tables[0], theirs)]:
+            said += _unread(tables, mapping, lacking)
+            continue
+        found = propose(tables, mapping, assumed=True, constant_command=severity)
+        said += [str(problem) for problem in found.fatal]
+    if said:
+        raise LogError(in_one(", ".join(s.path.name for s in sources), said, [s.path for s in sources]))
+
+
+def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]) -> list[str]:
+    """Columns that a log does not have, with the options that may read it, and what else is wrong."""
+    from identification.logs.proposal import propose
+
+    whole = propose(tables, mapping.without(*lacking))
+    names = ", ".join(mapping.columns.get(ours, ours) for ours in lacking)
+    there = ", ".join(list(tables[0].columns)[:20]) or "none"
+    options = whole.mapping.options()
+    first = f"no column {names}. Found: {there}. Expected t, q1 (arm), q2 (pendulum), u."
+    return [f"{first} It may be read with {options}" if options else first, *(str(p) for p in whole.fatal)]
+
+
+def in_one(names: str, said: Sequence[str], logs: Sequence[Path]) -> str:
+    """Several problems as one message, with the way out last."""
+    import shlex
+
+    files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
+    ending = f"Look at it with `furuta init {files}`, or read it as it is said with --as-given."
+    if len(said) == 1:
+        return f"{names}: {said[0]}\n{ending}"
+    return "\n".join(
+        [f"{names}: {len(said)} things are wrong.", *(f"  {i}. {s}" for i, s in enumerate(said, 1)), ending]
+    )

@@ -1,0 +1,158 @@
+"""Everything that is wrong with a table, or with several together, each with what mends it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..mapping import COLUMNS
+from ..signs import Signs
+from .columns import SPOKEN
+from .look import Look
+from .policy import ProposalPolicy
+from .units import Unit, command_unit
+from .values import Confidence, Problem
+
+
+def problems_of(look: Look, constant_command: str) -> list[Problem]:
+    """Everything that is wrong with this table, in the order of the items."""
+    name = look.table.name
+    missing = [ours for ours in COLUMNS if look.column(ours) is None]
+    found = []
+    if missing:
+        spoken = ", ".join(f"{SPOKEN[m]} ({m})" for m in missing)
+        there = ", ".join(list(look.table.columns)[:20]) or "none"
+        example = ",".join(f"{ours}=NAME" for ours in missing)
+        found.append(
+            Problem(f"no column is known to be {spoken}; the file has {there}.", f"Name it: --columns {example}")
+        )
+    used = {ours: c for ours in COLUMNS if (c := look.column(ours)) is not None}
+    for column in used.values():
+        found += _said(name, lambda c=column: checks.check_numbers(name, c, look.table.numbers(c), look.table.where))
+    finite = {ours: look.numbers[c] for ours, c in used.items() if np.isfinite(look.numbers[c]).all()}
+    if "t" in finite:
+        found += _said(name, lambda: checks.check_clock(name, look.t, look.table.where))
+        found += _said(name, lambda: checks.check_length(name, len(look.t)))
+    if "t" in finite and not look.dates:
+        found += _unit_problem(look, "t", look.time, "time_unit", "--time-unit ")
+    for axis in ("q1", "q2"):
+        found += _unit_problem(look, axis, look.units[axis], f"unit_{axis}", f"--unit {axis}=")
+    if "u" in finite:
+        found += _said(name, lambda: checks.check_command(name, finite["u"], constant_command))
+        unit = command_unit(look.table, used["u"], finite["u"], look.policy)[0]
+        if unit.against and not (look.given.input_unit and look.given.input_scale):
+            scale = "N·m --input-scale K, with the motor's constant K in N·m/A"
+            if "A" not in unit.reason:
+                scale = "V --input-scale K, with the volts of one unit"
+            found.append(Problem(unit.against, f"Give its unit and the factor: --input-unit {scale}"))
+    if {"q1", "q2"} <= set(finite) and look.factors is not None:
+        q1, q2 = (finite[q] * f for q, f in zip(("q1", "q2"), look.factors, strict=True))
+        found += _said(name, lambda: checks.check_motion(name, q1, q2))
+    notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in look.table.notes]
+    return [*found, *look.found, *_zero_problems(look), *notes]
+
+
+def _unit_problem(look: Look, ours: str, unit: Unit, name: str, option: str) -> list[Problem]:
+    """A unit that the file states, or that was said or assumed, against the data."""
+    said = look.said(name)
+    if unit.looks and said != unit.looks and (said in (None, unit.unit) or look.assumed):
+        text, better = unit.against, unit.looks
+    elif said is not None and unit.confidence is Confidence.sure and unit.unit not in (None, said) and not unit.looks:
+        text, better = f"{look.column(ours)} is read in {said}, but is in {unit.unit}: {unit.reason}.", unit.unit
+    else:
+        return []
+    return [Problem(text, f"Read it with {option}{better}" + (" --encoder-counts N" if better == "counts" else ""))]
+
+
+def _zero_problems(look: Look) -> list[Problem]:
+    arm, pendulum = look.column("q1"), look.column("q2")
+    if look.factors is None or arm is None or pendulum is None:
+        return []
+    if look.signs.gravity == 0:
+        degrees = look.motion.zero(arm, pendulum, look.factors)
+        off = None if degrees is None else min(abs(degrees), 180 - abs(degrees))
+        if degrees is not None and off is not None and off > look.policy.zero:
+            text = f"{pendulum} is upright at about {degrees:.0f}°, so its zero is neither upright nor hanging."
+            return [
+                Problem(text, f"Subtract {degrees:.0f}° (or that plus 180°) from the column and read the file again.")
+            ]
+        return []
+    zero, flips = look.signs.mended("upright", ())
+    stated = look.said("pendulum_zero") or look.stated_zero
+    said_flips = look.given.flip if look.given.flip is not None or not look.assumed else ()
+    wrong = []
+    if stated is not None and stated != zero:
+        source = "it is read" if look.given.pendulum_zero else "the file says" if look.stated_zero else "it is read"
+        wrong.append(f"{source} that {pendulum} = 0 is {stated}, but the pendulum falls as if it were {zero}")
+    if said_flips is not None and not _same_signs(said_flips, flips, look.signs):
+        shown = f"the sign of {','.join(said_flips)} turned" if said_flips else "no sign turned"
+        wrong.append(f"with {shown}, arm, pendulum and command do not move as those of one rig")
+    if not wrong:
+        return []
+    mend = f"--pendulum-zero {zero}" + (f" --flip {','.join(flips)}" if flips else " and no --flip")
+    return [Problem("; ".join(wrong) + ".", f"Unless you know better, read it with {mend}")]
+
+
+def _same_signs(said: Sequence[str], wanted: Sequence[str], signs: Signs) -> bool:
+    """Whether two sets of flips read the motion alike: they differ by nothing, or by what it cannot tell, which is
+    always the turning of all three."""
+    differ = set(said) ^ set(wanted)
+    unknown = ({"u"} if not signs.command else set()) | ({"q2"} if not signs.coupling else set())
+    return differ <= unknown or {"q1", "q2", "u"} - differ <= unknown
+
+
+def _said(name: str, check: Callable[[], Any]) -> list[Problem]:
+    """What a check of `checks` raises or warns of, as problems."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            check()
+        except checks.LogError as error:
+            return [_problem(name, str(error), True)]
+    return [_problem(name, str(w.message), False) for w in caught if issubclass(w.category, checks.LogWarning)]
+
+
+def _problem(name: str, message: str, fatal: bool) -> Problem:
+    text, dot, mend = message.removeprefix(f"{name}: ").partition(". ")
+    return Problem(text + dot.strip(), mend, fatal)
+
+
+def same_columns(first: Look, looks: Sequence[Look]) -> list[Problem]:
+    found = []
+    for look in looks:
+        lacking = [c for ours in COLUMNS if (c := first.column(ours)) is not None and c not in look.table.columns]
+        if lacking:
+            text = f"{look.table.name} has no column {', '.join(lacking)}, which {first.table.name} has."
+            found.append(Problem(text, "Give logs that are written alike, or one at a time."))
+    return found
+
+
+def same_rig(looks: Sequence[Look], policy: ProposalPolicy) -> list[Problem]:
+    """Logs whose pendulums differ, by what gravity and the arm do to them, or whose signs do."""
+    seen = []
+    for look in looks:
+        arm, pendulum = look.column("q1"), look.column("q2")
+        if look.factors is None or arm is None or pendulum is None or look.motion.short:
+            continue
+        if not {arm, pendulum} <= set(look.motion.raw):
+            continue
+        row = look.motion.pair(arm, pendulum, ("rad", "rad"), look.factors).row
+        if row.r2 >= policy.sure_of_rig and all(row.coefficients):
+            seen.append((look, row))
+    for look, row in seen[1:]:
+        one, other = seen[0][1].coefficients, row.coefficients
+        ratios = [abs(a / b) for a, b in zip(one, other, strict=True)]
+        if any(max(r, 1 / r) > policy.same_rig for r in ratios):
+            text = (
+                f"{seen[0][0].table.name} and {look.table.name} are not of one rig: gravity moves their pendulums by "
+                f"{abs(one[0]):.0f} and {abs(other[0]):.0f} 1/s², the arm by {abs(one[1]):.2f} and {abs(other[1]):.2f}."
+            )
+            return [Problem(text, "Give the logs of one rig at a time.")]
+        if seen[0][0].signs.gravity * look.signs.gravity < 0:
+            text = f"{seen[0][0].table.name} and {look.table.name} count from different zeros of the pendulum."
+            return [Problem(text, "Give them one at a time, each with its own rig.toml (--rig FILE).")]
+    return []

@@ -1,0 +1,213 @@
+"""In which unit a column is: by what the file states, by steps, size and speed, and by the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..encoders import encoder_step
+from ..mapping import SECONDS
+from ..table import Table
+from ..vocabulary import unit_in, unit_of, words
+from .motion import RADIANS, Motion, Pair
+from .policy import ProposalPolicy
+from .values import Confidence
+
+ANGLE_UNITS = ("rad", "deg", "counts")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit with its reason. looks: the unit that the data show instead, where they contradict what the file states,
+    and against: that in a sentence."""
+
+    unit: str | None
+    confidence: Confidence
+    reason: str
+    alternatives: tuple[str, ...] = ()
+    against: str = ""
+    looks: str | None = None
+
+    def believed(self, said: str | None) -> str | None:
+        """The unit to go on with: what the data show, else what is said."""
+        sure = self.confidence is Confidence.sure
+        return self.looks or (self.unit if sure and self.unit else said or self.unit)
+
+
+def stated(table: Table, column: str, known: Collection[str | None]) -> tuple[str | None, str]:
+    """The unit that a file states for a column, of those that are known, and where it does."""
+    places = [
+        (unit_of(table.units.get(column, "")), f"the file gives its unit as {table.units.get(column, '')}"),
+        (unit_in(column), "its name says so"),
+    ]
+    return next(((unit, why) for unit, why in places if unit in known), (None, ""))
+
+
+def any_unit(table: Table, column: str) -> str | None:
+    """Whatever unit a file states for a column."""
+    return unit_of(table.units.get(column, "")) or unit_in(column)
+
+
+def time_unit(table: Table, column: str, t: np.ndarray, policy: ProposalPolicy) -> Unit:
+    """Unit of the stamps, from what is stated and from the spacing."""
+    if table.columns[column].dtype.kind in "Mm":
+        return Unit("s", Confidence.sure, "the stamps are dates or durations")
+    unit, why = stated(table, column, SECONDS)
+    steps = np.diff(t)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    possible = [
+        u
+        for u, f in SECONDS.items()
+        if policy.shortest_step <= step * f <= policy.longest_step
+        and policy.shortest_log <= float(t[-1] - t[0]) * f <= policy.longest_log
+    ]
+    spaced = lambda u: f"{_short(step * SECONDS[u])} between samples"  # noqa: E731
+    if unit is not None:
+        if unit in possible or not possible:
+            return Unit(unit, Confidence.sure, f"{why}, {spaced(unit)}", tuple(possible))
+        return Unit(
+            unit,
+            Confidence.open,
+            f"{why}, but that would be {spaced(unit)}",
+            tuple(possible),
+            f"{column} is stated in {unit}, which would be {spaced(unit)}; in {possible[0]} it is "
+            f"{spaced(possible[0])}.",
+            possible[0],
+        )
+    if not possible:
+        return Unit(None, Confidence.open, f"a spacing of {step:g} suits no unit", tuple(SECONDS))
+    best = possible[0]
+    if len(possible) == 1:
+        usual = best != "d"  # of spreadsheets; a stamp's last digits may be lost there
+        reason = f"{spaced(best)}; every other unit would give a clock that no rig has"
+        return Unit(best, Confidence.sure if usual else Confidence.likely, reason, tuple(SECONDS))
+    return Unit(best, Confidence.likely, f"{spaced(best)}, but {' or '.join(possible[1:])} could be", tuple(possible))
+
+
+def _short(seconds: float) -> str:
+    for unit, factor in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.2 * factor:
+            return f"{seconds / factor:.4g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy) -> dict[str, str]:
+    """Units that an angle cannot be in, by the steps that it moves in or by its speed, each with the reason."""
+    whole = bool(np.array_equal(values, np.round(values)))
+    step = encoder_step(values)
+    out: dict[str, str] = {} if whole else {"counts": "its values are no whole numbers"}
+    if whole and step is not None:
+        out["deg"] = "its values are whole numbers"
+    for unit, factor in RADIANS.items():
+        size = None if step is None else step * factor
+        if size is not None and (size > policy.coarsest or (size < policy.finest and not whole)):
+            out[unit] = (
+                f"it moves in steps of {step:.4g}, an encoder of {2 * np.pi / size:.0f} counts if it were {unit}"
+            )
+    if step is None and len(t) > 1:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speed = float(np.nanquantile(np.abs(np.diff(values) / np.diff(t)), 0.99))
+        if speed > policy.fastest:
+            out["rad"] = f"it turns at {speed:.3g} rad/s if it were in rad"
+    return out
+
+
+def angle_units(
+    table: Table,
+    columns: Sequence[str],
+    values: Sequence[np.ndarray],
+    t: np.ndarray,
+    motion: Motion,
+    policy: ProposalPolicy,
+) -> tuple[Unit, Unit]:
+    """Units of arm and pendulum; t in s."""
+    declared = str(table.metadata.get("angle_unit", "")).strip()
+    told = [stated(table, c, ANGLE_UNITS) for c in columns]
+    told = [
+        (declared, "the file says so") if unit is None and declared in ANGLE_UNITS else (unit, why)
+        for unit, why in told
+    ]
+    out = [excluded(v, t, policy) for v in values]
+    pairs = [] if motion.short or any(c not in motion.raw for c in columns) else list(motion.readings(*columns))
+    speaking = sorted((p for p in pairs if motion.speaks(p)), key=lambda p: p.unexplained)
+    possible = [p for p in speaking if all(u not in o for u, o in zip(p.units, out, strict=True))]
+    clear = _clear(possible, policy)
+    small = max(float(np.ptp(v)) for v in values) < policy.too_still
+    return (
+        _angle(0, columns[0], told[0], out[0], clear, speaking, small),
+        _angle(1, columns[1], told[1], out[1], clear, speaking, small),
+    )
+
+
+def _clear(speaking: Sequence[Pair], policy: ProposalPolicy) -> list[Pair]:
+    """The readings that explain the pendulum about as well as the best one."""
+    if not speaking:
+        return []
+    return [p for p in speaking if p.unexplained * policy.clearly <= speaking[0].unexplained]
+
+
+def _angle(
+    axis: int,
+    column: str,
+    told: tuple[str | None, str],
+    out: Mapping[str, str],
+    clear: Sequence[Pair],
+    speaking: Sequence[Pair],
+    small: bool,
+) -> Unit:
+    unit, why = told
+    left = [u for u in ANGLE_UNITS if u not in out]
+    by_motion = sorted({p.units[axis] for p in clear})
+    choice = by_motion[0] if len(by_motion) == 1 else left[0] if len(left) == 1 else None
+    if unit is not None:
+        moved = any(p.units[axis] == unit for p in speaking)
+        if choice in (None, unit) or (unit not in out and moved):
+            return Unit(unit, Confidence.sure, why, ANGLE_UNITS)
+        reason = out.get(unit, f"in {choice} the pendulum moves as gravity makes it, in {unit} it does not")
+        return Unit(
+            unit,
+            Confidence.open,
+            f"{why}, but the data do not",
+            ANGLE_UNITS,
+            f"{column} is stated in {unit}, but looks like {choice}: {reason}.",
+            choice,
+        )
+    if len(by_motion) == 1:
+        return Unit(
+            choice, Confidence.sure, f"only in {choice} does the pendulum move as gravity makes it", ANGLE_UNITS
+        )
+    if len(left) == 1:
+        reason = next(iter(out[u] for u in ("rad", "deg") if u in out), "")
+        return Unit(left[0], Confidence.sure, f"by its steps or speed: {reason}", ANGLE_UNITS)
+    if not left:
+        return Unit("rad", Confidence.open, "its steps suit no unit", ANGLE_UNITS)
+    if small and "rad" in left:
+        return Unit("rad", Confidence.sure, "in degrees, next to nothing would have moved", ANGLE_UNITS)
+    if left[0] == "counts":
+        return Unit("counts", Confidence.likely, "it holds whole numbers", ANGLE_UNITS)
+    return Unit(left[0], Confidence.likely, "nothing in the file says otherwise", ANGLE_UNITS)
+
+
+def command_unit(table: Table, column: str, u: np.ndarray, policy: ProposalPolicy) -> tuple[Unit, float | None]:
+    """Unit of the command and what its numbers are multiplied by to be in it (None: nothing)."""
+    if "input_unit" in table.metadata:
+        return Unit(None, Confidence.sure, f"the file says {table.metadata['input_unit']}"), None
+    units = ("V", "N·m")
+    unit = any_unit(table, column)
+    if unit in units:
+        return Unit(unit, Confidence.sure, stated(table, column, units)[1], units), None
+    if unit in ("mV", "mN·m"):
+        return Unit(unit[1:], Confidence.sure, f"the file gives {unit}", units), 1e-3
+    if unit in ("A", "mA", "%"):
+        return Unit(None, Confidence.open, f"the file gives {unit}", units, f"the command {column} is in {unit}."), None
+    parts = set(words(column))
+    if parts & {"voltage", "volts", "volt", "spannung", "motorspannung", "ankerspannung", "voltaje", "tensione", "vm"}:
+        return Unit("V", Confidence.sure, "its name means a voltage", units), None
+    if parts & {"torque", "drehmoment", "tau"}:
+        return Unit("N·m", Confidence.sure, "its name means a torque", units), None
+    largest = float(np.nanmax(np.abs(u))) if len(u) else 0.0
+    if largest >= policy.large_command:
+        return Unit("V", Confidence.likely, f"it reaches {largest:.3g}, more than a small motor's N·m", units), None
+    return Unit("V", Confidence.likely, "nothing in the file says so", units), None

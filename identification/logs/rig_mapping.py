@@ -1,0 +1,163 @@
+"""How a rig's files are read, as a value: `RigMapping`. It goes into rig.toml and into plant files."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from .checks import LogError
+from .mapping import (
+    COLUMNS,
+    parse_angle_units,
+    parse_columns,
+    parse_counts,
+    parse_flip,
+    parse_scale,
+    parse_time_unit,
+    parse_unit,
+    parse_zero,
+)
+
+ANGLES = ("q1", "q2")
+
+
+@dataclass(frozen=True)
+class RigMapping:
+    """What is said of how to read the files of a rig; None is not said, and `read_log` then takes its default.
+
+    t, q1, q2, u: names of the columns. time_unit: s, ms, us, ns or d (days). unit_q1, unit_q2: rad, deg or counts.
+    pendulum_zero: upright or hanging. flip: of q1, q2 and u. encoder_counts: per revolution, of q1 and q2.
+    input_unit: V or N·m, after the file's numbers are multiplied by input_scale. skip [s]: left out at the start.
+    Raises LogError for a value that is none of these.
+    """
+
+    t: str | None = None
+    q1: str | None = None
+    q2: str | None = None
+    u: str | None = None
+    time_unit: str | None = None
+    unit_q1: str | None = None
+    unit_q2: str | None = None
+    pendulum_zero: str | None = None
+    flip: tuple[str, ...] | None = None
+    encoder_counts: tuple[float, float] | None = None
+    input_unit: str | None = None
+    input_scale: float | None = None
+    skip: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in COLUMNS:
+            column = getattr(self, name)
+            if column is not None and not (isinstance(column, str) and column.strip()):
+                raise LogError(f"column {name} = {column!r}: expected the name of a column")
+        checks = {
+            "time_unit": parse_time_unit,
+            "pendulum_zero": parse_zero,
+            "flip": parse_flip,
+            "encoder_counts": parse_counts,
+            "input_unit": parse_unit,
+            "input_scale": parse_scale,
+            "skip": _seconds,
+        }
+        for name, parse in checks.items():
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, parse(value))
+        for axis in ANGLES:
+            if (unit := getattr(self, f"unit_{axis}")) is not None:
+                object.__setattr__(self, f"unit_{axis}", parse_angle_units({axis: unit})[axis])
+
+    @classmethod
+    def of(
+        cls,
+        columns: str | Mapping[str, str] | None = None,
+        unit: str | Mapping[str, str] | None = None,
+        **said: Any,
+    ) -> RigMapping:
+        """From arguments as `read_log` takes them: names by our names, and one unit or one for each angle."""
+        units = {} if unit is None else parse_angle_units(unit, both=False)
+        named = {f"unit_{axis}": value for axis, value in units.items()}
+        return cls(**parse_columns(columns), **named, **said)
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is said."""
+        return self == RigMapping()
+
+    def over(self, other: RigMapping) -> RigMapping:
+        """What either says; where both do, what this one says."""
+        return replace(other, **{k: v for k, v in vars(self).items() if v is not None})
+
+    def without(self, *names: str) -> RigMapping:
+        """The same with these fields not said."""
+        return replace(self, **dict.fromkeys(names))
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Names in the file by our names, of those that are said."""
+        return {name: value for name in COLUMNS if (value := getattr(self, name)) is not None}
+
+    def arguments(self) -> dict[str, Any]:
+        """The same as arguments of `read_log`."""
+        units = {axis: unit for axis in ANGLES if (unit := getattr(self, f"unit_{axis}")) is not None}
+        return {
+            "columns": self.columns or None,
+            "unit": units or None,
+            "pendulum_zero": self.pendulum_zero,
+            "flip": self.flip or (),
+            "encoder_counts": self.encoder_counts,
+            "input_unit": self.input_unit,
+            "input_scale": 1.0 if self.input_scale is None else self.input_scale,
+            "time_unit": self.time_unit or "s",
+            "skip": self.skip or 0.0,
+        }
+
+    def options(self) -> str:
+        """The same as options of the command line; "" where nothing is said."""
+        units = self.arguments()["unit"] or {}
+        same = len(set(units.values())) == 1 and len(units) == 2
+        counts = self.encoder_counts
+        said = {
+            "--columns": ",".join(f"{ours}={theirs}" for ours, theirs in self.columns.items()),
+            "--time-unit": self.time_unit,
+            "--unit": units["q1"] if same else ",".join(f"{axis}={unit}" for axis, unit in units.items()),
+            "--pendulum-zero": self.pendulum_zero,
+            "--flip": ",".join(self.flip or ()),
+            "--encoder-counts": counts
+            and ",".join(f"{c:g}" for c in (counts[:1] if counts[0] == counts[1] else counts)),
+            "--input-unit": self.input_unit,
+            "--input-scale": self.input_scale and f"{self.input_scale:g}",
+            "--skip": self.skip and f"{self.skip:g}",
+        }
+        return " ".join(f"{option} {shlex.quote(value)}" for option, value in said.items() if value)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What is said, as JSON and TOML hold it."""
+        said = {k: v for k, v in vars(self).items() if v is not None}
+        return {k: [_short(part) for part in v] if isinstance(v, tuple) else _short(v) for k, v in said.items()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> RigMapping:
+        """Read what `to_dict` wrote. Raises LogError for what is not known."""
+        names = [f.name for f in fields(cls)]
+        if not isinstance(data, Mapping):
+            raise LogError(f"a mapping of a log: got {data!r}. Expected names and values")
+        if strange := sorted(set(data) - set(names)):
+            raise LogError(f"a mapping of a log: {', '.join(strange)} is not known. Expected of {', '.join(names)}")
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**values)
+
+
+def _short(value: Any) -> Any:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _seconds(value: Any) -> float:
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError, OverflowError):
+        seconds = -1.0
+    if not 0.0 <= seconds < float("inf"):
+        raise LogError(f"skip {value!r} (--skip): expected seconds, not negative")
+    return seconds

@@ -1,0 +1,343 @@
+"""`furuta init` and what every command makes of it: a stranger's log is read without a word, a wrong one says why."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli import app
+from furuta_gym.plant import QUBE
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import open_loop, simulate
+from identification import read_log
+from identification.design.signals import Chirp
+from identification.logs.checks import LogError
+from identification.logs.rig_file import load_mapping, save_mapping
+from identification.logs.rig_mapping import RigMapping
+from tests.commands import furuta, refused
+from tests.factories import paper_log
+
+DATA = Path(__file__).parent.parent / "data"
+
+
+@pytest.fixture
+def german(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with both German logs, in which the commands are given."""
+    for name in ("versuch1.csv", "versuch2.csv"):
+        shutil.copy(DATA / name, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_german_log_is_read_without_a_question(german: Path) -> None:
+    result = furuta("init", "versuch1.csv")
+    assert result.exit_code == 0, result.output
+    assert "Next: furuta identify versuch1.csv -o rig.json" in result.stdout
+    found = load_mapping("rig.toml")
+    assert found == RigMapping(
+        t="Zeit [ms]",
+        q1="Arm [°]",
+        q2="Pendel [°]",
+        u="Spannung [V]",
+        time_unit="ms",
+        unit_q1="deg",
+        unit_q2="deg",
+        pendulum_zero="hanging",
+        flip=("q2",),
+        encoder_counts=(2048.0, 2048.0),
+        input_unit="V",
+    )
+    text = Path("rig.toml").read_text(encoding="utf-8")
+    assert "# the pendulum falls towards 0" in text
+    log = read_log("versuch1.csv", **found.arguments())
+    assert abs(abs(log.q2[0]) - np.pi) < 0.01  # it hangs at first
+
+
+def test_the_log_is_what_the_bench_recorded(german: Path) -> None:
+    from experiments.bench import record
+    from tests.data.make_logs import DURATION, RIG, RUNS
+
+    furuta("init", "versuch1.csv", "versuch2.csv")
+    for name, (experiment, seed) in RUNS.items():
+        log, run = read_log(name, **load_mapping("rig.toml").arguments()), record(RIG, experiment, seed, DURATION)
+        assert np.allclose(log.q1, run.q1, atol=1e-5)
+        assert np.allclose(np.sin(log.q2), np.sin(run.q2), atol=1e-5)
+        assert np.allclose(log.u, run.u, atol=1e-4)
+
+
+def test_every_command_takes_it_and_says_so(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    for arguments in (
+        ["validate", "qube", "versuch2.csv"],
+        ["validate", "qube", "versuch2.csv", "--mapping", "rig.toml"],
+    ):
+        result = furuta(*arguments)
+        assert result.exit_code == 0, result.output
+        assert "Read as rig.toml says: --columns" in result.stderr
+        assert "times what" in result.stdout
+
+
+def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    refused(furuta("validate", "qube", "versuch2.csv", "--unit", "rad"), "is read in rad", "--unit q2=deg")
+    refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "none"), "no column t, q1, q2, u")
+    refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "other.toml"), "other.toml", "furuta init LOG")
+
+
+def test_the_file_of_the_working_folder_serves_logs_elsewhere(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    (german / "more").mkdir()
+    shutil.move("versuch2.csv", "more/versuch2.csv")
+    result = furuta("validate", "qube", "more/versuch2.csv")
+    assert result.exit_code == 0, result.output
+
+
+def test_a_plant_file_carries_the_mapping(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    QUBE.replace(provenance={"mapping": mapping.to_dict()}).save("rig.json")
+    Path("rig.toml").unlink()
+    result = furuta("validate", "rig.json", "versuch2.csv")
+    assert result.exit_code == 0, result.output
+    assert "Read as the plant file says" in result.stderr
+
+
+def test_an_identified_plant_carries_it(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    result = furuta("identify", "versuch1.csv", "-o", "rig.json", "--method", "filtered-ls")
+    assert result.exit_code == 0, result.output
+    assert "(largest command " in result.stdout
+    assert "set it with --u-max" in result.stdout
+    Path("rig.toml").unlink()
+    assert furuta("validate", "rig.json", "versuch2.csv").exit_code == 0
+
+
+def test_a_log_of_the_project_beside_a_rig_file_is_read_by_its_own_names(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    furuta("simulate", "--plant", "qube", "--excitation", "chirp", "--duration", "4", "-o", "sim.csv")
+    result = furuta("validate", "qube", "sim.csv")
+    assert result.exit_code == 0, result.output
+    assert "read by its own t, q1, q2, u" in result.stderr
+
+
+def test_without_a_mapping_the_whole_of_it_is_proposed(german: Path) -> None:
+    result = furuta("identify", "versuch1.csv", "-o", "rig.json")
+    refused(result, "--columns 't=Zeit [ms],q1=Arm [°],q2=Pendel [°],u=Spannung [V]'", "--time-unit ms", "--unit deg")
+    refused(result, "--pendulum-zero hanging --flip q2", "furuta init versuch1.csv")
+    assert not Path("rig.json").exists()
+
+
+def test_json_has_every_item(german: Path) -> None:
+    import json
+
+    result = furuta("init", "versuch1.csv", "--json")
+    found = json.loads(result.stdout)
+    assert found["mapping"]["pendulum_zero"] == "hanging"
+    assert {item["confidence"] for item in found["items"]} == {"sure"}
+    assert all(item["reason"] for item in found["items"])
+
+
+# --- what is not sure --------------------------------------------------------------------------------------
+
+
+def rows(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    """A QUBE that hangs and is driven, by our names; changes replace columns or add some."""
+    chirp = Chirp(2.0, 0.5, 3.0, 8.0)
+    run = simulate(QUBE, open_loop(), 8.0, 0.004, Sensors(2048), excitation=chirp, x0=(0, np.pi, 0, 0))
+    own = {"t": run.t.round(6), "q1": run.measured[:, 0], "q2": run.measured[:, 1], "u": run.command}
+    return own | changes
+
+
+def write(
+    path: Path, columns: Mapping[str, np.ndarray], head: str = "", names: Mapping[str, str] | None = None
+) -> Path:
+    header = ",".join((names or {}).get(c, c) for c in columns)
+    lines = [",".join(map(repr, row)) for row in zip(*(np.asarray(c).tolist() for c in columns.values()), strict=True)]
+    path.write_text("\n".join([*head.splitlines(), header, *lines, ""]), encoding="utf-8")
+    return path
+
+
+def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
+    log = write(tmp_path / "log.csv", rows())
+    result = furuta("init", log)
+    assert result.exit_code == 2
+    assert "--input-unit V" in result.stderr
+    assert "--yes" in result.stderr
+    assert "Nothing was written" in result.stderr
+    assert not (tmp_path / "rig.toml").exists()
+    assert furuta("init", log, "--input-unit", "V").exit_code == 0
+    assert furuta("init", log, "--yes").exit_code == 0
+
+
+def test_yes_does_not_take_what_nobody_knows(tmp_path: Path) -> None:
+    table = rows()
+    whole = {q: np.round(table[q] * 2048 / (2 * np.pi)).astype(int) for q in ("q1", "q2")}
+    log = write(tmp_path / "log.csv", table | whole)
+    result = furuta("init", log, "--yes")
+    assert result.exit_code == 2
+    assert "--encoder-counts COUNTS" in result.stderr
+    assert furuta("init", log, "--yes", "--encoder-counts", "2048").exit_code == 0
+    assert load_mapping(tmp_path / "rig.toml").unit_q2 == "counts"
+
+
+def test_on_a_terminal_it_asks_only_for_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = write(tmp_path / "log.csv", rows())
+    monkeypatch.setattr("experiments.cli.init._talks", lambda: True)
+    result = CliRunner().invoke(app, ["init", str(log)], input="N·m\n")
+    assert result.exit_code == 0, result.output
+    assert result.stderr.count("command in") == 2  # the reason and the question
+    assert load_mapping(tmp_path / "rig.toml").input_unit == "N·m"
+    wrong = CliRunner().invoke(app, ["init", str(log), "--out", str(tmp_path / "b.toml")], input="apples\nV\n")
+    assert wrong.exit_code == 0, wrong.output
+    assert "apples" in wrong.stderr
+
+
+def test_another_answer_replaces_nothing_without_a_word(tmp_path: Path) -> None:
+    log = write(tmp_path / "log.csv", rows())
+    furuta("init", log, "--input-unit", "V")
+    before = (tmp_path / "rig.toml").read_bytes()
+    refused_before = furuta("init", log, "--input-unit", "N·m")
+    assert refused_before.exit_code == 2
+    assert "--yes" in refused_before.stderr
+    assert (tmp_path / "rig.toml").read_bytes() == before
+    assert furuta("init", log, "--input-unit", "V").exit_code == 0
+    assert furuta("init", log, "--input-unit", "N·m", "--yes").exit_code == 0
+    assert load_mapping(tmp_path / "rig.toml").input_unit == "N·m"
+
+
+# --- twelve wrong files ------------------------------------------------------------------------------------
+
+NAMED = {"t": "Time [s]", "q1": "Arm [rad]", "q2": "Pendulum [rad]", "u": "Voltage [V]"}
+DEGREES = 180 / np.pi
+
+
+def two_in_one() -> dict[str, np.ndarray]:
+    return {name: np.concatenate([values, values]) for name, values in rows().items()}
+
+
+def other_rig() -> dict[str, np.ndarray]:
+    log = paper_log(0.004, 8.0, 4096)[0]  # Table 3
+    return {"t": log.t, "q1": log.q1, "q2": log.q2, "u": log.u}
+
+
+def holed() -> dict[str, np.ndarray]:
+    table = rows()
+    table["q2"] = table["q2"].copy()
+    table["q2"][100] = np.nan
+    return table
+
+
+WRONG: dict[str, tuple[Callable[[], Mapping[str, np.ndarray]], str, tuple[str, ...]]] = {
+    "degrees called radians": (
+        lambda: rows(q1=DEGREES * rows()["q1"], q2=DEGREES * rows()["q2"]),
+        "",
+        ("Arm [rad] is stated in rad, but looks like deg", "--unit q1=deg", "--unit q2=deg"),
+    ),
+    "milliseconds called seconds": (lambda: rows(t=1e3 * rows()["t"]), "", ("Time [s]", "--time-unit ms")),
+    "days called seconds": (lambda: rows(t=45_000 + rows()["t"] / 86400), "", ("Time [s]", "--time-unit d")),
+    "a zero that the file states wrongly": (
+        rows,
+        "# pendulum_zero: hanging\n",
+        ("the file says", "falls as if it were upright", "--pendulum-zero upright"),
+    ),
+    "a zero that is neither": (lambda: rows(q2=rows()["q2"] - np.pi / 2), "", ("neither upright nor hanging",)),
+    "angles swapped": (
+        lambda: rows(q1=rows()["q2"], q2=rows()["q1"]),
+        "",
+        ("swapped", "--columns 'q1=Pendulum [rad],q2=Arm [rad]'"),
+    ),
+    "arm and command swapped": (lambda: rows(q1=rows()["u"], u=rows()["q1"]), "", ("swapped",)),
+    "a constant command": (
+        lambda: rows(u=np.full(2000, 1.5)),
+        "",
+        ("command u is 1.5 in every sample", "--columns u="),
+    ),
+    "two recordings in one file": (two_in_one, "", ("time runs backwards", "split the file")),
+    "an empty cell": (holed, "", ("NaN (or an empty cell) in column Pendulum [rad]", "line")),
+    "too short": (lambda: {name: values[:30] for name, values in rows().items()}, "", ("30 samples",)),
+    "no command": (lambda: {k: v for k, v in rows().items() if k != "u"}, "", ("command (u)", "--columns u=NAME")),
+}
+
+
+@pytest.mark.parametrize(("make", "head", "words"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_says_what_is_wrong_and_nothing_is_written(
+    tmp_path: Path, make: Callable[[], Mapping[str, np.ndarray]], head: str, words: tuple[str, ...]
+) -> None:
+    log = write(tmp_path / "log.csv", make(), head, NAMED)
+    result = furuta("init", log, "--yes")
+    assert result.exit_code == 2, result.output
+    for word in words:
+        assert word in result.stderr
+    assert "Nothing was written" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+    mapping = ["--columns", ",".join(f"{ours}={NAMED[ours]}" for ours in make())]
+    refused(furuta("identify", log, *mapping, "-o", tmp_path / "rig.json"))
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_two_rigs_mixed(tmp_path: Path) -> None:
+    one, other = write(tmp_path / "one.csv", rows()), write(tmp_path / "other.csv", other_rig())
+    result = furuta("init", one, other, "--yes")
+    assert result.exit_code == 2
+    assert "not of one rig" in result.stderr
+    assert not (tmp_path / "rig.toml").exists()
+    refused(furuta("identify", one, other, "-o", tmp_path / "rig.json"), "not of one rig")
+
+
+def test_a_wrong_sign_refuses_the_fit_unless_it_is_meant(tmp_path: Path) -> None:
+    log = write(tmp_path / "log.csv", rows(q2=-rows()["q2"]))
+    result = furuta("validate", "qube", log)
+    refused(result, "do not move as those of one rig", "--flip q2", "--as-given")
+    assert furuta("validate", "qube", log, "--as-given").exit_code == 0
+
+
+def test_all_that_is_wrong_is_one_message(tmp_path: Path) -> None:
+    table = rows(t=1e3 * rows()["t"], q1=DEGREES * rows()["q1"], q2=DEGREES * (rows()["q2"] - np.pi))
+    result = furuta("identify", write(tmp_path / "log.csv", table), "-o", tmp_path / "rig.json")
+    refused(result, "4 things are wrong", "--time-unit ms", "--unit q1=deg", "--unit q2=deg", "--pendulum-zero hanging")
+
+
+# --- rig.toml ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("schema = 'furuta-rig/1'\n[colums]\nt = 'x'", "colums"),
+        ("schema = 'furuta-rig/1'\n[columns]\nq3 = 'x'", "q3"),
+        ("schema = 'furuta-rig/1'\n[columns]\nt = 3", "name of a column"),
+        ("schema = 'furuta-rig/1'\n[units]\ntime = 'weeks'", "weeks"),
+        ("schema = 'furuta-rig/1'\n[signs]\nflip = ['q7']", "q7"),
+        ("[columns]\nt = 'x'", "furuta-rig/1"),
+        ("schema = ", "not a TOML file"),
+        ("a = " + "[" * 5000, "rig.toml"),
+    ],
+)
+def test_a_broken_rig_file_is_refused_by_name(tmp_path: Path, text: str, word: str) -> None:
+    (tmp_path / "rig.toml").write_text(text)
+    log = write(tmp_path / "log.csv", rows())
+    refused(furuta("validate", "qube", log), "rig.toml", word)
+
+
+def test_a_mapping_survives_its_file(tmp_path: Path) -> None:
+    mapping = RigMapping(
+        t='a "name" = \\ with # signs',
+        u="ü\n",
+        unit_q1="counts",
+        unit_q2="deg",
+        encoder_counts=(2048.0, 4000.5),
+        input_scale=1e-3,
+        flip=(),
+        skip=0.5,
+        pendulum_zero="hanging",
+    )
+    save_mapping(tmp_path / "rig.toml", mapping, {"t": "a\nreason"}, "two\nlines")
+    assert load_mapping(tmp_path / "rig.toml") == mapping
+    assert RigMapping.from_dict(mapping.to_dict()) == mapping
+    with pytest.raises(LogError, match="not known"):
+        RigMapping.from_dict({"q3": "x"})

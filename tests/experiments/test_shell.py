@@ -1,0 +1,118 @@
+"""What belongs to no single command: version, completion, logging, the effects in words, and steps of long work."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from experiments.cli import steps as steps_module
+from experiments.cli.logbook import own_version
+from experiments.cli.steps import steps
+from furuta_gym.plant import EFFECTS
+from tests.commands import furuta, refused
+
+
+def test_version() -> None:
+    result = furuta("--version")
+    assert result.exit_code == 0
+    assert result.stdout.startswith(f"furuta-gym {own_version()} (Python 3.")
+
+
+def test_completion_is_offered() -> None:
+    assert "--install-completion" in furuta("--help").stdout
+
+
+def test_the_library_in_words() -> None:
+    result = furuta("effects")
+    assert result.exit_code == 0
+    assert all(name in result.stdout for name in EFFECTS)
+    every = json.loads(furuta("effects", "--json").stdout)
+    assert [e["name"] for e in every] == list(EFFECTS)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_one_effect_in_detail(name: str) -> None:
+    text, kind = furuta("effects", name).stdout, EFFECTS[name]
+    assert kind.equation in text
+    assert kind.symptom in text
+    assert all(p.meaning in text for p in kind.parameters)
+    assert json.loads(furuta("effects", name, "--json").stdout)["equation"] == kind.equation
+
+
+def test_a_wrong_name_is_told_with_what_is_near() -> None:
+    refused(furuta("effects", "arm_sprng"), "did you mean arm_spring")
+
+
+def test_a_record_is_kept_where_it_is_wanted(tmp_path: Path) -> None:
+    file = tmp_path / "record.txt"
+    result = furuta("--log-file", file, "validate", "qube", tmp_path / "absent.csv")
+    assert result.exit_code == 2
+    text = file.read_text(encoding="utf-8")
+    assert "INFO furuta: furuta" in text
+    assert "LogError" in text
+    assert "INFO" not in result.stderr
+    refused(furuta("--log-file", tmp_path / "no" / "folder", "effects"), "--log-file")
+    _forget()
+
+
+def test_v_says_what_is_done(tmp_path: Path) -> None:
+    assert "INFO furuta: furuta" in furuta("-v", "effects").stderr
+    _forget()
+    assert furuta("effects").stderr == ""
+
+
+def _forget() -> None:
+    for name in ("furuta", "identification", "furuta_gym", "controllers", "experiments"):
+        logger = logging.getLogger(name)
+        for handler in list(logger.handlers):
+            logger.removeHandler(handler)
+            handler.close()
+        logger.setLevel(logging.NOTSET)
+
+
+@pytest.fixture
+def notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(steps_module, "_notebook", lambda: tmp_path / "times.json")
+    return tmp_path / "times.json"
+
+
+def test_steps_are_lines_where_there_is_no_terminal(notebook: Path) -> None:
+    out = io.StringIO()
+    with steps("diagnose", 2000, Console(file=out)) as tell:
+        tell("fitting [bold]")
+        tell("looking")
+    assert out.getvalue() == "furuta diagnose: about 2 min\n[0 s] fitting [bold]\n[0 s] looking\n"
+    assert json.loads(notebook.read_text())["diagnose"] < 1e-3
+
+
+def test_steps_are_one_line_with_the_time_on_a_terminal(notebook: Path) -> None:
+    notebook.write_text(json.dumps({"diagnose": 0.065}))
+    out = io.StringIO()
+    with steps("diagnose", 2000, Console(file=out, force_terminal=True, width=80)) as tell:
+        tell("fitting")
+    assert "fitting …  0 s of about 2 min 10 s" in out.getvalue()
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"diagnose": "x"}', '{"diagnose": -1}', "{"])
+def test_a_spoilt_notebook_does_not_matter(notebook: Path, content: str) -> None:
+    notebook.write_text(content)
+    out = io.StringIO()
+    with steps("diagnose", 2000, Console(file=out)) as tell:
+        tell("fitting")
+    assert "about 2 min" in out.getvalue()
+
+
+def test_work_that_fails_is_not_remembered(notebook: Path) -> None:
+    with pytest.raises(ValueError, match="broken"), steps("diagnose", 2000, Console(file=io.StringIO())):
+        raise ValueError("broken")
+    assert not notebook.exists()
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(8, "8 s"), (130, "2 min 10 s"), (120, "2 min"), (3900, "1 h 5 min")])
+def test_times_as_people_say_them(seconds: float, said: str) -> None:
+    assert steps_module._short(seconds) == said
