@@ -12,7 +12,9 @@ def studio_command(
     logs: Annotated[
         list[Path] | None, typer.Argument(help="Logs to open: .csv, .parquet, .mat, .mcap, ….", metavar="LOG…")
     ] = None,
-    port: Annotated[int | None, typer.Option(help="Port on this machine; default: a free one.", min=1, max=65535)] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port on this machine; default: a free one.", min=1, max=65535)
+    ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Open no browser; the address is printed.")] = False,
 ) -> None:
     """Open a local page to look at logs, fit them, move effects by sliders and search for what is missing.

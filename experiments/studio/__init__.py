@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+LARGEST_FILE = 200_000_000  # bytes of a dropped file
+MOST_FILES = 8
 EXTRA = 'furuta studio needs NiceGUI: pip install "furuta-gym[studio]"'
 
 

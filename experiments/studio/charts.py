@@ -1,4 +1,4 @@
-"""The pictures as ECharts options: plain dictionaries, few points, colours that differ in lightness and in dash."""
+"""The pictures as ECharts options: plain dictionaries, few points, curves that differ in width or dash too."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-MEASURED, SIMULATED, SECOND = "#30363d", "#0b5cad", "#a63d00"
+MEASURED, SIMULATED, SECOND, BEHIND = "#30363d", "#0b5cad", "#a63d00", "#b3bac1"
 MOST_POINTS = 700
 Array = NDArray[np.float64]
 
@@ -21,7 +21,9 @@ def points(t: ArrayLike, y: ArrayLike, most: int = MOST_POINTS) -> list[list[flo
     return [[a, None if b != b else float(f"{b:.5g}")] for a, b in pairs]
 
 
-def line(name: str, data: list[Any], colour: str, axis: int = 0, dash: str = "solid", width: float = 1.6) -> dict[str, Any]:
+def line(
+    name: str, data: list[Any], colour: str, axis: int = 0, dash: str = "solid", width: float = 1.6
+) -> dict[str, Any]:
     """One curve on the axis-th pane."""
     return {
         "name": name,
@@ -37,7 +39,9 @@ def line(name: str, data: list[Any], colour: str, axis: int = 0, dash: str = "so
     }
 
 
-def panes(titles: Sequence[str], series: Sequence[dict[str, Any]], x: str = "time [s]", zoom: bool = True) -> dict[str, Any]:
+def panes(
+    titles: Sequence[str], series: Sequence[dict[str, Any]], x: str = "time [s]", zoom: bool = True
+) -> dict[str, Any]:
     """Panes one above the other with one time axis; titles: of their vertical axes."""
     n = len(titles)
     top, bottom, between = 11.0, 14.0 if zoom else 10.0, 5.0
@@ -109,8 +113,8 @@ def simulated(t: Array, angles: Array) -> list[dict[str, Any]]:
 def overlay(t: Array, measured: Array, predicted: Array) -> dict[str, Any]:
     """Simulated over measured. The simulated curves come first, as `simulated` replaces them by their place."""
     series = [
-        *(line("simulated", points(t, predicted[:, i]), SIMULATED, i, width=2.4) for i in (0, 1)),
-        *(line("measured", points(t, measured[:, i]), MEASURED, i, "dashed", 1.2) for i in (0, 1)),
+        *(line("simulated", points(t, predicted[:, i]), SIMULATED, i, width=1.8) | {"z": 3} for i in (0, 1)),
+        *(line("measured", points(t, measured[:, i]), BEHIND, i, width=5.0) for i in (0, 1)),
     ]
     return panes(["arm q1 [rad]", "pendulum q2 [rad]"], series, zoom=False)
 

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from nicegui import ui
 
-from .session import Session
 from .work import Cancelled, off_loop, sentence
 
+if TYPE_CHECKING:
+    from .session import Session
+
 T = TypeVar("T")
-View = Callable[["Frame"], None]
+VIEWS = {
+    "Log": "log",
+    "Identify": "identify",
+    "What if": "what_if",
+    "Residuals": "residuals",
+    "Diagnose": "diagnose",
+    "Play": "play",
+    "Export": "export",
+}
+"""Views in their order, and the modules of `views` that draw them, which are loaded when they are needed."""
 LIGHTS = {
     "good": ("check_circle", "light-good"),
     "doubt": ("help", "light-doubt"),
@@ -23,15 +36,15 @@ LIGHTS = {
 
 @dataclass
 class Frame:
-    """One tab of the browser. views: by name, in their order. state: what views keep while another one is shown."""
+    """One tab of the browser. state: what views keep while another one is shown. lock: held while logs change."""
 
     session: Session
-    views: dict[str, View]
-    current: str = ""
+    current: str = "Log"
     state: dict[type, Any] = field(default_factory=dict)
     body: ui.element | None = None
     tabs: ui.tabs | None = None
     footer: ui.label | None = None
+    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     doing: str = ""
     failure: str = ""
 
@@ -55,10 +68,10 @@ class Frame:
             if self.failure:
                 message(self.failure, "bad")
             if self.doing:
-                with ui.row().classes("doing").props('role=status'):
+                with ui.row().classes("doing").props("role=status"):
                     ui.spinner(size="1.4em")
                     ui.label(self.doing)
-            self.views[self.current](self)
+            view(self.current).show(self)
 
     async def run(self, doing: str, function: Callable[..., T], *arguments: Any) -> T | None:
         """Compute off the event loop, showing what is done. None, and a sentence on the page, where it fails."""
@@ -85,6 +98,11 @@ class Frame:
             self.footer.set_text(text)
 
 
+def view(name: str) -> Any:
+    """The module that draws a view."""
+    return import_module(f".views.{VIEWS[name]}", __package__)
+
+
 def light(state: str, word: str) -> None:
     """A light that says in a word, a shape and a colour how things are."""
     icon, style = LIGHTS[state]
@@ -107,7 +125,7 @@ def command_line(text: str) -> None:
         with ui.element("div").classes("command-row"):
             ui.label(text).classes("command-text")
             ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(text)).props(
-                'flat dense aria-label="Copy the command line"'
+                'flat dense color=white aria-label="Copy the command line"'
             )
 
 

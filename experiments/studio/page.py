@@ -8,32 +8,32 @@ from pathlib import Path
 
 from nicegui import context, ui
 
-from .frame import Frame
-from .session import Session
+from .frame import VIEWS, Frame, view
 from .style import CSS
-from .views import diagnose, export, identify, log, residuals, what_if
 
-VIEWS = {
-    "Log": log.show,
-    "Identify": identify.show,
-    "What if": what_if.show,
-    "Residuals": residuals.show,
-    "Diagnose": diagnose.show,
-    "Export": export.show,
-}
+
+def load() -> None:
+    """Load what the views need, so that the first page need not wait for it."""
+    for name in VIEWS:
+        view(name)
 
 
 async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
     """Draw the page for one tab, with a session of its own."""
+    from .session import Session
+    from .views.log import add
+
     ui.add_css(CSS)
     ui.colors(primary="#0b5cad")
-    frame = Frame(Session(folder), VIEWS, "Log")
+    frame = Frame(Session(folder))
     ui.page_title("furuta studio")
     with ui.header().classes("header"):
         ui.label("furuta studio").classes("brand")
-        with ui.tabs(value="Log", on_change=lambda e: _chosen(frame, e.value)).props(
-            "dense no-caps mobile-arrows outside-arrows"
-        ).classes("tabs") as frame.tabs:
+        with (
+            ui.tabs(value="Log", on_change=lambda e: _chosen(frame, e.value))
+            .props("dense no-caps mobile-arrows outside-arrows")
+            .classes("tabs") as frame.tabs
+        ):
             for name in VIEWS:
                 ui.tab(name)
     with ui.element("main").classes("main") as frame.body:
@@ -49,7 +49,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
         await asyncio.sleep(0)
         frame.doing = ""
         for path in logs:
-            await log.add(frame, path)
+            await add(frame, path)
     return frame
 
 

@@ -6,12 +6,13 @@ import secrets
 import socket
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
+from threading import Thread
 
 from fastapi import Request, Response
 from nicegui import app, ui
 
-from .page import draw
-from .session import LARGEST_FILE
+from . import LARGEST_FILE
+from .page import draw, load
 
 HOST = "127.0.0.1"
 _OVERHEAD = 100_000  # bytes that a form adds to a file
@@ -71,6 +72,7 @@ def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[st
     port = port or free_port()
     path = register(Path.cwd(), [log.resolve() for log in logs])
     app.on_startup(lambda: told(f"http://{HOST}:{port}{path}"))
+    app.on_startup(lambda: Thread(target=load, daemon=True).start())
     ui.run(
         host=HOST,
         port=port,

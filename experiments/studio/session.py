@@ -15,14 +15,13 @@ from furuta_gym.plant import Plant
 from identification import Log, LogError, RigMapping, load_mapping, propose, read_logs, read_table
 from identification.logs.rig_file import find_mapping
 
+from . import LARGEST_FILE, MOST_FILES
+
 if TYPE_CHECKING:
     from experiments.report.examination import Examination
     from identification import Estimate, Gap
     from identification.logs.proposal import Item, Proposal
     from identification.logs.table import Table
-
-LARGEST_FILE = 200_000_000  # bytes of a dropped file
-MOST_FILES = 8
 
 _reading = Lock()  # warnings are caught for the whole process, so one reader at a time
 

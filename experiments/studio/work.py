@@ -51,7 +51,7 @@ async def off_loop(function: Callable[..., T], *arguments: Any) -> T:
     """Run in a thread; the compiled code lets others run meanwhile."""
     try:
         return await asyncio.to_thread(function, *arguments)
-    except EXPECTED + (Cancelled,):
+    except (*EXPECTED, Cancelled):
         raise
     except Exception:
         _logger.exception("a computation of the studio failed")

@@ -78,7 +78,7 @@ class PredictionWindow:
             raise ValueError(f"{log.source}: lasts {log.duration:.3g} s, so no window starts at {start:g} s")
         part = around[0].slice(max(begin, around[0].t[0]), max(begin, around[0].t[0]) + length)
         record = Record.from_log(part)
-        windows = Windows.over(record.t, (horizon,), SETTLE)
+        windows = Windows.over(record.t, (horizon,), SETTLE, per_horizon=4)
         T = part.sample_time
         each = max(2, round(horizon / T))
         starts = np.arange(round(SETTLE / T), len(part) - each, each, dtype=np.int64)
@@ -102,7 +102,6 @@ class PredictionWindow:
         floor = noise_floor(plant, self._record, self._windows)
         return replace(self, floor=_size(floor), _noise=floor.path.noise)
 
-    @one_blas_thread
     def predict(self, plant: Plant, settle: bool = False) -> WindowPrediction:
         """What a plant predicts here. settle: fit the noise to it first, which takes some times as long."""
         try:

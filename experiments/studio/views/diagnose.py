@@ -43,7 +43,9 @@ def show(frame: Frame) -> None:
             message("Stopped. This is what was known:", "doubt")
             _known(search)
         else:
-            message("The library is searched for an effect that these logs need. It takes some minutes for 20 s of log.")
+            message(
+                "The library is searched for an effect that these logs need. It takes some minutes for 20 s of log."
+            )
         ui.button("Diagnose", icon="search", on_click=lambda: run(frame)).set_enabled(not frame.doing)
     command_line(commands.diagnose(session))
 
@@ -132,7 +134,9 @@ def _found(frame: Frame, examination: Examination) -> None:
     if ranking:
         heading("What each effect alone would explain")
         names = [EFFECTS[s.name].title for s in ranking]
-        chart = ui.echart(charts.bars(names, [s.net for s in ranking], "nats gained, less their price")).classes("chart")
+        chart = ui.echart(charts.bars(names, [s.net for s in ranking], "nats gained, less their price")).classes(
+            "chart"
+        )
         chart.props('role=img aria-label="Log-likelihood that each effect alone gains"')
     with ui.row().classes("wrap-row"):
         ui.button("Move it in What if", icon="tune", on_click=lambda: _move(frame, found.plant)).set_enabled(

@@ -68,7 +68,10 @@ def offers(session: Session) -> dict[str, tuple[str, Writer]]:
         found["plant.json"] = ("the best plant of this session, with its effects", plant.save)
         found["controller.h"] = ("an LQR for this plant as C for firmware", partial(_controller, plant))
         found["plant.xml"] = ("this plant for MuJoCo", lambda path: export_mjcf(plant, path))
-    found["session.sh"] = ("the commands below", lambda path: write_whole(path, commands.script(session, steps(session))))
+    found["session.sh"] = (
+        "the commands below",
+        lambda path: write_whole(path, commands.script(session, steps(session))),
+    )
     return found
 
 

@@ -10,6 +10,7 @@ from nicegui import ui
 from furuta_gym.plant.parameters import THETA_MEANING
 from identification import Estimate, Gap, Log, excite, identify, validate
 from identification.estimation.estimate import rounded, unit_of
+from identification.estimation.identifiability import WEAK
 
 from .. import commands
 from ..frame import Frame, cells, command_line, heading, light, message, number_card
@@ -68,12 +69,14 @@ def _adequate(frame: Frame, gap: Gap | None) -> None:
         message(f"The error could not be measured: {frame.session.gap_remark}", "doubt")
         return
     ratio = gap.ratio_to_floor
-    state, word = ("good", "adequate") if ratio < 1.1 else ("doubt", "nearly") if ratio < 2.0 else ("bad", "not adequate")
+    state, word = (
+        ("good", "adequate") if ratio < 1.1 else ("doubt", "nearly") if ratio < 2.0 else ("bad", "not adequate")
+    )
     ahead = f"{gap.horizon:g} s ahead, on the fitted logs"
     with ui.element("div").classes("cards"):
         number_card("Error over noise floor", f"{ratio:.3g} ×", f"{ahead}; 1 is as good as noise allows", state, word)
-        number_card("Fit of the arm", f"{gap.fit_percent[0]:.1f} %", f"q1, {ahead}")
-        number_card("Fit of the pendulum", f"{gap.fit_percent[1]:.1f} %", f"q2, {ahead}")
+        number_card("Fit of the arm", _signed(gap.fit_percent[0]), f"q1, {ahead}")
+        number_card("Fit of the pendulum", _signed(gap.fit_percent[1]), f"q2, {ahead}")
     verdict = gap.verdict.replace("`furuta diagnose`", "the view Diagnose")
     message(f"{verdict[:1].upper()}{verdict[1:]}.", state)
 
@@ -87,10 +90,14 @@ def _parameters(estimate: Estimate) -> None:
             for name, value, std in zip(estimate.names, estimate.values, estimate.std, strict=True):
                 with ui.element("tr"):
                     meaning = THETA_MEANING[name][0] if name in THETA_MEANING else "sharpness of the Coulomb friction"
-                    relative = f"{100 * std / abs(value):.2g} %" if value else ""
+                    relative = _percent(std / abs(value)) if value else ""
                     cells([_greek(name), meaning, rounded(value, std), unit_of(name, estimate.plant), relative])
                     with ui.element("td"):
                         _certainty(estimate, name)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 def _certainty(estimate: Estimate, name: str) -> None:
@@ -99,7 +106,7 @@ def _certainty(estimate: Estimate, name: str) -> None:
         light("bad", "at its bound")
     elif name in known.unidentified:
         light("bad", "not identified")
-    elif name in known.weak:
+    elif name in known.weak or (known.relative_std or {}).get(name, 0.0) >= WEAK:
         light("doubt", "weak")
     else:
         light("good", "identified")
@@ -110,6 +117,10 @@ def _weak(estimate: Estimate) -> None:
     message(f"{estimate.verdict[:1].upper()}{estimate.verdict[1:]}.", "good" if estimate.valid else "doubt")
     for text in (*estimate.identifiability.advice, *estimate.warnings):
         message(text, "doubt")
+
+
+def _signed(percent: float) -> str:
+    return f"{percent:.1f} %".replace("-", "−")
 
 
 def _greek(name: str) -> str:

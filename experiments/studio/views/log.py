@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +12,8 @@ from nicegui import events, ui
 from identification import save_mapping
 from identification.logs.formats import READERS
 
-from .. import charts, commands
+from .. import LARGEST_FILE, MOST_FILES, charts, commands
 from ..frame import Frame, command_line, heading, light, message
-from ..session import LARGEST_FILE, MOST_FILES
 from ..work import off_loop, sentence
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def show(frame: Frame) -> None:
             auto_upload=True,
             max_file_size=LARGEST_FILE,
             max_files=MOST_FILES,
-            on_upload=lambda event: _dropped(frame, event),
+            on_multi_upload=lambda event: _dropped(frame, event),
             on_rejected=lambda: _failed(
                 frame, f"A file was refused. Expected at most {MOST_FILES} files of {LARGEST_FILE // 1_000_000} MB."
             ),
@@ -45,7 +45,9 @@ def show(frame: Frame) -> None:
     heading("How it is read")
     with ui.row().classes("wrap-row"):
         for path in session.paths:
-            ui.chip(path.name, removable=True).on("remove", lambda _, n=path.name: _remove(frame, n))
+            ui.chip(path.name, removable=True, color="grey-4", text_color="black").on(
+                "remove", lambda _, n=path.name: _remove(frame, n)
+            )
     with ui.element("table").classes("table stacked"), ui.element("tbody"):
         for item in session.proposal.items:
             _row(frame, item)
@@ -88,7 +90,9 @@ def _control(frame: Frame, item: Item) -> None:
             "turned" if item.value == "-" else "as it is",
             icon="swap_vert",
             on_click=lambda: _turn(frame, item.name[5:]),
-        ).props(f'outline dense no-caps aria-label="Flip the {item.says}, now {item.shown}"').mark(f"flip-{item.name[5:]}")
+        ).props(f'outline dense no-caps aria-label="Flip the {item.says}, now {item.shown}"').mark(
+            f"flip-{item.name[5:]}"
+        )
         return
     options = list(dict.fromkeys([*([item.shown] if item.shown != "?" else []), *item.alternatives]))
     if len(options) < 2 and item.shown != "?":
@@ -137,40 +141,31 @@ def _failed(frame: Frame, text: str) -> None:
     frame.show()
 
 
-async def _dropped(frame: Frame, event: events.UploadEventArguments) -> None:
-    try:
-        content = await event.file.read()
-        await off_loop(frame.session.drop, event.file.name, content)
-    except Exception as error:
-        _failed(frame, sentence(error))
-        return
-    _changed(frame)
+async def _dropped(frame: Frame, event: events.MultiUploadEventArguments) -> None:
+    for file in event.files:
+        await _apply(frame, frame.session.drop, file.name, await file.read())
 
 
 async def add(frame: Frame, path: Path) -> None:
     """Take in a file that the command line names."""
-    try:
-        await off_loop(frame.session.add, path)
-    except Exception as error:
-        _failed(frame, sentence(error))
-        return
-    _changed(frame)
+    await _apply(frame, frame.session.add, path)
 
 
 async def _demo(frame: Frame) -> None:
     await add(frame, Path(str(files("experiments.demo") / "logs" / "wide.csv")))
 
 
-async def _apply(frame: Frame, change: object, *arguments: object) -> None:
+async def _apply(frame: Frame, change: Callable[..., None], *arguments: object) -> None:
     if frame.doing:
         _failed(frame, f"Wait until this is done: {frame.doing}")
         return
-    try:
-        await off_loop(change, *arguments)  # type: ignore[arg-type]
-    except Exception as error:
-        _failed(frame, sentence(error))
-        return
-    _changed(frame)
+    async with frame.lock:
+        try:
+            await off_loop(change, *arguments)
+        except Exception as error:
+            _failed(frame, sentence(error))
+        else:
+            _changed(frame)
 
 
 async def _remove(frame: Frame, name: str) -> None:
@@ -204,7 +199,9 @@ def _save(frame: Frame) -> None:
     assert session.proposal is not None
     try:
         reasons = {item.name: item.reason for item in session.proposal.items}
-        path = save_mapping(session.target("rig.toml"), session.proposal.mapping, reasons, "How the logs of this rig are read.")
+        path = save_mapping(
+            session.target("rig.toml"), session.proposal.mapping, reasons, "How the logs of this rig are read."
+        )
     except (ValueError, OSError) as error:
         _failed(frame, sentence(error))
         return

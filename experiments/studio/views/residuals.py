@@ -90,8 +90,12 @@ def _explore(frame: Frame, missing: Missing, where: Where) -> None:
     span = missing.span or (low, high)
     heading("Missing torque over time")
     with ui.row().classes("wrap-row"):
-        ui.select({i: t.source for i, t in enumerate(where.torques)}, value=missing.which, label="Log",
-                  on_change=lambda e: _choose(frame, which=int(e.value), span=None))
+        ui.select(
+            {i: t.source for i, t in enumerate(where.torques)},
+            value=missing.which,
+            label="Log",
+            on_change=lambda e: _choose(frame, which=int(e.value), span=None),
+        )
         ui.select(list(ROWS), value=missing.row, label="Row", on_change=lambda e: _choose(frame, row=e.value))
     series = []
     a = ROWS.index(missing.row)
@@ -106,10 +110,14 @@ def _explore(frame: Frame, missing: Missing, where: Where) -> None:
         names = list(variables(_log(frame, torque.source), torque.t))
         ui.select(names, value=missing.against, label="Against", on_change=lambda e: _choose(frame, against=e.value))
     ui.label(f"Stretch of time: {span[0]:.3g} to {span[1]:.3g} s").classes("card-meaning").mark("stretch")
-    ui.range(
-        min=low, max=high, step=(high - low) / 200, value={"min": span[0], "max": span[1]},
-        on_change=lambda e: _choose(frame, span=(float(e.value["min"]), float(e.value["max"]))),
-    ).props('label debounce=400 aria-label="Stretch of time"').classes("wide")
+    with ui.element("div").classes("inset"):
+        ui.range(
+            min=low,
+            max=high,
+            step=(high - low) / 200,
+            value={"min": span[0], "max": span[1]},
+            on_change=lambda e: _choose(frame, span=(float(e.value["min"]), float(e.value["max"]))),
+        ).props('label debounce=400 aria-label="Stretch of time"').classes("wide")
     inside = (torque.t >= span[0]) & (torque.t <= span[1])
     x = variables(_log(frame, torque.source), torque.t)[missing.against]
     picture = charts.scatter(x[inside], torque.mean[inside, a], missing.against, f"{missing.row} [{where.unit}]")

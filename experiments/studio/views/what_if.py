@@ -177,13 +177,24 @@ def _slider(frame: Frame, title: str, meaning: str, value: float, span: Range, p
         ui.label(title).classes("slider-title")
         ui.label(meaning).classes("card-meaning")
         with ui.row().classes("slider-row"):
-            slider = ui.slider(
-                min=min(span.low, value), max=max(span.high, value), step=span.step, value=value, throttle=0.05,
-                on_change=change,
-            ).props(f'aria-label="{title}: {meaning}"').classes("slider-track").mark(f"slider-{mark}")
-            box = ui.number(value=float(f"{value:.5g}"), on_change=change, format="%.5g").props(
-                f'dense outlined debounce=300 aria-label="{title}, as a number" step=any'
-            ).classes("slider-number").mark(f"number-{mark}")
+            slider = (
+                ui.slider(
+                    min=min(span.low, value),
+                    max=max(span.high, value),
+                    step=span.step,
+                    value=value,
+                    on_change=change,
+                )
+                .props(f'aria-label="{title}: {meaning}"')
+                .classes("slider-track")
+                .mark(f"slider-{mark}")
+            )
+            box = (
+                ui.number(value=float(f"{value:.5g}"), on_change=change, format="%.4g")
+                .props(f'dense outlined debounce=300 aria-label="{title}, as a number" step=any')
+                .classes("slider-number")
+                .mark(f"number-{mark}")
+            )
 
 
 def _set_theta(choice: Choice, i: int, value: float) -> None:
@@ -334,7 +345,9 @@ async def _fit(frame: Frame) -> None:
     """θ and the effects that act, fitted together to all logs."""
     live = frame.of(Live)
     assert live.choice is not None
-    plant: Plant | None = await frame.run("Fitting θ and these effects to all logs", fitted, frame.session.logs, live.choice)
+    plant: Plant | None = await frame.run(
+        "Fitting θ and these effects to all logs", fitted, frame.session.logs, live.choice
+    )
     if plant is not None:
         live.choice.take(plant)
         await _redraw(frame)
