@@ -9,7 +9,6 @@ from pathlib import Path
 from nicegui import context, ui
 
 from .frame import VIEWS, Frame, view
-from .style import CSS
 
 
 def load() -> None:
@@ -23,7 +22,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
     from .session import Session
     from .views.log import add
 
-    ui.add_css(CSS)
+    ui.add_css(Path(__file__).with_name("style.css"))
     ui.colors(primary="#0b5cad")
     frame = Frame(Session(folder))
     ui.page_title("furuta studio")

@@ -106,7 +106,7 @@ class Session:
         self.gap_remark = ""
 
     def say(self, item: Item, answer: str) -> None:
-        """Say one part of the mapping; an empty answer takes back what was said. Raises LogError, and changes nothing."""
+        """Say one part of the mapping; an empty answer takes it back. Raises LogError, and then changes nothing."""
         name = "flip" if item.name.startswith("sign_") else item.name
         value = None if answer == "" else ("" if name == "flip" and answer == "none" else answer)
         given = replace(self.given, **{name: value})

@@ -116,7 +116,7 @@ def _explore(frame: Frame, missing: Missing, where: Where) -> None:
             max=high,
             step=(high - low) / 200,
             value={"min": span[0], "max": span[1]},
-            on_change=lambda e: _choose(frame, span=(float(e.value["min"]), float(e.value["max"]))),
+            on_change=lambda e: _stretch(frame, e.value or {}),
         ).props('label debounce=400 aria-label="Stretch of time"').classes("wide")
     inside = (torque.t >= span[0]) & (torque.t <= span[1])
     x = variables(_log(frame, torque.source), torque.t)[missing.against]
@@ -129,6 +129,11 @@ def _explore(frame: Frame, missing: Missing, where: Where) -> None:
 def _log(frame: Frame, source: str) -> Log:
     logs = frame.session.logs
     return next((log for log in logs if log.source == source), logs[0])
+
+
+def _stretch(frame: Frame, ends: dict[str, float]) -> None:
+    if ends:
+        _choose(frame, span=(float(ends["min"]), float(ends["max"])))
 
 
 def _choose(frame: Frame, **chosen: Any) -> None:

@@ -126,7 +126,9 @@ def _effects(frame: Frame, live: Live) -> None:
         with ui.element("div").classes("effect").mark(f"effect-{name}"):
             with ui.row().classes("effect-title"):
                 ui.switch(
-                    kind.title, value=name not in choice.off, on_change=lambda e, n=name: _switch(frame, n, e.value)
+                    kind.title,
+                    value=name not in choice.off,
+                    on_change=lambda e, n=name: _switch(frame, n, bool(e.value)),
                 )
                 ui.button(icon="close", on_click=lambda _, n=name: _remove(frame, n)).props(
                     f'flat dense aria-label="Remove {kind.title}"'
