@@ -29,12 +29,13 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
     with ui.header().classes("header"):
         ui.label("furuta studio").classes("brand")
         with (
-            ui.tabs(value="Log", on_change=lambda e: _chosen(frame, e.value))
+            ui.tabs(on_change=lambda e: _chosen(frame, str(e.value)))
             .props("dense no-caps mobile-arrows outside-arrows")
             .classes("tabs") as frame.tabs
         ):
             for name in VIEWS:
                 ui.tab(name)
+            frame.tabs.set_value(frame.current)
     with ui.element("main").classes("main") as frame.body:
         pass
     with ui.footer().classes("footer"):

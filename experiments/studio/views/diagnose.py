@@ -46,7 +46,9 @@ def show(frame: Frame) -> None:
             message(
                 "The library is searched for an effect that these logs need. It takes some minutes for 20 s of log."
             )
-        ui.button("Diagnose", icon="search", on_click=lambda: run(frame)).set_enabled(not frame.doing)
+        ui.button("Diagnose", icon="search", on_click=lambda: run(frame)).mark("run-diagnose").set_enabled(
+            not frame.doing
+        )
     command_line(commands.diagnose(session))
 
 

@@ -24,7 +24,9 @@ def show(frame: Frame) -> None:
         return
     if session.estimate is None:
         message("Model (5) is fitted to all logs together. It takes about 10 s to a minute for 20 s of log.")
-        ui.button("Identify", icon="functions", on_click=lambda: run(frame)).set_enabled(not frame.doing)
+        ui.button("Identify", icon="functions", on_click=lambda: run(frame)).mark("run-identify").set_enabled(
+            not frame.doing
+        )
         command_line(commands.identify(session))
         return
     _adequate(frame, session.gap)

@@ -111,19 +111,13 @@ def test_a_computation_that_fails_is_a_sentence(
         frame.session.accept()
         monkeypatch.setattr(identify_view, "fit", fail)
         frame.show("Identify")
-        user.find("Identify", kind=_button()).click()
+        user.find(marker="run-identify").click()
         await until(lambda: frame.failure)
         await user.should_see(str(error) or "MemoryError")
         frame.show("Log")
         await user.should_see("How it is read")
 
     visit(scenario, tmp_path, [spring_log])
-
-
-def _button() -> Any:
-    from nicegui import ui
-
-    return ui.button
 
 
 def test_what_if_moves_at_once_and_the_hidden_effect_brings_the_error_to_the_floor(
@@ -194,7 +188,7 @@ def test_diagnose_shows_its_steps_and_stops_when_asked(
         frame.session.accept()
         monkeypatch.setattr(diagnose_view, "diagnose", endless)
         frame.show("Diagnose")
-        user.find("Diagnose", kind=_button()).click()
+        user.find(marker="run-diagnose").click()
         await user.should_see("fitting arm_spring, base_tilt", retries=40)
         user.find("Stop and keep what is known").click()
         await user.should_see("Stopped. This is what was known", retries=40)
@@ -218,7 +212,7 @@ def test_diagnose_ends_with_the_name_in_physical_words(
         frame.session.accept()
         monkeypatch.setattr(diagnose_view, "diagnose", small)
         frame.show("Diagnose")
-        user.find("Diagnose", kind=_button()).click()
+        user.find(marker="run-diagnose").click()
         await until(lambda: frame.session.examination is not None, 180)
         await user.should_see("A cable pulls the arm", retries=20)
         frame.show("Export")
