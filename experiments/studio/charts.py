@@ -113,7 +113,7 @@ def simulated(t: Array, angles: Array) -> list[dict[str, Any]]:
 def overlay(t: Array, measured: Array, predicted: Array) -> dict[str, Any]:
     """Simulated over measured. The simulated curves come first, as `simulated` replaces them by their place."""
     series = [
-        *(line("simulated", points(t, predicted[:, i]), SIMULATED, i, width=1.8) | {"z": 3} for i in (0, 1)),
+        *(line("simulated", points(t, predicted[:, i]), SIMULATED, i, width=1.8) | {"z": 5} for i in (0, 1)),
         *(line("measured", points(t, measured[:, i]), BEHIND, i, width=5.0) for i in (0, 1)),
     ]
     return panes(["arm q1 [rad]", "pendulum q2 [rad]"], series, zoom=False)
