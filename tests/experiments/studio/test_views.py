@@ -133,10 +133,12 @@ def test_what_if_moves_at_once_and_the_hidden_effect_brings_the_error_to_the_flo
         number(user, "theta1", live.choice.theta[0] * 1.3)
         await until(lambda: not np.array_equal(live.last.angles, seen, equal_nan=True))
         user.find("Reset").click()
+        await until(lambda: live.choice.theta[0] == live.choice.base.theta[0])
         live.choice.add("arm_spring")
         frame.show()
         user.find("Fit this one").click()
-        await until(lambda: not frame.doing and live.choice.effects["arm_spring"]["k"] != 0, 120)
+        await until(lambda: frame.doing)
+        await until(lambda: not frame.doing)
         await until(lambda: live.last.ratio_to_floor < 1.2, 60)
         assert before > 2.0
         assert live.choice.effects["arm_spring"]["k"] == pytest.approx(0.12, rel=0.2)
