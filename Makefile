@@ -5,13 +5,13 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test fast slow lint bench matrix clean
+.PHONY: setup demo test fast slow lint docs bench matrix clean
 
 setup: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,dev]" -c constraints.txt
+	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,docs,dev]" -c constraints.txt
 	$(BIN)/furuta warm-up
 	touch $@
 
@@ -28,11 +28,16 @@ fast: $(READY)  ## every test that fits nothing, trains nothing and records noth
 slow: $(READY)  ## the tests of tests/slow.txt
 	$(PYTEST) -m slow $(PYTEST_ARGS) || test $$? -eq 5
 
-lint: $(READY)  ## formatting, style, types and the import contracts
+lint: $(READY)  ## formatting, style, types, the import contracts, and how the docs read
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	$(BIN)/python docs/readability.py
+
+docs: $(READY)  ## the site, to out/site: generated pages, then a strict build that checks every link
+	$(BIN)/python docs/generate.py
+	$(BIN)/mkdocs build --strict --quiet
 
 bench: $(READY)  ## speed against named references, as ratios
 	$(BIN)/python -m experiments.studies.speed

@@ -32,7 +32,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """scores[controller][condition][figure] is an `Interval`; groups[condition] is the group it belongs to.
+    """`scores[controller][condition][figure]` is an `Interval`; `groups[condition]` is the group it belongs to.
 
     skipped[controller]: why it was left out. policies[controller]: the controller itself; files do not keep it.
     """

@@ -22,7 +22,7 @@ def excite_command(
         Path, typer.Option("-o", "--output", help="Command file to write: .csv, .parquet, .npz or .mat.")
     ],
     between: Annotated[
-        str | None, typer.Option(help="Tell these effects apart instead: EFFECT,EFFECT.", metavar="EFFECT,EFFECT")
+        str | None, typer.Option(help="Separate these effects instead: EFFECT,EFFECT.", metavar="EFFECT,EFFECT")
     ] = None,
     controller: Annotated[
         str | None,
@@ -37,7 +37,7 @@ def excite_command(
     seed: opt.Seed = 0,
     as_json: opt.AsJson = False,
 ) -> None:
-    """Design an experiment: D-optimal for θ, or the one that tells effects apart, with the precision to expect."""
+    """Design an experiment: D-optimal for θ, or the one that separates effects, with the precision to expect."""
     opt.log_file(output, [Path(plant)])
     if duration is not None and not 0 < duration <= 600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from furuta_gym.files import write_whole
 from identification.estimation.methods import DEFAULT, METHODS, method_named
 
 from . import options as opt
@@ -86,6 +85,8 @@ def identify_command(
     page = _page(estimate, read, output) if report is not None else ""
     estimate.save(output)
     if report is not None:
+        from furuta_gym.files import write_whole
+
         write_whole(report, page)
     profiles = []
     for name in profiled:

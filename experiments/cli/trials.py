@@ -30,7 +30,7 @@ def trials_command(
     power: Annotated[
         bool, typer.Option("--power", help="Effects alone, from invisible to plain, for the power curves.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Another one draws another world of the same split.")] = 0,
+    seed: Annotated[int, typer.Option(help="Use another seed for a new set of test rigs.")] = 0,
     backend: Annotated[str, typer.Option(help="loky, or dask (cluster at DASK_SCHEDULER_ADDRESS, or here).")] = "loky",
     jobs: Annotated[int, typer.Option(help="Processes; default: one for each core.", min=1)] = os.cpu_count() or 1,
     as_json: opt.AsJson = False,

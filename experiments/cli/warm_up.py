@@ -9,7 +9,7 @@ import typer
 
 def warm_up_command() -> None:
     """Compile the numerical code for this machine, once; later commands load it. Takes about two minutes."""
-    from experiments.warm_up import warm_up
+    from experiments.demo.warm_up import warm_up
     from furuta_gym.cache_folder import cache_root
 
     started = time.monotonic()

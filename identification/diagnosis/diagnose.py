@@ -25,6 +25,7 @@ from .locate.location import Where
 from .naming.fits import Fit, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import Search
+from .naming.upheld import upheld
 from .outcome import Diagnosis, structured
 from .policy import DecisionPolicy
 from .second_witness import with_second_witness
@@ -132,7 +133,7 @@ def _named(
             known[id(fitted)] = 0.0 if found.negligible else found.evidence
         return known[id(fitted)]
 
-    naming = name_effects(nominal, search, most, left, thorough, held)
+    naming = upheld(name_effects(nominal, search, most, left, thorough, held), search, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")

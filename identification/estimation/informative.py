@@ -73,7 +73,8 @@ def informative(logs: Sequence[Log], budget: int = BUDGET) -> Chosen | None:
 def _stretches(number: int, log: Log) -> list[_Stretch]:
     """A log's stretches without gaps; those too short for the filter are left out."""
     found = []
-    cuts = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], STRETCH)).tolist()
+    last = max(log.t[-1] - 0.5 * STRETCH, log.t[0] + 1e-9)  # a short rest belongs to the stretch before it
+    cuts = np.searchsorted(log.t, np.arange(log.t[0], last, STRETCH)).tolist()
     for first, stop in zip(cuts, [*cuts[1:], len(log)], strict=True):
         if stop - first < 2:
             continue

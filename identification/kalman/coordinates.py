@@ -22,6 +22,8 @@ ARM_ZERO_STD = 1.0
 PENDULUM_ZERO_STD = 1.5
 """The same of the pendulum's zero, in counts."""
 
+_STAND_FOR_A_ZERO = {"pendulum_encoder_offset", "base_tilt"}
+
 SHARPNESS_NAMES = ("r", *_SHARPNESS)
 """Of coordinates that are a sharpness of friction; "r" is that of both axes."""
 
@@ -216,16 +218,23 @@ def filled_plant(plant: Plant, coordinates: Sequence[Coordinate], z: NDArray[np.
     return plant.replace(theta=p[THETA_ROWS], friction_sharpness=r, effects=tuple(effects))
 
 
-def zero_coordinates(plant: Plant, records: Sequence[Record], free: Iterable[int] | None = None) -> list[Coordinate]:
+def zero_coordinates(
+    plant: Plant, records: Sequence[Record], free: Iterable[int] | None = None, first: bool = False
+) -> list[Coordinate]:
     """Zeros of the encoders in each log, relative to the first one's, with priors.
 
     An incremental encoder counts from where it was switched on, so logs of one rig may count from different zeros. The
     arm's zero is free within about a radian, where an effect depends on the arm's angle (nothing else shows it); the
     pendulum's within a count or two: it is set at rest. free: logs whose zeros are free; default all but the first,
-    whose zeros are the plant's.
+    whose zeros are the plant's. first: the pendulum's zero in the first log is free as well, where no effect stands for
+    it: a count is always lost when a pendulum is set to zero by hand, and a search must not take that for an effect.
     """
     logs = sorted({r.log for r in records})
     found = []
+    if first and not tells_the_zero(plant):
+        start = next(r for r in records if r.log == logs[0])
+        count = float(max(start.quantum[1], math.sqrt(12.0 * start.variance[1])))
+        found.append(_zero(logs[0], 1, PENDULUM_ZERO_STD * count, count))
     for log in logs[1:] if free is None else free:
         record = next(r for r in records if r.log == log)
         count = np.maximum(record.quantum, np.sqrt(12.0 * record.variance))
@@ -234,6 +243,11 @@ def zero_coordinates(plant: Plant, records: Sequence[Record], free: Iterable[int
             found.append(_zero(log, 0, ARM_ZERO_STD, 0.3 * ARM_ZERO_STD))
         found.append(_zero(log, 1, PENDULUM_ZERO_STD * float(count[1]), float(count[1])))
     return found
+
+
+def tells_the_zero(plant: Plant) -> bool:
+    """Whether an effect of the plant stands for a wrong zero of the pendulum."""
+    return bool({e.name for e in plant.effects} & _STAND_FOR_A_ZERO)
 
 
 def placed(plant: Plant) -> bool:

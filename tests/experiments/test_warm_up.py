@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from experiments import warm_up
+from experiments.demo import warm_up
 from furuta_gym import cache_folder
 from tests.commands import furuta
 

@@ -20,6 +20,7 @@ from ...kalman.coordinates import (
     filled_plant,
     noise_coordinates,
     plant_coordinates,
+    tells_the_zero,
     zero_coordinates,
 )
 from ...kalman.noise_model import Noise
@@ -106,9 +107,12 @@ def fit(
     anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). effort: how well (see `Effort`). zeros: of the
     encoders, to start from.
     """
+    zeros = dict(zeros or {})
+    if tells_the_zero(plant) and (first := min(r.log for r in records)) in zeros:
+        zeros[first] = zeros[first][0], 0.0  # or it would be told twice
     coordinates = plant_coordinates(plant, free_sharpness=False)
     coordinates += noise_coordinates(quietest(anchor or plant, records))
-    coordinates += zero_coordinates(plant, records)
+    coordinates += zero_coordinates(plant, records, first=True)
     if anchor is not None:
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]

@@ -127,32 +127,7 @@ def name_effects(
     accepted = tuple(ranking[0] for ranking in grown.found)
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal) for r in grown.found)
     rankings = (*grown.found, grown.last) if grown.last else grown.found
-    naming = Naming(grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused)
-    return _upheld(naming, search, witness)
-
-
-def _upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
-    """The names without those that data which no fit saw speak against, each dropped in turn and the rest refitted."""
-    while len(naming.accepted) > 1:
-        search.progress("verifying the names one by one")
-        reduced = [search.reduced(naming.final, suspect.name) for suspect in naming.accepted]
-        denied = [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
-        if not denied:
-            break
-        gone = min(denied, key=lambda i: reduced[i].value)
-        naming = replace(
-            naming,
-            final=reduced[gone],
-            accepted=_but(naming.accepted, gone),
-            equals=_but(naming.equals, gone),
-            rankings=_but(naming.rankings, gone),
-            taken_back=(*naming.taken_back, naming.accepted[gone]),
-        )
-    return naming
-
-
-def _but(values: tuple, gone: int) -> tuple:
-    return values[:gone] + values[gone + 1 :]
+    return Naming(grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from identification.validation.shooting import Shooting
 from tests.factories import made_log
 from tests.identification.diagnosis.fits import POLICY, a_change, a_diagnosis
 
-SHOT = TABLE_3.replace(theta=TABLE_3.theta * np.array([1.0, 1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0]))
+FOUND = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+SHOT = FOUND.replace(theta=TABLE_3.theta * np.array([1.0, 1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0]))
 
 
 def _asked(
@@ -29,7 +30,7 @@ def _asked(
     monkeypatch.setattr(second_witness, "shooting", lambda *_: shot)
     monkeypatch.setattr(HeldOut, "gap", lambda *_: None)
     monkeypatch.setattr(HeldOut, "change", lambda *_: a_change(closed))
-    after: Any = SimpleNamespace(plant=TABLE_3, names=names, values=TABLE_3.theta, std=std, zeros={})
+    after: Any = SimpleNamespace(plant=FOUND, names=names, values=TABLE_3.theta, std=std, zeros={})
     found = replace(a_diagnosis("arm_spring", after=after), gap=a_change(), still_off=still_off)
     held = HeldOut((made_log(),), (made_log(),) if whole else (), POLICY)
     return second_witness.with_second_witness(found, held)
@@ -45,7 +46,7 @@ def test_the_plant_that_predicts_better_for_certain_is_used_and_marked(
     assert "torque noise hides structure" in found.summary
     assert bool(found.plant.theta[4] == SHOT.theta[4]) is better
     assert (found.plant.provenance.get("method") == "multiple shooting") is better
-    assert found.to_dict()["second_witness"]["better"] is better
+    assert found.second.to_dict()["better"] is better
 
 
 def test_it_is_not_asked_where_nothing_is_left_or_nobody_could_judge(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -120,7 +120,7 @@ def test_models_of_gaps_and_uneven_clocks():
     log, _ = paper_log(0.002, 10.0)
     keep = np.ones(len(log), dtype=bool)
     keep[2000:2040] = keep[2100] = False  # the 60 samples between two gaps are too few for the filter
-    broken = log._where(keep)
+    broken = log.taken(keep)
     models = filtered_models(broken, lam=5.0)
     assert [len(m.t) for m in models] == [2000, len(log) - 2101]
     (whole,) = filtered_models(log, lam=5.0)

@@ -147,24 +147,3 @@ SMALL = {"input_delay": -2000.0, "input_delay arm_presliding": -2080.0}
 )
 def test_far_from_held_out_data_these_decide_and_not_a_share(witness: Told, found: list[str]) -> None:
     assert accepted(named(SMALL, "input_delay", "arm_presliding", witness=witness)) == found
-
-
-THREE = {
-    "input_delay": -2000.0,
-    "input_delay base_tilt": -3500.0,
-    "base_tilt": -1400.0,
-    "input_delay pendulum_stribeck": -3000.0,
-    "base_tilt pendulum_stribeck": -2600.0,
-    "input_delay base_tilt pendulum_stribeck": -4500.0,
-}
-
-
-@pytest.mark.parametrize("false", [(), ("base_tilt",), ("input_delay", "base_tilt")])
-def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> None:
-    names = ("input_delay", "base_tilt", "pendulum_stribeck")
-    found = named(THREE, *names, witness=Told(off=False, false=false))
-    kept = [name for name in names if name not in false]
-    assert accepted(found) == kept
-    assert sorted(s.name for s in found.taken_back) == sorted(false)
-    assert len(found.equals) == len(kept)
-    assert {e.name for e in found.final.plant.effects} == set(kept)

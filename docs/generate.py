@@ -1,0 +1,309 @@
+"""Writes the pages of the reference that follow from the program, into docs/reference.
+
+    python docs/generate.py               # effects, commands, files, Python; with the effects' pictures
+    python docs/generate.py --check       # exit code 1 where a page is not what the program says
+
+`tests/test_docs.py` holds the pages to the program.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from enum import Enum
+from pathlib import Path
+from typing import Any, get_args
+
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS.parent))
+
+NOTE = "<!-- Written by docs/generate.py from the program. Change the program, then run it again. -->\n"
+PLACES = {
+    "arm": "Torques on the arm",
+    "pendulum": "Torques on the pendulum",
+    "arm and pendulum": "Torques on both",
+    "input": "Between command and torque",
+    "sensor": "In the readings",
+    "parameters": "Parameters that change",
+}
+KINDS = {str: "text", Path: "file", int: "whole number", float: "number", bool: ""}
+PACKAGES = ("furuta_gym", "identification", "controllers")
+
+
+def pages() -> dict[str, str]:
+    """Every generated page, by its path below docs/."""
+    made = {
+        "reference/effects.md": effects_page(),
+        "reference/commands.md": commands_page(),
+        "reference/plant_file.md": file_page("plant", PLANT_WORDS),
+        "reference/diagnosis_file.md": file_page("diagnosis", DIAGNOSIS_WORDS),
+    }
+    return made | {f"reference/{package}.md": python_page(package) for package in PACKAGES}
+
+
+# ------------------------------------------------------------------------------------------------------- effects
+
+
+def effects_page() -> str:
+    from furuta_gym import EFFECTS
+
+    lines = [
+        NOTE,
+        "# Effects\n",
+        f"The library has {len(EFFECTS)} effects. Each adds one mechanism to [model (5)](../explanation/model.md). "
+        "`furuta diagnose` chooses among them, and `furuta effects NAME` prints an entry of this page.\n",
+        "A *size* parameter makes the effect vanish at its neutral value. A *shape* parameter has no influence then. "
+        "{u} stands for the unit of the command, V or N·m. The usual size is a size worth noticing on a rig; "
+        "some are a share of a quantity of the plant.\n",
+        "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the "
+        "effect (grey), with it at its usual size (blue), and the difference (orange). What happens at an instant, "
+        "happens at 2 s. "
+        "`python docs/generate.py --pictures` draws them.\n",
+        "| effect | in words | acts on |",
+        "|---|---|---|",
+    ]
+    lines += [f"| [`{e.name}`](#{e.name}) | {e.title} | {e.place} |" for e in EFFECTS.values()]
+    for place, title in PLACES.items():
+        kinds = [e for e in EFFECTS.values() if e.place == place]
+        if kinds:
+            lines.append(f"\n## {title}")
+        for kind in kinds:
+            lines += _effect(kind)
+    return "\n".join(lines) + "\n"
+
+
+def _effect(kind: Any) -> list[str]:
+    lines = [
+        f"\n### {kind.name}\n",
+        f"{kind.title[0].upper()}{kind.title[1:]}.\n",
+        f"```text\n{kind.equation}\n```\n",
+        f"**On the rig:** {kind.symptom}.\n".replace("..", "."),
+        "| parameter | unit | meaning | role | usual size |",
+        "|---|---|---|---|---|",
+    ]
+    for p in kind.parameters:
+        of = f" × {p.relative_to}" if p.relative_to else ""
+        lines.append(f"| {p.name} | {p.unit or '1'} | {_cell(p.meaning)} | {p.role} | {p.default:g}{of} |")
+    if kind.mistaken_for:
+        alike = ", ".join(f"[`{name}`](#{name})" for name in kind.mistaken_for)
+        lines.append(
+            f"\n**Mistaken for:** {alike}. `furuta excite --between` designs an experiment that separates them."
+        )
+    lines.append(f"\n![Arm and pendulum without and with {kind.name}](effects/{kind.name}.png)")
+    return lines
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def draw_effects(folder: Path) -> None:
+    """A picture for each effect: the two angles without and with it."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    import numpy as np
+    from matplotlib.figure import Figure
+
+    from controllers import make_controller
+    from furuta_gym import EFFECTS, Effect, Plant, simulate
+    from identification.design.signals import excitation
+
+    plant = Plant.resolve("qube")
+    d = excitation("paper", duration=4.0)
+
+    def run(one: Plant) -> Any:
+        controller = make_controller("lqr", plant)
+        return simulate(one, controller, 4.0, excitation=d, x0=(0.3, 0.05, 0.0, 0.0), q2_limit=1.5)
+
+    folder.mkdir(parents=True, exist_ok=True)
+    without = run(plant)
+    for name in EFFECTS:
+        at_two = {p.name: 2.0 for p in EFFECTS[name].parameters if p.grid == "times"}
+        usual = dict(plant.default_effect(name).parameters)
+        with_it = run(plant.with_effects(Effect(name, usual | at_two)))
+        n = min(len(without.t), len(with_it.t))  # a run ends where the pendulum falls
+        difference = np.degrees(with_it.measured[:n] - without.measured[:n])
+        if not np.abs(difference).max() > 0.0:
+            raise ValueError(f"{name} changes nothing in {n} samples: its picture would show no effect")
+        figure = Figure(figsize=(7.2, 2.4), layout="constrained")
+        axes = figure.subplots(2, 2, sharex=True, height_ratios=(1.5, 1.0))
+        for column, title in enumerate(("arm q1 [°]", "pendulum q2 [°]")):
+            top, bottom = axes[:, column]
+            for record, color, width in ((without, "#9aa0a6", 2.2), (with_it, "#2f6f9f", 1.0)):
+                top.plot(record.t, np.degrees(record.measured[:, column]), color=color, linewidth=width)
+            bottom.plot(without.t[:n], difference[:, column], color="#d9822b", linewidth=1.0)
+            top.set_title(title, fontsize=8, loc="left")
+            bottom.set_title("difference [°]", fontsize=8, loc="left")
+            top.tick_params(labelsize=7)
+            bottom.tick_params(labelsize=7)
+        axes[1, 0].set_xlabel("t [s]", fontsize=7)
+        axes[1, 1].set_xlabel("t [s]", fontsize=7)
+        figure.savefig(folder / f"{name}.png", dpi=75)
+
+
+# ------------------------------------------------------------------------------------------------------- commands
+
+
+def commands_page() -> str:
+    """Every command with its arguments and options, from the program itself."""
+    import typer
+
+    from experiments.bench.cli import app as bench
+    from experiments.cli.app import app
+
+    root = typer.main.get_command(app)
+    lines = [NOTE, "# Commands\n", f"{root.help}\n", "| command | does |", "|---|---|"]
+    commands: dict[str, Any] = {}
+    reading: list[Any] = []
+    for name, command in root.commands.items():  # type: ignore[attr-defined]
+        inner = typer.main.get_command(bench).commands if name == "bench" else {"": command}  # type: ignore[attr-defined]
+        commands |= {f"{name} {sub}".strip(): one for sub, one in inner.items()}
+    for name, command in commands.items():
+        first = (command.help or "").split("\n\n")[0].replace("\n", " ")
+        lines.append(f"| [`furuta {name}`](#furuta-{name.replace(' ', '-')}) | {_cell(first)} |")
+    lines.append("\nOptions before the command:\n")
+    lines += _table(root.params)
+    for name, command in commands.items():
+        own = [p for p in command.params if getattr(p, "rich_help_panel", None) is None]
+        shared = [p for p in command.params if p not in own]
+        lines += [f"\n## furuta {name}\n", f"{_words(command.help)}\n", *_table(own)]
+        if shared:
+            reading = shared
+            lines.append("\nAlso the options of [how a log is written](#how-a-log-is-written).")
+    lines += [
+        "\n## How a log is written\n",
+        "`furuta init` finds these out and keeps them in `rig.toml`.\n",
+        *_table(reading),
+    ]
+    lines.append("\nBad input ends a command with exit code 2 and one message. Nothing is half-written.")
+    return "\n".join(lines) + "\n"
+
+
+def _table(parameters: list[Any]) -> list[str]:
+    rows = ["| name | value | what it is |", "|---|---|---|"]
+    for p in parameters:
+        if getattr(p, "hidden", False) or p.name in ("help", "install_completion", "show_completion"):
+            continue
+        names = ", ".join(f"`{name}`" for name in (*p.opts, *p.secondary_opts)) if p.opts else ""
+        flag = getattr(p, "is_flag", False) or getattr(p, "count", False)
+        if p.param_type_name == "argument":
+            names = f"`{(p.metavar or p.name).strip('{}')}`"
+        kind = "" if flag else p.metavar or _type_name(p.type_descriptor.annotation)
+        default = p.default
+        shown = getattr(p, "show_default", True) and not callable(default) and not flag
+        said = _words(getattr(p, "help", None))
+        if p.required:
+            said += " Required."
+        elif shown and type(default) in (int, float, str) and "default" not in said.lower():
+            said += f" Default: {default}."
+        rows.append(f"| {names} | {_cell(str(kind).strip('{}').lower())} | {_cell(said)} |")
+    return rows
+
+
+def _type_name(kind: Any) -> str:
+    if get_args(kind):
+        return _type_name(get_args(kind)[0])
+    return " or ".join(str(one) for one in kind) if issubclass(kind, Enum) else KINDS[kind]
+
+
+def _words(text: str | None) -> str:
+    return " ".join((text or "").split())
+
+
+# ------------------------------------------------------------------------------------------------------- files
+
+PLANT_WORDS = """A plant file is the model of one rig with numbers in it. `furuta identify` and `furuta diagnose`
+write it, `Plant.save` and `Plant.load` write and read it in Python, and every command that takes `--plant` reads it.
+`gymnasium.make("FurutaID-v0", plant="rig.json")` simulates it."""
+
+DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`. Most of its keys are those of
+`Diagnosis.to_dict()`. The file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes
+into `plant.json` beside it."""
+
+
+def file_page(kind: str, words: str) -> str:
+    """A file's keys, from its JSON Schema."""
+    name = f"furuta-{kind}-1.schema.json"
+    schema = json.loads((DOCS / "schema" / name).read_text(encoding="utf-8"))
+    lines = [
+        NOTE,
+        f"# {kind.capitalize()} file\n",
+        f"{words}\n",
+        f"JSON Schema: [{name}](../schema/{name}). {schema['description']}\n",
+        "| key | type | what it is |",
+        "|---|---|---|",
+        *_keys(schema, schema, ""),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _keys(schema: Any, whole: Any, before: str) -> list[str]:
+    rows = []
+    for key, inner in schema.get("properties", {}).items():
+        inner = _resolved(inner, whole)
+        needed = " Required." if key in schema.get("required", ()) else ""
+        said = inner.get("description", "")
+        said = f"{said}.{needed}" if said else needed.strip()
+        rows.append(f"| `{before}{key}` | {_cell(_type(inner, whole))} | {_cell(said).replace('..', '.')} |")
+        rows += _keys(inner, whole, f"{before}{key}.")
+        items = _resolved(inner.get("items", {}), whole)
+        rows += _keys(items, whole, f"{before}{key}[].")
+    return rows
+
+
+def _resolved(inner: Any, whole: Any) -> Any:
+    if "$ref" in inner:
+        return whole["$defs"][inner["$ref"].rpartition("/")[2]] | {k: v for k, v in inner.items() if k != "$ref"}
+    return inner
+
+
+def _type(inner: Any, whole: Any) -> str:
+    if "const" in inner:
+        return f'"{inner["const"]}"'
+    if "enum" in inner:
+        return " or ".join(f'"{value}"' for value in inner["enum"])
+    if "anyOf" in inner:
+        return " or ".join(dict.fromkeys(_type(_resolved(one, whole), whole) for one in inner["anyOf"]))
+    kind = inner.get("type", "any")
+    return " or ".join(kind) if isinstance(kind, list) else kind
+
+
+# ------------------------------------------------------------------------------------------------------- Python
+
+
+def python_page(package: str) -> str:
+    """The public names of a package, for mkdocstrings to fill from their docstrings."""
+    module = importlib.import_module(package)
+    lines = [NOTE, f"# {package}\n", f"{module.__doc__.strip()}\n"]  # type: ignore[union-attr]
+    for name in module.__all__:
+        thing = getattr(module, name)
+        where = thing.__module__ if hasattr(thing, "__qualname__") else f"{package}{module._WHERE[name]}"
+        lines.append(f"::: {where}.{name}\n")
+    return "\n".join(lines)
+
+
+def main(arguments: list[str]) -> int:
+    stale = []
+    for name, text in pages().items():
+        path = DOCS / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            stale.append(name)
+            if "--check" not in arguments:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8")
+    if "--check" in arguments:
+        if stale:
+            print(f"not what the program says: {', '.join(stale)}; run `python docs/generate.py`", file=sys.stderr)
+        return 1 if stale else 0
+    from furuta_gym import EFFECTS
+
+    pictures = DOCS / "reference" / "effects"
+    if "--pictures" in arguments or not all((pictures / f"{name}.png").is_file() for name in EFFECTS):
+        draw_effects(pictures)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,64 @@
+"""Names verified one by one on data that no fit saw, on landscapes whose minima are known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from identification.diagnosis.naming.forward import Naming, name_effects
+from identification.diagnosis.naming.upheld import upheld
+from tests.identification.diagnosis.fits import Told, a_fit, search
+
+THREE = {
+    "input_delay": -2000.0,
+    "input_delay base_tilt": -3500.0,
+    "base_tilt": -1400.0,
+    "input_delay pendulum_stribeck": -3000.0,
+    "base_tilt pendulum_stribeck": -2600.0,
+    "input_delay base_tilt pendulum_stribeck": -4500.0,
+}
+
+
+def verified(values: dict[str, float], witness: Any, *names: str) -> Naming:
+    by = search({"": 0.0, **values}, *names)
+    return upheld(name_effects(a_fit(), by), by, witness)
+
+
+@pytest.mark.parametrize("false", [(), ("base_tilt",), ("input_delay", "base_tilt")])
+def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> None:
+    names = ("input_delay", "base_tilt", "pendulum_stribeck")
+    found = verified(THREE, Told(off=False, false=false), *names)
+    kept = [name for name in names if name not in false]
+    assert [s.name for s in found.accepted] == kept
+    assert sorted(s.name for s in found.taken_back) == sorted(false)
+    assert len(found.equals) == len(kept)
+    assert {e.name for e in found.final.plant.effects} == set(kept)
+
+
+CABLES = {
+    "input_delay": -2000.0,
+    "input_delay arm_taut_cable": -2225.0 - 2000.0,
+    "input_delay arm_spring": -2214.0 - 2000.0,
+    "input_delay arm_ripple": -1000.0 - 2000.0,
+    "arm_taut_cable": -1990.0,
+    "arm_spring": -1980.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("false", "kept"),
+    [
+        ((), ["input_delay", "arm_taut_cable"]),
+        (("arm_taut_cable",), ["input_delay", "arm_spring"]),  # explains nearly as much, and carries over
+        (("arm_taut_cable", "arm_spring"), ["input_delay"]),  # a ripple explains much less
+    ],
+)
+def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
+    false: tuple[str, ...], kept: list[str]
+) -> None:
+    found = verified(CABLES, Told(off=False, false=false), "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
+    assert sorted(s.name for s in found.accepted) == sorted(kept)
+    assert {e.name for e in found.final.plant.effects} == set(kept)
+    assert found.final.value == pytest.approx(CABLES[" ".join(kept)], abs=0.1)
+    assert [s.name for s in found.taken_back] == (["arm_taut_cable"] if false else [])

@@ -1,0 +1,147 @@
+"""The documentation against the program: generated pages, schemas, tutorials as they stand, the site."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+sys.path.insert(0, str(DOCS))
+
+import generate  # noqa: E402
+import readability  # noqa: E402
+import run_pages  # noqa: E402
+
+TUTORIALS = sorted(page.stem for page in (DOCS / "tutorials").glob("*.md"))
+NUMBER = re.compile(r"(?<![\wθ])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+@pytest.mark.parametrize("page", list(generate.pages()))
+def test_a_generated_page_is_what_the_program_says(page: str) -> None:
+    """Fails where a command, an effect, a schema or a public name changed and nobody ran `python docs/generate.py`."""
+    assert (DOCS / page).read_text(encoding="utf-8") == generate.pages()[page]
+
+
+def test_every_effect_has_its_entry_and_its_picture() -> None:
+    from furuta_gym import EFFECTS
+
+    page = (DOCS / "reference" / "effects.md").read_text(encoding="utf-8")
+    assert re.findall(r"^### (\w+)$", page, re.MULTILINE) == sorted(
+        EFFECTS, key=lambda name: (list(generate.PLACES).index(EFFECTS[name].place), list(EFFECTS).index(name))
+    )
+    assert {path.stem for path in (DOCS / "reference" / "effects").glob("*.png")} == set(EFFECTS)
+
+
+def test_the_equation_on_the_page_is_the_plants() -> None:
+    """Both rows of README and docs/explanation/model.md, evaluated at random states, against the compiled model."""
+    import numpy as np
+
+    from furuta_gym import Plant
+    from furuta_gym.plant.dynamics import acceleration
+
+    plant = Plant.resolve("qube")
+    for page in ("README.md", "docs/explanation/model.md"):
+        text = (ROOT / page).read_text(encoding="utf-8")
+        rows = [line for line in text.splitlines() if re.search(r"θ[89] tanh\(r q̇[12]\) = ", line)]
+        assert len(rows) == 2
+        random = np.random.default_rng(0)
+        for q2, v1, v2, u in random.normal(size=(5, 4)):
+            a1, a2 = acceleration(q2, v1, v2, u, 0.0, *plant.theta, 30.0, 30.0)
+            known = {"q2": q2, "v1": v1, "v2": v2, "a1": a1, "a2": a2, "r": 30.0, "tanh": np.tanh, "τ": u}
+            known |= {"sin": np.sin, "cos": np.cos} | {f"θ{i + 1}": value for i, value in enumerate(plant.theta)}
+            for row in rows:
+                left, right = (eval(_python(side), {}, known) for side in row.split(" = "))
+                assert left == pytest.approx(right, abs=1e-9)
+
+
+def _python(formula: str) -> str:
+    for sign, code in (("q̈", "a"), ("q̇", "v"), ("−", "-"), ("·", "*"), ("½", "0.5 *"), ("sin² q2", "sin(q2)**2")):
+        formula = formula.replace(sign, code)
+    formula = re.sub(r"(v\d)²", r"\1**2", formula)
+    formula = re.sub(r"sin 2q2", "sin(2*q2)", formula)
+    formula = re.sub(r"(sin|cos) q2", r"\1(q2)", formula)
+    return re.sub(r"(?<=[\w)]) +(?=[\wθ(])", " * ", formula).replace("tanh * (", "tanh(").replace("r * v", "r*v")
+
+
+@pytest.mark.parametrize("kept", sorted((ROOT / "tests" / "golden" / "expected").glob("*.json")), ids=lambda p: p.stem)
+def test_a_diagnosis_file_follows_its_schema(kept: Path) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((DOCS / "schema" / "furuta-diagnosis-1.schema.json").read_text(encoding="utf-8"))
+    diagnosis = json.loads(kept.read_text(encoding="utf-8")).get("diagnosis.json")
+    if diagnosis is None:
+        pytest.skip("no diagnosis is kept of this log")
+    jsonschema.Draft202012Validator(schema).validate(diagnosis)
+    assert set(diagnosis) <= set(schema["properties"])
+    for spoilt in ({"verdict": "perhaps"}, {"effects": [{"name": "arm_spring"}]}, {"leftover": "yes"}):
+        assert not jsonschema.Draft202012Validator(schema).is_valid(diagnosis | spoilt)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_a_tutorial_runs_as_it_stands_and_prints_what_it_shows(name: str, tmp_path: Path) -> None:
+    """Same words, and numbers within 5 %, as processors round differently; what was trained may differ more."""
+    blocks = run_pages.kept(DOCS / "tutorials" / f"{name}.md")
+    assert blocks
+    trains = any("train(" in code for code, _ in blocks)
+    if trains:
+        pytest.importorskip("stable_baselines3")
+    printed = run_pages.run([code for code, _ in blocks], tmp_path, name)
+    for (_, shown), said in zip(blocks, printed, strict=True):
+        assert NUMBER.sub("#", said) == NUMBER.sub("#", shown)
+        if not trains:
+            numbers, kept = ([float(number) for number in NUMBER.findall(text)] for text in (said, shown))
+            assert numbers == pytest.approx(kept, rel=0.05, abs=0.02)
+
+
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    """Every link and anchor is checked; a page outside of the navigation is an error as well."""
+    if not all(importlib.util.find_spec(name) for name in ("mkdocs", "material", "mkdocstrings")):
+        pytest.skip("needs the extra docs")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert built.returncode == 0, built.stdout + built.stderr
+    page = (tmp_path / "site" / "reference" / "identification.html").read_text(encoding="utf-8")
+    assert "Estimate θ (and r, and effect parameters)" in page
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in (tmp_path / "site").rglob("*.html"))
+    assert not re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="https?://[^"]*\.(?:js|css|png|woff2?)"', sources)
+
+
+def test_a_broken_link_is_an_error(tmp_path: Path) -> None:
+    if not all(importlib.util.find_spec(name) for name in ("mkdocs", "material", "mkdocstrings")):
+        pytest.skip("needs the extra docs")
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    (tmp_path / "docs").mkdir()
+    shutil.copy(DOCS / "site.css", tmp_path / "docs")
+    (tmp_path / "docs" / "index.md").write_text("# A\n\n[gone](nowhere.md), [no anchor](#none)\n", encoding="utf-8")
+    (tmp_path / "mkdocs.yml").write_text(text.partition("\nnav:")[0] + "\nnav:\n  - index.md\n", encoding="utf-8")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict"]
+    built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert built.returncode != 0
+    assert "nowhere.md" in built.stderr
+    assert "#none" in built.stderr
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_what_a_page_beside_the_site_links_to_is_there(page: str) -> None:
+    linked = re.findall(r"\]\((?!http)([^)#]+)", (ROOT / page).read_text(encoding="utf-8"))
+    assert linked
+    assert [link for link in linked if not (ROOT / link).is_file()] == []
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
+def test_the_pages_are_short_sentences_in_the_fields_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert readability.main([]) == 0, capsys.readouterr().out
+    assert readability.figures(["One two three four. Then " + "word " * 30 + "end."])[1:] == (18.0, 0.5)
+    assert readability.workshop_words("Torque that passes\nfor noise, and a name that brings nothing.")
+    assert readability.sentences("# A title\n\n| a | table |\n\n```\ncode is left out\n```\n") == []
