@@ -13,6 +13,7 @@ __all__ = [
     "LogError",
     "LogWarning",
     "NotIdentifiable",
+    "PredictionWindow",
     "RigMapping",
     "diagnose",
     "excite",
@@ -36,6 +37,7 @@ _WHERE = {
     "LogError": ".logs.log",
     "LogWarning": ".logs.log",
     "NotIdentifiable": ".estimation.identifiability",
+    "PredictionWindow": ".validation.window",
     "diagnose": ".diagnosis.diagnose",
     "excite": ".design.next_experiment",
     "RigMapping": ".logs.rig_mapping",
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
     from .logs.rig_file import load_mapping, save_mapping
     from .logs.rig_mapping import RigMapping
     from .validation.gap import Gap, validate
+    from .validation.window import PredictionWindow
 else:
     from importlib import import_module
 

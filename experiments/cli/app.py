@@ -21,6 +21,7 @@ from .init import init_command
 from .logbook import keep_logbook, print_version
 from .residuals import residuals_command
 from .simulate import simulate_command
+from .studio import studio_command
 from .train import train_command
 from .trials import trials_command
 from .validate import validate_command
@@ -28,6 +29,7 @@ from .warm_up import warm_up_command
 
 KEPT: dict[str | None, str] = {
     None: "Nothing was written; results of an earlier run are as they were.",
+    "studio": "The studio has ended. Files that it wrote are kept.",
     "trials": "What was answered is kept: the same command goes on from there.",
 }
 """What Ctrl-C leaves of each command."""
@@ -86,6 +88,7 @@ app.command("compare", cls=Command)(compare_command)
 app.command("trials", cls=Command)(trials_command)
 app.command("train", cls=Command)(train_command)
 app.command("export", cls=Command)(export_command)
+app.command("studio", cls=Command)(studio_command)
 app.command("warm-up", cls=Command)(warm_up_command)
 
 

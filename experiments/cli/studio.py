@@ -1,0 +1,32 @@
+"""`furuta studio`: look, try and diagnose in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def studio_command(
+    logs: Annotated[
+        list[Path] | None, typer.Argument(help="Logs to open: .csv, .parquet, .mat, .mcap, ….", metavar="LOG…")
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Port on this machine; default: a free one.", min=1, max=65535)
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Open no browser; the address is printed.")] = False,
+) -> None:
+    """Open a local page to look at logs, fit them, move effects by sliders and search for what is missing.
+
+    It answers to this machine only. Its address, with a random token, is the one line on stdout. Ctrl-C ends it.
+    """
+    from experiments.studio import require_extra
+
+    require_extra()
+    for log in logs or ():
+        if not log.is_file():
+            raise FileNotFoundError(f"no log at {log}; expected a file that exists")
+    from experiments.studio.server import serve
+
+    serve(logs or (), port, not no_browser, typer.echo)

@@ -1,0 +1,78 @@
+"""The command lines that do what the page does."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from furuta_gym.plant import THETA_NAMES, Effect, Plant
+
+from .session import Session
+
+
+def files(session: Session) -> str:
+    """The logs, as they are typed; dropped ones by their name."""
+    return " ".join(shlex.quote(_typed(path, session)) for path in session.paths) or "LOG"
+
+
+def _typed(path: Path, session: Session) -> str:
+    if path.resolve().is_relative_to(session.folder.resolve()):
+        return os.fspath(path.resolve().relative_to(session.folder.resolve()))
+    return path.name if path.parent.name.startswith("furuta-studio-") else os.fspath(path)
+
+
+def _reading(session: Session) -> str:
+    options = session.proposal.mapping.options() if session.proposal else ""
+    return f" {options}" if options else ""
+
+
+def init(session: Session) -> str:
+    said = session.given.options()
+    return f"furuta init {files(session)}" + (f" {said}" if said else "") + " --yes"
+
+
+def identify(session: Session, out: str = "rig.json") -> str:
+    return f"furuta identify {files(session)}{_reading(session)} -o {out}"
+
+
+def validate(session: Session, plant: str = "rig.json") -> str:
+    return f"furuta validate {plant} {files(session)}{_reading(session)}"
+
+
+def diagnose(session: Session, out: str = "diagnosis") -> str:
+    return f"furuta diagnose {files(session)}{_reading(session)} -o {out}"
+
+
+def residuals(session: Session, out: str = "residuals") -> str:
+    return f"furuta residuals {files(session)}{_reading(session)} -o {out}"
+
+
+def excite(plant: str = "rig.json") -> str:
+    return f"furuta excite --plant {plant} -o u.csv"
+
+
+def effect_text(effect: Effect) -> str:
+    """An effect as `--effect` takes it."""
+    return f"{effect.name}:" + ",".join(f"{name}={value:.6g}" for name, value in effect.parameters.items())
+
+
+def simulate(plant: Plant, base: str = "rig.json") -> str:
+    """The plant's effects on the command line; a changed θ goes by a plant file only."""
+    effects = "".join(f" --effect {shlex.quote(effect_text(e))}" for e in plant.effects)
+    return f"furuta simulate --plant {base}{effects} --excitation paper --duration 5 -o simulated.csv"
+
+
+def what_if(session: Session, plant: Plant) -> str:
+    """The kept plant on the shell, or what leads to it."""
+    base = session.estimate.plant if session.estimate else None
+    changed = [n for n, a, b in zip(THETA_NAMES, plant.theta, base.theta, strict=True) if a != b] if base else []
+    if changed or session.kept is plant:
+        return validate(session, "what_if.json")
+    return simulate(plant)
+
+
+def script(session: Session, lines: Sequence[str]) -> str:
+    """A shell script of the steps that were done."""
+    return "\n".join(["#!/bin/sh", "set -e", *lines, ""])

@@ -1,0 +1,151 @@
+"""The frame of one tab: which view is shown, what is going on, and the pieces that every view is made of."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from nicegui import ui
+
+from .work import Cancelled, off_loop, sentence
+
+if TYPE_CHECKING:
+    from .session import Session
+
+T = TypeVar("T")
+VIEWS = {
+    "Log": "log",
+    "Identify": "identify",
+    "What if": "what_if",
+    "Residuals": "residuals",
+    "Diagnose": "diagnose",
+    "Play": "play",
+    "Export": "export",
+}
+"""Views in their order, and the modules of `views` that draw them, which are loaded when they are needed."""
+LIGHTS = {
+    "good": ("check_circle", "light-good"),
+    "doubt": ("help", "light-doubt"),
+    "bad": ("error", "light-bad"),
+    "none": ("radio_button_unchecked", "light-none"),
+}
+
+
+@dataclass
+class Frame:
+    """One tab of the browser. state: what views keep while another one is shown. lock: held while logs change."""
+
+    session: Session
+    current: str = "Log"
+    state: dict[type, Any] = field(default_factory=dict)
+    body: ui.element | None = None
+    tabs: ui.tabs | None = None
+    footer: ui.label | None = None
+    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+    doing: str = ""
+    failure: str = ""
+
+    def of(self, kind: type[T]) -> T:
+        """The state of a view, made when it is first asked for."""
+        return self.state.setdefault(kind, kind())
+
+    def reset(self) -> None:
+        """Forget what views computed from logs that are read otherwise now."""
+        self.state.clear()
+
+    def show(self, name: str | None = None) -> None:
+        """Draw a view, or the present one again."""
+        if self.body is None or self.body.is_deleted:
+            return
+        self.current = name or self.current
+        if self.tabs is not None and self.tabs.value != self.current:
+            self.tabs.set_value(self.current)
+        self.body.clear()
+        with self.body:
+            if self.failure:
+                message(self.failure, "bad")
+            if self.doing:
+                with ui.row().classes("doing").props("role=status"):
+                    ui.spinner(size="1.4em")
+                    ui.label(self.doing)
+            view(self.current).show(self)
+
+    async def run(self, doing: str, function: Callable[..., T], *arguments: Any) -> T | None:
+        """Compute off the event loop, showing what is done. None, and a sentence on the page, where it fails."""
+        if self.doing:
+            self.failure = f"Wait until this is done: {self.doing}"
+            self.show()
+            return None
+        self.doing, self.failure = doing, ""
+        self.show()
+        try:
+            return await off_loop(function, *arguments)
+        except Cancelled:
+            return None
+        except Exception as error:  # whatever it is, the page must live on
+            self.failure = sentence(error)
+            return None
+        finally:
+            self.doing = ""
+            self.show()
+
+    def note(self, text: str) -> None:
+        """Say something in the footer."""
+        if self.footer is not None and not self.footer.is_deleted:
+            self.footer.set_text(text)
+
+
+def view(name: str) -> Any:
+    """The module that draws a view."""
+    return import_module(f".views.{VIEWS[name]}", __package__)
+
+
+def light(state: str, word: str) -> None:
+    """A light that says in a word, a shape and a colour how things are."""
+    icon, style = LIGHTS[state]
+    with ui.element("span").classes(f"light {style}"):
+        ui.icon(icon).props("aria-hidden=true")
+        ui.label(word)
+
+
+def message(text: str, state: str = "none") -> None:
+    """A sentence in a box; `bad` ones are read aloud."""
+    with ui.element("div").classes(f"message message-{state}").props("role=alert" if state == "bad" else "role=status"):
+        ui.icon(LIGHTS[state][0]).props("aria-hidden=true")
+        ui.label(text)
+
+
+def command_line(text: str) -> None:
+    """The command line that does the same."""
+    with ui.element("div").classes("command"):
+        ui.label("The same on the command line").classes("command-title")
+        with ui.element("div").classes("command-row"):
+            ui.label(text).classes("command-text")
+            ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(text)).props(
+                'flat dense color=white aria-label="Copy the command line"'
+            )
+
+
+def number_card(title: str, value: str, meaning: str, state: str = "none", word: str = "") -> None:
+    """One number that matters, with what it means."""
+    with ui.element("div").classes("card"):
+        ui.label(title).classes("card-title")
+        ui.label(value).classes("card-value")
+        ui.label(meaning).classes("card-meaning")
+        if word:
+            light(state, word)
+
+
+def heading(text: str) -> None:
+    with ui.element("h2"):
+        ui.label(text)
+
+
+def cells(row: list[str], kind: str = "td") -> None:
+    """Plain text cells of a table's row."""
+    for text in row:
+        with ui.element(kind):
+            ui.label(text)

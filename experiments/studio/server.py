@@ -1,0 +1,87 @@
+"""How the page is served: on this machine only, under an address that nobody guesses, with files of a bounded size."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
+from threading import Thread
+
+from fastapi import Request, Response
+from nicegui import app, ui
+
+from . import LARGEST_FILE
+from .page import draw, load
+
+HOST = "127.0.0.1"
+_OVERHEAD = 100_000  # bytes that a form adds to a file
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws:; object-src 'none'; base-uri 'self'; "
+    "form-action 'self'; frame-ancestors 'none'"
+)
+"""Content security policy: the browser itself refuses every address outside the machine."""
+
+
+def free_port() -> int:
+    """A port that nobody uses."""
+    with socket.socket() as s:
+        s.bind((HOST, 0))
+        return int(s.getsockname()[1])
+
+
+def refusal(host: str, method: str, length: str | None) -> tuple[int, str] | None:
+    """Why a request is refused: status and sentence, or None. host, length: its headers."""
+    name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
+    if name not in (HOST, "localhost", "test"):
+        return 403, f"furuta studio answers to {HOST} only"
+    if method in ("POST", "PUT", "PATCH"):
+        if length is None or not length.isdigit():
+            return 411, "the size of the upload is missing"
+        if int(length) > LARGEST_FILE + _OVERHEAD:
+            return 413, f"expected at most {LARGEST_FILE} bytes"
+    return None
+
+
+def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> str:
+    """Add the page to the application and give its path, which holds the token."""
+    token = token or secrets.token_urlsafe(24)
+    path = f"/{token}/"
+
+    @app.middleware("http")
+    async def guard(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
+        headers = request.headers
+        if refused := refusal(headers.get("host", ""), request.method, headers.get("content-length")):
+            return Response(refused[1], refused[0])
+        response = await go_on(request)
+        response.headers["Content-Security-Policy"] = POLICY
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        return response
+
+    @ui.page(path, title="furuta studio")
+    async def page() -> None:
+        await draw(folder, logs)
+
+    return path
+
+
+def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[str], None]) -> None:
+    """Serve until interrupted. told: called with the address before the first request."""
+    port = port or free_port()
+    path = register(Path.cwd(), [log.resolve() for log in logs])
+    app.on_startup(lambda: told(f"http://{HOST}:{port}{path}"))
+    app.on_startup(lambda: Thread(target=load, daemon=True).start())
+    ui.run(
+        host=HOST,
+        port=port,
+        show=path if show else False,
+        reload=False,
+        title="furuta studio",
+        show_welcome_message=False,
+        tailwind=False,
+        reconnect_timeout=30.0,
+        favicon="📐",
+        uvicorn_logging_level="error",
+    )

@@ -1,0 +1,1 @@
+"""One module for each view; each has a function `show(frame)` that draws it."""

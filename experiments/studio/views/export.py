@@ -1,0 +1,103 @@
+"""Export: write results to the working folder, and the commands that repeat the session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+from nicegui import ui
+
+from controllers import export_c, export_mjcf, make_controller
+from experiments.report import diagnosis_page, estimate_page, render
+from furuta_gym.files import write_whole
+from furuta_gym.plant import Plant
+from identification import save_mapping
+
+from .. import commands
+from ..frame import Frame, command_line, heading, message
+from ..session import Session
+
+Writer = Callable[[Path], object]
+
+
+def show(frame: Frame) -> None:
+    session = frame.session
+    if not session.accepted:
+        message("First say how the logs are read: view Log, button “Use these logs”.")
+        return
+    heading(f"Write to {session.folder}")
+    message("A file of the same name is replaced.")
+    with ui.element("table").classes("table stacked"), ui.element("tbody"):
+        for name, (meaning, writer) in offers(session).items():
+            with ui.element("tr"):
+                with ui.element("th").props("scope=row"):
+                    ui.label(name)
+                with ui.element("td"):
+                    ui.label(meaning)
+                with ui.element("td"):
+                    button = ui.button("Write", on_click=partial(_write, frame, name, writer))
+                    button.props(f'outline dense aria-label="Write {name}"').mark(f"write-{name}")
+    heading("The same as a script")
+    command_line("\n".join(steps(session)))
+
+
+def best(session: Session) -> Plant | None:
+    """The plant to use: kept in What if, else found by the diagnosis, else identified."""
+    found = session.examination.diagnosis.plant if session.examination else None
+    return session.kept or found or (session.estimate.plant if session.estimate else None)
+
+
+def offers(session: Session) -> dict[str, tuple[str, Writer]]:
+    """What can be written now: by file name, its meaning and who writes it."""
+    pages = find_spec("jinja2") is not None and find_spec("plotly") is not None
+    found: dict[str, tuple[str, Writer]] = {}
+    proposal, estimate, examination, plant = session.proposal, session.estimate, session.examination, best(session)
+    if proposal is not None:
+        found["rig.toml"] = ("how the logs are read", lambda path: save_mapping(path, proposal.mapping))
+    if estimate is not None:
+        found["rig.json"] = ("the identified plant", estimate.save)
+        if pages:
+            page = lambda: render(estimate_page(estimate, session.logs, session.gap, session.gap_remark, "rig.json"))  # noqa: E731
+            found["identify.html"] = ("the report of the fit", lambda path: write_whole(path, page()))
+    if examination is not None and pages:
+        text = lambda: render(diagnosis_page(examination))  # noqa: E731
+        found["report.html"] = ("the report of the diagnosis", lambda path: write_whole(path, text()))
+    if plant is not None:
+        found["plant.json"] = ("the best plant of this session, with its effects", plant.save)
+        found["controller.h"] = ("an LQR for this plant as C for firmware", partial(_controller, plant))
+        found["plant.xml"] = ("this plant for MuJoCo", lambda path: export_mjcf(plant, path))
+    found["session.sh"] = (
+        "the commands below",
+        lambda path: write_whole(path, commands.script(session, steps(session))),
+    )
+    return found
+
+
+def steps(session: Session) -> list[str]:
+    """The commands that repeat the session."""
+    lines = [commands.init(session)]
+    if session.estimate is not None:
+        lines += [commands.identify(session), commands.validate(session)]
+    if session.examination is not None:
+        lines.append(commands.diagnose(session))
+    if best(session) is not None:
+        file = "what_if.json" if session.kept else "diagnosis/plant.json" if session.examination else "rig.json"
+        lines.append(f"furuta export {file} --controller lqr -o controller.h")
+        lines.append(f"furuta export {file} -o plant.xml")
+    return lines
+
+
+def _controller(plant: Plant, path: Path) -> None:
+    export_c(make_controller("lqr", plant), path)
+
+
+async def _write(frame: Frame, name: str, writer: Writer) -> None:
+    if await frame.run(f"Writing {name}", _written, frame.session, name, writer):
+        frame.note(f"Written: {frame.session.folder / name}")
+
+
+def _written(session: Session, name: str, writer: Writer) -> bool:
+    writer(session.target(name))
+    return True

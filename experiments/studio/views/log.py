@@ -1,0 +1,208 @@
+"""Log: drop files, see how they would be read, with a light for each part, and turn what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nicegui import events, ui
+
+from identification import save_mapping
+from identification.logs.formats import READERS
+
+from .. import LARGEST_FILE, MOST_FILES, charts, commands
+from ..frame import Frame, command_line, heading, light, message
+from ..work import off_loop, sentence
+
+if TYPE_CHECKING:
+    from identification.logs.proposal import Item
+
+_LIGHTS = {"sure": ("good", "sure"), "likely": ("doubt", "likely"), "open": ("bad", "say it")}
+
+
+def show(frame: Frame) -> None:
+    session = frame.session
+    with ui.row().classes("wrap-row"):
+        upload = ui.upload(
+            label=f"Drop logs of one rig here ({', '.join(sorted(READERS))})",
+            multiple=True,
+            auto_upload=True,
+            max_file_size=LARGEST_FILE,
+            max_files=MOST_FILES,
+            on_multi_upload=lambda event: _dropped(frame, event),
+            on_rejected=lambda: _failed(
+                frame, f"A file was refused. Expected at most {MOST_FILES} files of {LARGEST_FILE // 1_000_000} MB."
+            ),
+        )
+        upload.classes("drop").props("flat bordered")
+        if not session.paths:
+            ui.button("Open the demo's log", on_click=lambda: _demo(frame)).props("outline")
+    if not session.paths or session.proposal is None:
+        message("No log yet. Drop one, or start the page with it: furuta studio LOG")
+        return
+    heading("How it is read")
+    with ui.row().classes("wrap-row"):
+        for path in session.paths:
+            ui.chip(path.name, removable=True, color="grey-4", text_color="black").on(
+                "remove", lambda _, n=path.name: _remove(frame, n)
+            )
+    with ui.element("table").classes("table stacked"), ui.element("tbody"):
+        for item in session.proposal.items:
+            _row(frame, item)
+    for problem in session.proposal.problems:
+        message(str(problem), "bad" if problem.fatal else "doubt")
+    if session.trouble and not session.proposal.fatal:
+        message(session.trouble, "bad")
+    with ui.row().classes("wrap-row"):
+        if (better := session.shown_by_motion()) is not None:
+            text = "Read zero and signs as the motion shows them"
+            ui.button(text, icon="auto_fix_high", on_click=lambda: _mend(frame, better))
+        ready = bool(session.logs) and not session.proposal.fatal and not session.open_items
+        if session.accepted:
+            light("good", "These logs are used")
+        else:
+            ui.button("Use these logs", icon="check", on_click=lambda: _accept(frame)).set_enabled(ready)
+        ui.button("Save rig.toml", on_click=lambda: _save(frame)).props("outline").set_enabled(ready)
+    _preview(frame)
+    command_line(commands.init(session))
+
+
+def _row(frame: Frame, item: Item) -> None:
+    state, word = _LIGHTS[item.confidence.value]
+    if item.name in _against(frame):
+        state, word = "bad", "wrong"
+    with ui.element("tr").props(f'data-item="{item.name}"'):
+        with ui.element("th").props("scope=row"):
+            ui.label(item.says)
+        with ui.element("td"):
+            _control(frame, item)
+        with ui.element("td"):
+            light(state, word)
+        with ui.element("td"):
+            ui.label(item.reason)
+
+
+def _control(frame: Frame, item: Item) -> None:
+    if item.name.startswith("sign_"):
+        ui.button(
+            "turned" if item.value == "-" else "as it is",
+            icon="swap_vert",
+            on_click=lambda: _turn(frame, item.name[5:]),
+        ).props(f'outline dense no-caps aria-label="Flip the {item.says}, now {item.shown}"').mark(
+            f"flip-{item.name[5:]}"
+        )
+        return
+    options = list(dict.fromkeys([*([item.shown] if item.shown != "?" else []), *item.alternatives]))
+    if len(options) < 2 and item.shown != "?":
+        ui.label(item.shown)
+        return
+    ui.select(
+        options,
+        value=item.shown if item.shown in options else None,
+        with_input=True,
+        new_value_mode="add-unique",
+        on_change=lambda event: _say(frame, item, str(event.value or "")),
+    ).props(f'dense outlined aria-label="{item.says}"').classes("choice").mark(f"item-{item.name}")
+
+
+def _against(frame: Frame) -> set[str]:
+    """Items that were said and that the motion contradicts."""
+    session = frame.session
+    better = session.shown_by_motion()
+    if better is None or session.proposal is None:
+        return set()
+    now = {i.name[5:] for i in session.proposal.items if i.name.startswith("sign_") and i.value == "-"}
+    wrong = {f"sign_{axis}" for axis in now ^ set(better.flip or ())}
+    if session.proposal.item("pendulum_zero").value != better.pendulum_zero:
+        wrong.add("pendulum_zero")
+    return wrong
+
+
+def _preview(frame: Frame) -> None:
+    for log in frame.session.logs:
+        heading(f"{log.source}: {len(log)} samples, {log.duration:.3g} s at {1e3 * log.sample_time:.3g} ms")
+        chart = ui.echart(charts.log_panes(log.t, log.q1, log.q2, log.u, log.input_unit)).classes("chart tall")
+        chart.mark("preview").props('role=img aria-label="The log as it is read: arm, pendulum, command over time"')
+    for remark in frame.session.remarks:
+        if remark not in {str(p) for p in frame.session.proposal.problems}:  # type: ignore[union-attr]
+            message(remark, "doubt")
+
+
+def _changed(frame: Frame) -> None:
+    frame.failure = ""
+    frame.reset()
+    frame.show()
+
+
+def _failed(frame: Frame, text: str) -> None:
+    frame.failure = text
+    frame.show()
+
+
+async def _dropped(frame: Frame, event: events.MultiUploadEventArguments) -> None:
+    for file in event.files:
+        await _apply(frame, frame.session.drop, file.name, await file.read())
+
+
+async def add(frame: Frame, path: Path) -> None:
+    """Take in a file that the command line names."""
+    await _apply(frame, frame.session.add, path)
+
+
+async def _demo(frame: Frame) -> None:
+    await add(frame, Path(str(files("experiments.demo") / "logs" / "wide.csv")))
+
+
+async def _apply(frame: Frame, change: Callable[..., None], *arguments: object) -> None:
+    if frame.doing:
+        _failed(frame, f"Wait until this is done: {frame.doing}")
+        return
+    async with frame.lock:
+        try:
+            await off_loop(change, *arguments)
+        except Exception as error:
+            _failed(frame, sentence(error))
+        else:
+            _changed(frame)
+
+
+async def _remove(frame: Frame, name: str) -> None:
+    await _apply(frame, frame.session.remove, name)
+
+
+async def _turn(frame: Frame, axis: str) -> None:
+    await _apply(frame, frame.session.turn, axis)
+
+
+async def _say(frame: Frame, item: Item, answer: str) -> None:
+    await _apply(frame, frame.session.say, item, answer)
+
+
+async def _mend(frame: Frame, better: object) -> None:
+    await _apply(frame, frame.session.mend, better)
+
+
+def _accept(frame: Frame) -> None:
+    try:
+        frame.session.accept()
+    except ValueError as error:
+        _failed(frame, sentence(error))
+        return
+    frame.failure = ""
+    frame.show("Identify")
+
+
+def _save(frame: Frame) -> None:
+    session = frame.session
+    assert session.proposal is not None
+    try:
+        reasons = {item.name: item.reason for item in session.proposal.items}
+        path = save_mapping(
+            session.target("rig.toml"), session.proposal.mapping, reasons, "How the logs of this rig are read."
+        )
+    except (ValueError, OSError) as error:
+        _failed(frame, sentence(error))
+        return
+    frame.note(f"Written: {path}")

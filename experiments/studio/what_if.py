@@ -1,0 +1,110 @@
+"""What the what-if view moves: a plant whose θ and effects are numbers with ranges. No page in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Parameter, Plant
+from identification import Log, PredictionWindow, identify
+from identification.estimation.zeros import moved
+from identification.kalman.coordinates import Zeros
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where a slider goes: from low to high in steps, and whether only whole numbers count."""
+
+    low: float
+    high: float
+    step: float
+
+
+@dataclass
+class Choice:
+    """The plant that is tried. base: where it starts. theta: θ1 … θ9. effects: parameters by effect; off: those not
+    acting. ranges stay as they were when the effect was added, so that a slider does not move under the hand."""
+
+    base: Plant
+    theta: list[float] = field(default_factory=list)
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    off: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.take(self.base)
+
+    def take(self, plant: Plant) -> None:
+        """Start from this plant."""
+        self.theta = [float(v) for v in plant.theta]
+        self.effects = {e.name: dict(e.parameters) for e in plant.effects}
+        self.off = set()
+
+    def reset(self) -> None:
+        self.take(self.base)
+
+    def add(self, name: str) -> None:
+        """Let an effect act, at a size worth noticing."""
+        self.effects[name] = dict(self.base.default_effect(name).parameters)
+        self.off.discard(name)
+
+    def remove(self, name: str) -> None:
+        self.effects.pop(name, None)
+        self.off.discard(name)
+
+    def acting(self) -> list[Effect]:
+        return [Effect(name, values) for name, values in self.effects.items() if name not in self.off]
+
+    def plant(self) -> Plant:
+        """The plant as the sliders stand. Raises ValueError where no plant can have these numbers."""
+        return self.base.replace(theta=self.theta, effects=tuple(self.acting()), covariance=None, checks={})
+
+    def theta_range(self, i: int) -> Range:
+        """From a quarter to four times the start; friction from nothing."""
+        centre = abs(float(self.base.theta[i])) or abs(float(self.base.theta[0])) * 0.1
+        low = 0.0 if i >= 5 else 0.25 * centre
+        return Range(low, (4.0 if i < 5 else 3.0) * centre, 0.002 * centre)
+
+    def effect_range(self, name: str, parameter: Parameter) -> Range:
+        """Around the size worth noticing, within what is allowed."""
+        default = abs(self.base.default_effect(name).parameters[parameter.name])
+        if parameter.integer:
+            return Range(max(parameter.lower, 1.0), min(parameter.upper, 36.0), 1.0)
+        if isinstance(parameter.grid, tuple) and parameter.grid and parameter.role != "size":
+            low, high = min(parameter.grid), max(parameter.grid)
+        else:
+            reach = 4.0 * default if default > 0 and math.isfinite(default) else math.pi
+            low, high = (0.0 if parameter.positive else -reach), reach
+        low, high = max(low, parameter.lower), min(high, parameter.upper)
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            low, high = 0.0, max(1.0, 4.0 * default)
+        return Range(low, high, (high - low) / 400.0)
+
+
+@dataclass(frozen=True)
+class Start:
+    """A window and the plant that it was measured with, and the plant's own log-likelihood there."""
+
+    window: PredictionWindow
+    log_likelihood: float
+
+
+def prepare(plant: Plant, logs: Sequence[Log], zeros: Zeros, which: int, at: float) -> Start:
+    """The window of a log that starts `at` seconds in. Raises ValueError."""
+    log = moved(logs, zeros)[which]
+    window = PredictionWindow.of(log, plant, at)
+    return Start(window, window.predict(plant, settle=True).log_likelihood)
+
+
+def fitted(logs: Sequence[Log], choice: Choice) -> Plant:
+    """θ and the effects that act, estimated together from all logs, starting where the sliders stand."""
+    start = choice.plant()
+    return identify(logs, start.replace(effects=()), effects=start.effects).plant
+
+
+def addable(choice: Choice) -> dict[str, str]:
+    """Titles of the effects that are not there yet, by name."""
+    return {name: f"{kind.title} ({name})" for name, kind in EFFECTS.items() if name not in choice.effects}
+
+
+NAMES = THETA_NAMES

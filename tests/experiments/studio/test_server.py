@@ -1,0 +1,59 @@
+"""Who is served, and what the browser may load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from experiments.studio import LARGEST_FILE
+from experiments.studio.server import POLICY, refusal
+from tests.studio import serving
+
+
+@pytest.mark.parametrize(
+    ("host", "method", "length", "status"),
+    [
+        ("127.0.0.1:8000", "GET", None, None),
+        ("localhost:8000", "POST", "100", None),
+        ("evil.example:8000", "GET", None, 403),  # a name that was pointed at this machine
+        ("127.0.0.1.evil.example", "GET", None, 403),
+        ("", "GET", None, 403),
+        ("127.0.0.1:8000", "POST", None, 411),
+        ("127.0.0.1:8000", "POST", "-1", 411),
+        ("127.0.0.1:8000", "POST", str(LARGEST_FILE + 1_000_000), 413),
+    ],
+)
+def test_strange_requests_are_refused(host: str, method: str, length: str | None, status: int | None) -> None:
+    assert (refusal(host, method, length) or (None,))[0] == status
+
+
+def test_the_page_is_behind_its_token_and_asks_nobody_else(tmp_path: Path) -> None:
+    with serving(tmp_path) as address, httpx.Client(trust_env=False) as client:
+        base, token = address.split("/", 3)[:3], address.rstrip("/").rsplit("/", 1)[1]
+        root = "/".join(base)
+        assert len(token) > 30
+        page = client.get(address)
+        assert page.status_code == 200
+        assert page.headers["content-security-policy"] == POLICY
+        assert "https://" not in page.text
+        assert "http://" not in page.text.replace(root, "")
+        for wrong in ("/", "/wrong-token/", f"/{token[:-3]}/"):
+            assert client.get(root + wrong).status_code == 404
+        assert client.get(address, headers={"host": "evil.example"}).status_code == 403
+        assert client.post(address, content=iter([b"x"])).status_code == 411  # a size that nobody says
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tests.commands import furuta, refused
+
+    monkeypatch.setattr("experiments.studio.find_spec", lambda name: None)
+    refused(furuta("studio"), "NiceGUI", 'pip install "furuta-gym[studio]"')
+
+
+def test_a_log_that_is_not_there_is_refused() -> None:
+    from tests.commands import furuta, refused
+
+    refused(furuta("studio", "nowhere.csv"), "nowhere.csv")

@@ -1,0 +1,80 @@
+"""What a tab knows, without a page."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from experiments.studio import commands
+from experiments.studio.session import Session, bare_name
+from identification import LogError, read_log
+from tests.commands import furuta
+
+
+def opened(folder: Path, log: Path) -> Session:
+    session = Session(folder)
+    session.add(log)
+    return session
+
+
+def test_a_turned_sign_is_wrong_and_the_motion_mends_it(tmp_path: Path, spring_log: Path) -> None:
+    session = opened(tmp_path, spring_log)
+    assert session.shown_by_motion() is None
+    straight = session.logs[0].q2
+    session.turn("q2")
+    assert (session.logs[0].q2 == -straight).all()  # the preview flips
+    with pytest.raises(LogError, match="settle what is red"):
+        session.accept()
+    better = session.shown_by_motion()
+    assert better is not None
+    session.mend(better)
+    session.accept()
+    assert (session.logs[0].q2 == straight).all()
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd.csv", "..\\..\\boot.csv", "/etc/passwd.csv", "a/b/../c.csv"])
+def test_no_name_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
+    assert bare_name(name) in ("passwd.csv", "boot.csv", "c.csv")
+    with pytest.raises(ValueError, match="bare name"):
+        Session(tmp_path).target(name)
+
+
+def test_a_dropped_file_is_read_by_the_same_reader_and_deleted(tmp_path: Path, spring_log: Path) -> None:
+    session = Session(tmp_path)
+    session.drop("../../outside.csv", spring_log.read_bytes())
+    path = session.paths[0]
+    assert path.name == "outside.csv"
+    assert (session.logs[0].q1 == read_log(spring_log).q1).all()
+    session.close()
+    assert not path.exists()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\x01\x02", b"t,q1,q2,u\n1,2,3\n"])
+def test_what_is_no_log_is_refused_and_leaves_nothing(tmp_path: Path, spring_log: Path, content: bytes) -> None:
+    session = opened(tmp_path, spring_log)
+    with pytest.raises(LogError):
+        session.drop("broken.csv", content)
+    assert [path.name for path in session.paths] == ["spring.csv"]
+    assert session.logs
+
+
+def test_a_file_that_is_too_large_is_refused(tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("experiments.studio.session.LARGEST_FILE", 1000)
+    with pytest.raises(LogError, match="at most 1000"):
+        Session(tmp_path).drop("large.csv", spring_log.read_bytes())
+
+
+def test_the_commands_shown_are_commands(tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    session = opened(tmp_path, spring_log)
+    session.accept()
+    for line in (commands.init(session),):
+        result = furuta(*shlex.split(line)[1:])
+        assert result.exit_code == 0, result.output
+    for line in (commands.identify(session), commands.diagnose(session), commands.residuals(session)):
+        assert furuta(*shlex.split(line)[1:], "--help").exit_code == 0  # its options are known before --help is seen
+        with pytest.raises(AssertionError):
+            assert furuta(*shlex.split(line)[1:], "--no-such-option").exit_code == 0

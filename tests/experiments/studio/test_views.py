@@ -1,0 +1,270 @@
+"""Every view as a user meets it, without a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.studio.views import diagnose as diagnose_view
+from experiments.studio.views import identify as identify_view
+from experiments.studio.views.what_if import Live
+from identification import LogError
+from tests.studio import texts, until, visit
+
+
+def known(fitted: Any) -> Any:
+    """Accept the logs and put the fit in, as the views Log and Identify do."""
+
+    def prepare(frame: Any) -> None:
+        frame.session.accept()
+        frame.session.estimate, frame.session.gap = fitted
+
+    return prepare
+
+
+def test_log_a_wrong_sign_shows_red_and_the_fix_turns_it_green(tmp_path: Path, spring_log: Path) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        await user.should_see("How it is read")
+        await user.should_not_see("wrong")
+        user.find(marker="flip-q2").click()
+        await user.should_see("wrong", retries=40)
+        shown = user.find(marker="preview").elements.pop().options["series"][1]["data"]
+        assert shown[10][1] == pytest.approx(frame.session.logs[0].q2[:: _every(frame)][10], rel=1e-4)
+        user.find("Read zero and signs as the motion shows them").click()
+        await until(lambda: "wrong" not in texts(user))
+        back = user.find(marker="preview").elements.pop().options["series"][1]["data"]
+        assert back[10][1] == -shown[10][1]
+        user.find("Use these logs").click()
+        await until(lambda: frame.current == "Identify")
+        assert frame.session.accepted
+
+    visit(scenario, tmp_path, [spring_log])
+
+
+def _every(frame: Any) -> int:
+    return -(-len(frame.session.logs[0]) // 700)
+
+
+def test_log_a_dropped_file_that_is_none_is_a_sentence_and_the_page_lives(tmp_path: Path, spring_log: Path) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        from nicegui import ui
+        from nicegui.elements.upload_files import SmallFileUpload
+
+        async def drop(name: str, data: bytes) -> None:
+            with user:
+                upload = next(iter(user.find(ui.upload).elements))
+                await upload.handle_uploads([SmallFileUpload(name, "text/csv", data)])
+
+        await drop("noise.csv", b"\x00\x01\x02")
+        await user.should_see("noise.csv", retries=20)
+        assert frame.failure
+        await drop("spring.csv", spring_log.read_bytes())
+        await user.should_see("How it is read", retries=40)
+        assert not frame.failure
+
+    visit(scenario, tmp_path)
+
+
+def test_tabs_do_not_disturb_each_other(tmp_path: Path, spring_log: Path) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        first = frame.session
+        other = type(user)(user.http_client)
+        await other.open("/")
+        await other.should_see("How it is read", retries=60)
+        user.find(marker="flip-q2").click()
+        await user.should_see("wrong", retries=40)
+        assert first.given.flip
+        assert "wrong" not in texts(other)
+
+    visit(scenario, tmp_path, [spring_log])
+
+
+def test_identify_says_first_whether_the_model_is_adequate(tmp_path: Path, spring_log: Path, fitted: Any) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.show("Identify")
+        page = texts(user)
+        assert page.index("Is the model adequate?") < page.index("Parameters")
+        assert f"{fitted[1].ratio_to_floor:.3g} ×" in page
+        assert "not adequate" in page  # the spring is missing
+        assert "θ8" in page
+        assert "furuta identify" in page
+        user.find("Save rig.json").click()
+        assert (tmp_path / "rig.json").is_file()
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
+
+
+@pytest.mark.parametrize("error", [LogError("the log is too short"), RuntimeError("a bug"), MemoryError()])
+def test_a_computation_that_fails_is_a_sentence(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    def fail(logs: Any) -> None:
+        raise error
+
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.session.accept()
+        monkeypatch.setattr(identify_view, "fit", fail)
+        frame.show("Identify")
+        user.find(marker="run-identify").click()
+        await until(lambda: frame.failure)
+        await user.should_see(str(error) or "MemoryError")
+        frame.show("Log")
+        await user.should_see("How it is read")
+
+    visit(scenario, tmp_path, [spring_log])
+
+
+def test_what_if_moves_at_once_and_the_hidden_effect_brings_the_error_to_the_floor(
+    tmp_path: Path, spring_log: Path, fitted: Any
+) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.show("What if")
+        user.find("Start").click()
+        live = frame.of(Live)
+        await until(lambda: live.last is not None)
+        before = live.last.ratio_to_floor
+        seen = live.last.angles.copy()
+        number(user, "theta1", live.choice.theta[0] * 1.3)
+        await until(lambda: not np.array_equal(live.last.angles, seen, equal_nan=True))
+        user.find("Reset").click()
+        await until(lambda: live.choice.theta[0] == live.choice.base.theta[0])
+        live.choice.add("arm_spring")
+        frame.show()
+        user.find("Fit this one").click()
+        await until(lambda: frame.doing)
+        await until(lambda: not frame.doing)
+        await until(lambda: live.last.ratio_to_floor < 1.2, 60)
+        assert before > 2.0
+        assert live.choice.effects["arm_spring"]["k"] == pytest.approx(0.12, rel=0.2)
+        fitted_size = live.choice.effects["arm_spring"]["k"]
+        number(user, "arm_spring.k", 0.0)
+        await until(lambda: live.last.ratio_to_floor > 2.0)
+        number(user, "arm_spring.k", fitted_size)
+        await until(lambda: live.last.ratio_to_floor < 1.3)
+        user.find("Keep as plant").click()
+        assert (tmp_path / "what_if.json").is_file()
+        assert "furuta validate what_if.json" in texts(user)
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
+
+
+def number(user: Any, mark: str, value: float) -> None:
+    """Type a number beside a slider."""
+    with user:
+        next(iter(user.find(marker=f"number-{mark}").elements)).set_value(value)
+
+
+def test_what_if_an_impossible_plant_is_a_sentence(tmp_path: Path, spring_log: Path, fitted: Any) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.show("What if")
+        user.find("Start").click()
+        live = frame.of(Live)
+        await until(lambda: live.last is not None)
+        number(user, "theta1", 1e-9)
+        await user.should_see("mass matrix", retries=40)
+        user.find("Reset").click()
+        await until(lambda: "mass matrix" not in texts(user))
+        assert math.isfinite(live.last.ratio_to_floor)
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
+
+
+def test_diagnose_shows_its_steps_and_stops_when_asked(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def endless(logs: Any, most: int, progress: Any) -> None:
+        progress("fitting arm_spring, base_tilt")
+        while True:
+            import time
+
+            time.sleep(0.02)
+            progress("fitting arm_spring")
+
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.session.accept()
+        monkeypatch.setattr(diagnose_view, "diagnose", endless)
+        frame.show("Diagnose")
+        user.find(marker="run-diagnose").click()
+        await user.should_see("fitting arm_spring, base_tilt", retries=40)
+        user.find("Stop and keep what is known").click()
+        await user.should_see("Stopped. This is what was known", retries=40)
+        page = texts(user)
+        assert "(arm_spring): in the present step" in page
+        assert "Looked at before: base_tilt" in page
+        assert not frame.doing
+
+    visit(scenario, tmp_path, [spring_log])
+
+
+def test_diagnose_ends_with_the_name_in_physical_words(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from identification import diagnose
+
+    def small(logs: Any, most: int, progress: Any) -> Any:
+        return diagnose(logs, most=1, only=["arm_spring", "arm_quadratic_drag"], progress=progress)
+
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.session.accept()
+        monkeypatch.setattr(diagnose_view, "diagnose", small)
+        frame.show("Diagnose")
+        user.find(marker="run-diagnose").click()
+        await until(lambda: frame.session.examination is not None, 180)
+        await user.should_see("A cable pulls the arm", retries=20)
+        frame.show("Export")
+        await user.should_see("report.html")
+        user.find(marker="write-plant.json").click()
+        await until((tmp_path / "plant.json").is_file)
+        assert "arm_spring" in (tmp_path / "plant.json").read_text()
+
+    visit(scenario, tmp_path, [spring_log])
+
+
+def test_residuals_follow_the_stretch_and_name_nothing(tmp_path: Path, spring_log: Path, fitted: Any) -> None:
+    from furuta_gym.plant import EFFECTS
+
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.show("Residuals")
+        user.find("Show what is missing").click()
+        await user.should_see("Missing torque over time", retries=200)
+        whole = len(next(iter(user.find(marker="against").elements)).options["series"][0]["data"])
+        from nicegui import ui
+
+        with user:
+            next(iter(user.find(ui.range).elements)).set_value({"min": 1.0, "max": 2.0})
+        await until(
+            lambda: len(next(iter(user.find(marker="against").elements)).options["series"][0]["data"]) < whole / 3
+        )
+        page = texts(user)
+        assert not [name for name, kind in EFFECTS.items() if name in page or kind.title in page]
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
+
+
+def test_play_and_export_wait_for_what_they_need(tmp_path: Path, spring_log: Path, fitted: Any) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.show("Play")
+        await user.should_see("First start the view What if")
+        frame.show("Export")
+        await user.should_see("rig.json")
+        await user.should_not_see("report.html")
+        user.find(marker="write-session.sh").click()
+        await until((tmp_path / "session.sh").is_file)
+        assert "furuta identify" in (tmp_path / "session.sh").read_text()
+        live = frame.of(Live)
+        from furuta_gym.plant import TABLE_3
+
+        live.window = SimpleNamespace(log=frame.session.logs[0])
+        live.last = SimpleNamespace(angles=frame.session.logs[0].angles * np.nan)
+        live.choice = SimpleNamespace(plant=lambda: TABLE_3)
+        frame.show("Play")
+        await asyncio.sleep(0.2)
+        assert " s" in next(iter(user.find(marker="clock").elements)).text
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
