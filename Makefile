@@ -12,7 +12,7 @@ setup: $(READY)  ## the virtual environment, and everything compiled
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,docs,dev]" -c constraints.txt
+	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,studio,docs,dev]" -c constraints.txt
 	touch $@
 
 demo: $(READY)  ## the main job on bundled logs; writes out/demo

@@ -72,7 +72,7 @@ def diagnose_command(
             "--policy", help="Print every threshold with its reason, and stop.", is_eager=True, callback=_show_policy
         ),
     ] = False,
-    max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 3,
+    max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 6,
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
