@@ -88,7 +88,8 @@ def searched(
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fit(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress)
-    naming, after, rest = _settled(lambda thorough: _named(search, nominal, before, held, most, thorough), search)
+    steps = {False: most, True: min(most, policy.thorough)}
+    naming, after, rest = _settled(lambda full: _named(search, nominal, before, held, steps[full], full), search)
     verdict, summary = _verdict(naming, rest, policy)
     before = _without_sharpness(before, naming, logs, policy)
     left = math.sqrt(naming.final.noise.torque[0] / 0.1)

@@ -67,6 +67,7 @@ class DecisionPolicy:
     plain: float = _rule(
         100.0, "gain from which the model without an effect need not be fitted to the nat", COST, "nats"
     )
+    thorough: int = _rule(3, "effects that a thorough search looks for at most", COST, "effects")
     finalists: int = _rule(4, "effects that are fitted to the end at most", COST, "effects")
     dragged: float = _rule(0.3, "change of ln θ3 … θ5 from which a fit starts at the anchor's θ again", DEV)
     restart_noise: float = _rule(10.0, "factor on the torque noise of such a restart", DEV)
