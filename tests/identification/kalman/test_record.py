@@ -24,7 +24,7 @@ from tests.factories import loop_log
 def without(log: Log, *samples: int) -> Log:
     keep = np.ones(len(log), dtype=bool)
     keep[list(samples)] = False
-    return log._where(keep)
+    return log.taken(keep)
 
 
 @pytest.fixture(scope="module")

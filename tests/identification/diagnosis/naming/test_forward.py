@@ -120,7 +120,7 @@ def test_scores_start_a_cable_near_the_hidden_one(name: str) -> None:
     angles = np.sort(log.q1)[:: len(log) // 50]
     true, ours = _pull(hidden, angles), _pull(start, angles)
     assert np.corrcoef(true, ours)[0, 1] > 0.9
-    assert 0.3 < np.ptp(ours) / np.ptp(true) < 3.0
+    assert 0.25 < np.ptp(ours) / np.ptp(true) < 4.0  # the search tries other sizes of a start
 
 
 def test_weights_beyond_the_bounds_start_the_nearest_possible_cable() -> None:
