@@ -45,7 +45,7 @@ RIGS = {
 @dataclass(frozen=True)
 class Arguments:
     """rigs of `RIGS`; runs on the bench of `duration` seconds for each controller; policies (training seeds) of `steps`
-    env steps for each plant; recording [s] of each log, made by `experiments`."""
+    env steps for each plant; recording [s] of each log, made by `experiments`; most: effects that are looked for."""
 
     rigs: tuple[str, ...] = tuple(RIGS)
     runs: int = 10
@@ -55,11 +55,12 @@ class Arguments:
     recording: float = 10.0
     experiments: tuple[str, ...] = ("paper",)
     seed: int = 0
+    most: int = 6
 
     @classmethod
     def quick(cls, seed: int = 0) -> Arguments:
         """Small enough for a test: one rig, one policy that has hardly learned."""
-        return cls(("late",), 3, 2.0, 1, 30_000, 6.0, ("paper",), seed)
+        return cls(("late",), 3, 2.0, 1, 30_000, 6.0, ("paper",), seed, most=1)
 
 
 @dataclass
@@ -83,7 +84,7 @@ def tell_story(name: str, arguments: Arguments, folder: Path, say: Callable[[str
     """Record, diagnose, make controllers for both plants, run them; policies are kept in `folder`."""
     rig = RIGS[name]
     say(f"{name}: recording and diagnosing")
-    found = diagnose(recorded(rig, arguments))
+    found = diagnose(recorded(rig, arguments), most=arguments.most)
     (hidden,) = rig.truth()["effects"]
     values = ", ".join(f"{k} = {v['value']:.3g} {v['unit']}" for k, v in hidden["parameters"].items())
     story = Story(name, f"{hidden['name']} ({values})", found.verdict, [])
