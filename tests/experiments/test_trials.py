@@ -269,7 +269,7 @@ def test_the_examinee_gives_the_verdict_of_the_command(tmp_path, held_out, verdi
 
     answer = examinee.decide(tmp_path, small)
     assert answer["verdict"] == verdict, answer
-    command = Examination(found[0], (), (), None, None, None, None, {}, 0.0, 0.0).to_dict()
+    command = Examination(found[0], (), (), None, None, None, None, None, {}, 0.0).to_dict()
     assert {key: answer[key] for key in ("verdict", "effects", "gap")} == {
         key: command[key] for key in ("verdict", "effects", "gap")
     }
