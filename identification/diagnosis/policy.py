@@ -91,6 +91,7 @@ class DecisionPolicy:
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")
     far: float = _rule(1.5, "times the noise floor: an error of this size says that more is missing", DEV)
     worth: float = _rule(0.05, "of the held-out gap that a further, small effect must close", THEORY)
+    disagree: float = _rule(4.0, "deviations of their difference, from which two fits disagree", THEORY)
     tail: float = _rule(0.3, "of each log, held out where there is no other log", COST)
 
     def __post_init__(self) -> None:

@@ -32,7 +32,9 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     except ValueError:  # too short, or lost: no second witness then
         return diagnosis
     plant = shot.plant.replace(provenance=dict(after.plant.provenance) | {"method": "multiple shooting"})
-    second = SecondWitness(plant, _disagreeing(after, shot), change, better=bool(change.closed.interval[0] > 0.0))
+    second = SecondWitness(
+        plant, _disagreeing(after, shot, held.policy.disagree), change, better=bool(change.closed.interval[0] > 0.0)
+    )
     summary = diagnosis.summary
     if second.disagreeing:
         told = ", ".join(second.disagreeing)
@@ -42,13 +44,13 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     return replace(diagnosis, second=second, summary=summary)
 
 
-def _disagreeing(after: Estimate, shot: Shooting) -> tuple[str, ...]:
+def _disagreeing(after: Estimate, shot: Shooting, deviations: float) -> tuple[str, ...]:
     """Parameters about which both fits disagree beyond their errors."""
     found = []
     for name, value, std in zip(shot.names, shot.values, shot.std, strict=True):
         if name in after.names:
             i = after.names.index(name)
             spread = float(np.hypot(std, after.std[i]))
-            if np.isfinite(spread) and abs(value - after.values[i]) > _APART * spread:
+            if np.isfinite(spread) and abs(value - after.values[i]) > deviations * spread:
                 found.append(name)
     return tuple(found)

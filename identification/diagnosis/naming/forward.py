@@ -150,7 +150,7 @@ class _Judge:
 
     def takes_shape(self, found: Sequence[Ranking], suspect: Suspect, current: Fit) -> bool:
         """Whether a further effect leaves more than it explains."""
-        return bool(found) and self.left(suspect.fit) > suspect.net and not self._confirmed(current, suspect.fit)
+        return bool(found) and self.left(suspect.fit) > suspect.net and not self.confirmed(current, suspect.fit)
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
@@ -163,9 +163,10 @@ class _Judge:
         enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
         if enough and self.left(suspect.fit) <= 0.0 and self.left(before) > policy.believed:
             return False
-        return not self._confirmed(before, newest.fit)
+        return not self.confirmed(before, newest.fit)
 
-    def _confirmed(self, before: Fit, after: Fit) -> bool:
+    def confirmed(self, before: Fit, after: Fit) -> bool:
+        """Whether data that no fit saw, from which a model is far off, ask for a further effect."""
         return self.witness.far(before) and self.witness.confirms(before, after)
 
 
@@ -192,7 +193,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bo
         if judge.takes_shape(found, last[0], current):
             refused = last[0]
             break
-        together = search.reconsidered([*found, last])
+        together = search.reconsidered([*found, last], judge.confirmed)
         if judge.slight(together, last[0], current):
             refused = last[0]
             break

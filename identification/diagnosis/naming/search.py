@@ -221,9 +221,14 @@ class Search:
         plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
         return self._rival(plant, fitted, fitted)
 
-    def reconsidered(self, found: Sequence[Ranking]) -> list[Ranking]:
+    def reconsidered(
+        self, found: Sequence[Ranking], asked_for: Callable[[Fit, Fit], bool] = lambda without, fitted: False
+    ) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
-        while the other was missing. Effects that have become superfluous or slight go, others may be exchanged."""
+        while the other was missing. Effects that have become superfluous or slight go, others may be exchanged.
+
+        asked_for(without, fitted): whether an effect stays that is slight beside the others.
+        """
         found, policy = list(found), self.policy
         current, changed = found[-1][0].fit, False
         for ranking in found[:-1]:
@@ -235,7 +240,9 @@ class Search:
             if nearest is not current:
                 current, changed = self.fitted(nearest.plant, nearest), True
             gain = reduced.value - current.value
-            if gain - price(name, current.samples) < policy.believed or slight(name, gain, others, policy):
+            if gain - price(name, current.samples) < policy.believed or (
+                slight(name, gain, others, policy) and not asked_for(reduced, current)
+            ):
                 found, current, changed = others, reduced, True
             elif rivals := _contesting(ranking, reduced, policy):
                 table = {s.name: Score(s.name, s.score, s.fit.plant.effect(s.name), 0.0) for s in rivals}

@@ -147,3 +147,17 @@ SMALL = {"input_delay": -2000.0, "input_delay arm_presliding": -2080.0}
 )
 def test_far_from_held_out_data_these_decide_and_not_a_share(witness: Told, found: list[str]) -> None:
     assert accepted(named(SMALL, "input_delay", "arm_presliding", witness=witness)) == found
+
+
+def test_a_small_effect_that_held_out_data_ask_for_stays_when_another_joins() -> None:
+    """… and not only until the next step reconsiders it."""
+    values = SMALL | {
+        "input_dead_zone": -30.0,
+        "arm_presliding": -40.0,
+        "input_delay input_dead_zone": -2050.0,
+        "input_delay arm_presliding input_dead_zone": -2140.0,
+    }
+    names = ("input_delay", "arm_presliding", "input_dead_zone")
+    found = named(values, *names, witness=Told(needed=names))
+    assert accepted(found) == list(names)
+    assert found.final.value == pytest.approx(-2140.0, abs=0.1)
