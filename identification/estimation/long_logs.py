@@ -15,8 +15,10 @@ PARTS = (10_000, 60_000)
 """Samples of those parts. The first is enough to tell a stalled fit from its optimum, by hundreds of nats."""
 
 
-def part_of(problem: PredictionError, samples: int = PARTS[0]) -> PredictionError | None:
-    """The problem on the liveliest `samples` of its records; None where it has no more than `LONG`."""
+def part_of(problem: PredictionError, samples: int | None = None) -> PredictionError | None:
+    """The problem on the liveliest `samples` (default: the first of `PARTS`) of its records; None where it has no more
+    than `LONG`."""
+    samples = PARTS[0] if samples is None else samples
     total = sum(len(record.t) for record in problem.records)
     if total <= LONG:
         return None

@@ -34,11 +34,15 @@ def restarted(problem: PredictionError, found: Optimum, iterations: int, toleran
     left that a stalled fit could have hidden. On long logs a part of them tells whether a restart comes lower.
     """
     part = part_of(problem)
-    if part is not None and _may_have_stalled(problem, found):
-        there = minimise(part, found.z, iterations, tolerance, exact=False)
-        lower = restarted(part, there, iterations, tolerance, exact=False)
-        again = found if lower is there else minimise(problem, lower.z, iterations, tolerance, exact=exact)
-        return again if again.value < found.value else found
+    if part is None or not _may_have_stalled(problem, found):
+        return _rounds(problem, found, iterations, tolerance, exact)
+    there = minimise(part, found.z, iterations, tolerance, exact=False)
+    lower = _rounds(part, there, iterations, tolerance, exact=False)
+    again = found if lower is there else minimise(problem, lower.z, iterations, tolerance, exact=exact)
+    return again if again.value < found.value else found
+
+
+def _rounds(problem: PredictionError, found: Optimum, iterations: int, tolerance: float, exact: bool) -> Optimum:
     for _ in range(_ROUNDS):
         if not _may_have_stalled(problem, found):
             break
