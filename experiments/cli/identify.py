@@ -106,7 +106,8 @@ def identify_command(
 
 def _page(estimate: Estimate, logs: Sequence[Log], output: Path) -> str:
     """The report, with the error on the fitted logs where it can be measured."""
-    from experiments.report import estimate_page, render
+    from experiments.report import render
+    from experiments.report.estimate_page import estimate_page
     from identification.validation.gap import validate
 
     gap, remark = None, ""

@@ -30,7 +30,6 @@ MOST = 40
 """Groups of one session."""
 
 
-
 def draw(
     groups: int,
     secret: int,
