@@ -22,8 +22,8 @@ pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 from experiments.cli import app
 from experiments.report import Examination, examine, render
 from experiments.report.diagnosis_page import diagnosis_page
-from experiments.report.estimate_page import estimate_page
 from experiments.report.drawing import MOST_POINTS
+from experiments.report.estimate_page import estimate_page
 from experiments.report.page import plotly_js
 from experiments.report.validation_page import adequacy, validation_page
 from furuta_gym.plant import TABLE_3
