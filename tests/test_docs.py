@@ -154,6 +154,7 @@ def test_the_pages_are_short_sentences_in_the_fields_words(capsys: pytest.Captur
 SHELL = re.compile(r"^```\n(.*?)^```\n\n```text\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.filterwarnings("ignore")
 def test_the_solutions_of_the_lab_are_what_the_commands_print(tmp_path: Path) -> None:
     """Each line that the page shows is printed by the commands above it, with numbers within 5 %."""
