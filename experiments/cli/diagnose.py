@@ -46,14 +46,10 @@ def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]
 
 
 @contextmanager
-def _kept(journal: Path) -> Iterator[None]:
-    """Where the search is stopped, say that it can go on. One that ended, or that cannot end, needs no journal."""
+def _kept_until_it_ends(journal: Path) -> Iterator[None]:
+    """A search that ended, or that cannot end, needs no journal; one that was stopped goes on from it."""
     try:
         yield
-    except (KeyboardInterrupt, SystemExit, OSError):
-        if journal.is_file():
-            typer.echo(f"Kept: {journal}. The same command goes on from there.", err=True)
-        raise
     except ValueError:
         journal.unlink(missing_ok=True)
         raise
@@ -106,7 +102,11 @@ def diagnose_command(
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
     journal = output.resolve().with_name(f"{output.resolve().name}.search.jsonl")
-    with whole_folder(output, own) as folder, _kept(journal), steps("diagnose", sum(map(len, read))) as tell:
+    with (
+        whole_folder(output, own) as folder,
+        _kept_until_it_ends(journal),
+        steps("diagnose", sum(map(len, read))) as tell,
+    ):
         found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
         examination = examine(found, read, held, progress=tell)
         result = examination.to_dict()
