@@ -3,16 +3,21 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+EXTRAS := rl,report,matlab,labview,ros,mujoco,video,studio,lab,docs,dev
+# torch without CUDA is 0.8 GB instead of several; where this index cannot be reached, pip's own one serves
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test fast slow lint docs bench matrix clean
+.PHONY: setup demo test fast slow lint docs bench matrix core constraints clean
 
 setup: $(READY)  ## the virtual environment, and everything compiled
 	$(BIN)/furuta warm-up
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet -e ".[rl,report,matlab,labview,ros,mujoco,video,studio,docs,dev]" -c constraints.txt
+	$(BIN)/pip install --quiet --retries 0 --timeout 20 --no-deps --index-url $(TORCH_INDEX) torch -c constraints.txt \
+		2> /dev/null || echo "torch comes from pip's own index"
+	$(BIN)/pip install --quiet -e ".[$(EXTRAS)]" -c constraints.txt
 	touch $@
 
 demo: $(READY)  ## the main job on bundled logs; writes out/demo
@@ -44,6 +49,16 @@ bench: $(READY)  ## speed against named references, as ratios
 
 matrix:  ## the quick tests under every Python that this machine has
 	.ci/matrix
+
+core:  ## source distribution and wheel, and the wheel alone at work outside of this tree: some minutes
+	PYTHON=$(PYTHON) .ci/core
+
+constraints:  ## the newest versions that pyproject.toml allows, to constraints.txt; then run make test
+	rm -rf build/constraints
+	$(PYTHON) -m venv build/constraints
+	build/constraints/bin/pip install --quiet ".[$(EXTRAS)]"
+	build/constraints/bin/pip freeze --exclude furuta-gym | sed 's/+[^ ]*$$//' > build/constraints.txt
+	mv build/constraints.txt constraints.txt
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

@@ -150,8 +150,8 @@ def commands_page() -> str:
     """Every command with its arguments and options, from the program itself."""
     import typer
 
-    from experiments.bench.cli import app as bench
     from experiments.cli.app import app
+    from experiments.cli.bench import app as bench
 
     root = typer.main.get_command(app)
     lines = [NOTE, "# Commands\n", f"{root.help}\n", "| command | does |", "|---|---|"]

@@ -149,3 +149,33 @@ def test_the_pages_are_short_sentences_in_the_fields_words(capsys: pytest.Captur
     assert readability.figures(["One two three four. Then " + "word " * 30 + "end."])[1:] == (18.0, 0.5)
     assert readability.workshop_words("Torque that passes\nfor noise, and a name that brings nothing.")
     assert readability.sentences("# A title\n\n| a | table |\n\n```\ncode is left out\n```\n") == []
+
+
+SHELL = re.compile(r"^```\n(.*?)^```\n\n```text\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.timeout(3600)
+@pytest.mark.filterwarnings("ignore")
+def test_the_solutions_of_the_lab_are_what_the_commands_print(tmp_path: Path) -> None:
+    """Each line that the page shows is printed by the commands above it, with numbers within 5 %."""
+    blocks = SHELL.findall((DOCS / "lab" / "solutions.md").read_text(encoding="utf-8"))
+    assert len(blocks) >= 6
+    if os.environ.get("FURUTA_TUTORIALS") != "all":
+        pytest.skip("takes about ten minutes: run it with FURUTA_TUTORIALS=all")
+    pytest.importorskip("cryptography")
+    script = f'set -e\nfuruta() {{ "{sys.executable}" "{ROOT / "furuta_command.py"}" "$@"; }}\n'
+    script += "\n".join(f"{commands}echo 'end of block'" for commands, _ in blocks)
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for (commands, shown), said in zip(blocks, done.stdout.split("end of block\n"), strict=False):
+        lines = iter(said.splitlines())
+        for line in shown.splitlines():
+            assert any(_same(line, printed) for printed in lines), f"{commands}\ndoes not print\n{line}"
+
+
+def _same(shown: str, printed: str) -> bool:
+    """Whether two lines differ in rounding only."""
+    if NUMBER.sub("#", " ".join(shown.split())) != NUMBER.sub("#", " ".join(printed.split())):
+        return False
+    kept, said = ([float(number) for number in NUMBER.findall(line)] for line in (shown, printed))
+    return said == pytest.approx(kept, rel=0.05, abs=1e-5)

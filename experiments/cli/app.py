@@ -100,8 +100,8 @@ app.command("warm-up", cls=Command)(warm_up_command)
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )
 def bench_command(ctx: typer.Context) -> None:
-    """The virtual bench: rigs that may hide something; `bench list`, `bench record`."""
-    from experiments.bench.cli import app as bench  # compiles nothing, but is too slow to import for every --help
+    """The virtual bench: rigs that may hide something. For a lab session: `bench seal`, `bench reveal`."""
+    from .bench import app as bench  # compiles nothing, but is too slow to import for every --help
 
     code = typer.main.get_command(bench).main(ctx.args, prog_name="furuta bench", standalone_mode=False)
     raise typer.Exit(code if isinstance(code, int) else 0)

@@ -88,13 +88,14 @@ def diagnose_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
-    from experiments.report import COMMAND_FILE, diagnosis_page, examine, render, require_extra, write_command
+    from experiments.report import COMMAND_FILE, examine, extra_lacking, render, write_command
     from furuta_gym.plant import Plant
 
     from .whole import whole_folder
 
-    require_extra()
     check_folder(output)
+    if lacking := extra_lacking():
+        typer.echo(f"No page will be written: {lacking}", err=True)
     known = None if plant is None else Plant.resolve(plant)
     read = read_logs(logs, reading, known)
     held = read_logs(held_out, reading, known, "ignore") if held_out else ()
@@ -113,7 +114,10 @@ def diagnose_command(
         write_json(folder / "diagnosis.json", result)
         if found.plant is not None:
             found.plant.save(folder / "plant.json")
-        (folder / "report.html").write_text(render(diagnosis_page(examination)), encoding="utf-8")
+        if not lacking:
+            from experiments.report.diagnosis_page import diagnosis_page
+
+            (folder / "report.html").write_text(render(diagnosis_page(examination)), encoding="utf-8")
         if examination.design is not None:
             write_command(examination.design, folder)
     if as_json:
@@ -122,7 +126,8 @@ def diagnose_command(
     typer.echo(str(found))
     for line in _evidence(examination):
         typer.echo(f"  {line}")
-    written = ["diagnosis.json", *(["plant.json"] if found.plant else []), "report.html"]
+    written = ["diagnosis.json", *(["plant.json"] if found.plant else [])]
+    written += [] if lacking else ["report.html"]
     written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
     if found.plant is not None:

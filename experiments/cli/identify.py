@@ -135,7 +135,8 @@ def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]
 
 
 def _page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, remark: str, output: Path) -> str:
-    from experiments.report import estimate_page, render
+    from experiments.report import render
+    from experiments.report.estimate_page import estimate_page
 
     return render(estimate_page(estimate, logs, gap, remark, output.name))
 

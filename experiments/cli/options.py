@@ -72,6 +72,11 @@ def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[fl
     return values
 
 
+def names(text: str) -> list[str]:
+    """Names separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
 def _parts(texts: Iterable[str] | None) -> list[str]:
     return [part for text in texts or () for part in text.split(",")]
 

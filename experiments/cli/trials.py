@@ -49,7 +49,7 @@ def trials_command(
 
     require_extra()
     check_folder(output)
-    plan = make_plan(split, seeds, _names(effects), _names(rigs), _names(kinds), share, power, seed)
+    plan = make_plan(split, seeds, opt.names(effects), opt.names(rigs), opt.names(kinds), share, power, seed)
     if not plan:
         raise ValueError("no trial is left by --effects, --kinds and --rigs; expected at least one")
     stopped = False
@@ -93,7 +93,3 @@ def trials_command(
         typer.echo(f"Written in {output}: {', '.join(FILES)}")
     if stopped:
         raise typer.Exit(130)
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]

@@ -63,7 +63,8 @@ def validate_command(
             plot_horizons({"plant": result}).savefig(folder / "horizons.png", dpi=120)
             plot_innovations(result).savefig(folder / "innovations.png", dpi=120)
     if report is not None:
-        from experiments.report import render, validation_page
+        from experiments.report import render
+        from experiments.report.validation_page import validation_page
         from furuta_gym.files import write_whole
 
         write_whole(report, render(validation_page(result, rig, read, Path(plant).name, seen)))

@@ -67,7 +67,8 @@ def run_demo(
     the folder that the text names, where `out` will get another name. Raises OSError if `out` cannot be written.
     """
     from experiments.demo import plots
-    from experiments.report import diagnosis_page, render
+    from experiments.report import render
+    from experiments.report.diagnosis_page import diagnosis_page
 
     started = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)

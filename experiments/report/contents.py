@@ -6,11 +6,12 @@ Text is `Markup`: `Markup("<b>{}</b>").format(name)` escapes what it is given, a
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from markupsafe import Markup
+if TYPE_CHECKING:  # libraries of the extra "report": the words of a refusal must do without them
+    from markupsafe import Markup
 
-from .drawing import Drawing
+    from .drawing import Drawing
 
 
 @dataclass(frozen=True)

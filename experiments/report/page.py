@@ -14,10 +14,16 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
+def extra_lacking(page: str = "report.html") -> str:
+    """What to install before a page can be made, in a sentence; empty where nothing is lacking."""
+    lacking = [name for name in ("jinja2", "plotly") if find_spec(name) is None]
+    return f"{page} needs {' and '.join(lacking)}: pip install 'furuta-gym[report]'" if lacking else ""
+
+
 def require_extra(page: str = "report.html") -> None:
     """Raises ValueError without the libraries that a page is made with, to be called before long work."""
-    if lacking := [name for name in ("jinja2", "plotly") if find_spec(name) is None]:
-        raise ValueError(f"{page} needs {' and '.join(lacking)}: pip install 'furuta-gym[report]'")
+    if lacking := extra_lacking(page):
+        raise ValueError(lacking)
 
 
 @cache

@@ -54,12 +54,17 @@ def seal(trial: Trial) -> dict[str, Any]:
 
 def write_logs(sealed: Mapping[str, Any], folder: Path) -> None:
     """Record the two logs of a sealed trial into a folder: what a laboratory would hand over, and nothing else."""
-    about = sealed["trial"]
-    trial = Trial(**{**about, "hidden": tuple(Hidden(**h) for h in about["hidden"])})
-    rig = _rig(trial, sealed["strengths"])
+    trial, rig = rig_of(sealed)
     experiment, seed = sealed["held_out"]
     record(rig, trial.experiment, trial.seed, DURATION).write(folder / FIT_LOG)
     record(rig, experiment, seed, DURATION).write(folder / HELD_OUT_LOG)
+
+
+def rig_of(sealed: Mapping[str, Any]) -> tuple[Trial, Rig]:
+    """The trial and the rig of a sealed truth that has no `problem`."""
+    about = sealed["trial"]
+    trial = Trial(**{**about, "hidden": tuple(Hidden(**h) for h in about["hidden"])})
+    return trial, _rig(trial, sealed["strengths"])
 
 
 def _bare(trial: Trial) -> Rig:

@@ -20,10 +20,12 @@ pytest.importorskip("plotly", reason="the report needs the extra 'report'")
 pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 
 from experiments.cli import app
-from experiments.report import Examination, diagnosis_page, estimate_page, examine, render, validation_page
+from experiments.report import Examination, examine, render
+from experiments.report.diagnosis_page import diagnosis_page
 from experiments.report.drawing import MOST_POINTS
+from experiments.report.estimate_page import estimate_page
 from experiments.report.page import plotly_js
-from experiments.report.validation_page import adequacy
+from experiments.report.validation_page import adequacy, validation_page
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import GapChange, rms_interval

@@ -10,7 +10,9 @@ from pathlib import Path
 from nicegui import ui
 
 from controllers import export_c, export_mjcf, make_controller
-from experiments.report import diagnosis_page, estimate_page, render
+from experiments.report import render
+from experiments.report.diagnosis_page import diagnosis_page
+from experiments.report.estimate_page import estimate_page
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from identification import save_mapping

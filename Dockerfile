@@ -1,0 +1,16 @@
+# docker build -t furuta . && docker run --rm -v "$PWD":/work furuta identify log.csv -o rig.json
+# Every command but `train` and `studio`: the extras rl and studio are left out.
+FROM python:3.13-slim AS build
+WORKDIR /source
+COPY . .
+RUN python -m venv /opt/furuta \
+    && /opt/furuta/bin/pip install --no-cache-dir ".[report,matlab,labview,ros,mujoco,lab]" -c constraints.txt
+
+FROM python:3.13-slim
+COPY --from=build /opt/furuta /opt/furuta
+RUN useradd --create-home furuta && mkdir /work && chown furuta /work
+USER furuta
+ENV PATH=/opt/furuta/bin:$PATH FURUTA_CACHE=/home/furuta/.cache/furuta-gym
+RUN furuta warm-up
+WORKDIR /work
+ENTRYPOINT ["furuta"]
