@@ -57,6 +57,8 @@ def region_of_attraction(
     x0 = np.vstack([np.zeros(tries), directions * np.sqrt(levels)])
     starts = Starts(x0, np.zeros(tries), np.zeros(tries))
     duration = 30.0 / pendulum_frequency(plant.theta)
+    if hasattr(controller, "start_from"):
+        controller.start_from(x0)
     outcome = run_trials(plant, controller, starts, duration, controller.sample_time, sensors, seed=seed)
     lowest = np.flatnonzero(~outcome.success)
     inside = int(lowest[0]) if lowest.size else tries

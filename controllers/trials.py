@@ -118,12 +118,13 @@ def run_trials(
     *,
     swing_up: bool = False,
     arm_travel: float = ARM_TRAVEL,
+    hold: float = HOLD,
     seed: int = 0,
 ) -> Outcome:
     """Play `policy` in every trial of `starts`, on one plant or on one plant for each trial.
 
     A balance trial succeeds if |q2| never passes π/2 and |q1| never passes `arm_travel`; a swing-up trial if the
-    last 5 s are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the number of
+    last `hold` seconds are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the number of
     trials only, so every policy meets the same.
     """
     L, T = starts.lanes, sample_time
@@ -132,8 +133,8 @@ def run_trials(
         raise ValueError(f"{L} trials need one plant or {L}, got {len(plants)}")
     check_clock(policy, T)
     n = round(duration / T)
-    if n < 1 or (swing_up and duration <= HOLD):
-        raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {HOLD:g} s)")
+    if n < 1 or (swing_up and duration <= hold):
+        raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {hold:g} s)")
     sensors = sensors or Sensors()
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
@@ -146,7 +147,7 @@ def run_trials(
     X[:4] = starts.x0
     U, W, t = np.zeros((n + 1, L)), np.zeros((2, L)), np.arange(n + 1) * T
     held = np.concatenate([[-np.inf], t[:n]])  # nothing is commanded before the trial
-    score = _Score(L, T, n, starts.push_time, swing_up, arm_travel)
+    score = _Score(L, T, n, starts.push_time, arm_travel, hold if swing_up else None)
     for k in range(n):
         if not score.watch(k, X):
             break
@@ -163,14 +164,14 @@ class _Score:
     """Adds up a batch of trials while it runs."""
 
     def __init__(
-        self, L: int, T: float, n: int, push_time: NDArray[np.float64], swing_up: bool, arm_travel: float
+        self, L: int, T: float, n: int, push_time: NDArray[np.float64], arm_travel: float, hold: float | None
     ) -> None:
-        self.T, self.n, self.swing_up, self.arm_travel = T, n, swing_up, arm_travel
+        self.T, self.n, self.swing_up, self.arm_travel = T, n, hold is not None, arm_travel
         self.alive = np.ones(L, dtype=bool)
         self.failed_at = np.full(L, np.inf)
         self.settled = np.zeros(L)
         self.push_time = push_time
-        self.hold_from = n - round(HOLD / T) if swing_up else 0
+        self.hold_from = n - round(hold / T) if hold is not None else 0
         self.sum1, self.sum2, self.largest = np.zeros(L), np.zeros(L), np.zeros(L)
 
     def watch(self, k: int, X: NDArray[np.float64]) -> bool:
