@@ -12,7 +12,7 @@ from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical
-from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
+from .trials import Outcome, Starts, balance_starts, plants_off_by, run_trials, swing_up_starts
 
 GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
 METRICS = ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1")
@@ -136,13 +136,7 @@ def _other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant
     found = []
     for percent in (10, 20):
         rng = np.random.default_rng([seed, 2])
-        drawn: list[Plant] = []
-        while len(drawn) < n:
-            theta = plant.theta * np.exp(percent / 100 * rng.standard_normal(9))
-            th1, th2, th3, th4 = theta[:4]
-            if th1 * th4 > 1.05 * th3 * th3 and th1 + th2 > 0:  # a mass matrix well away from singular
-                drawn.append(plant.replace(theta=theta))
-        found.append((f"θ ±{percent} %", drawn))
+        found.append((f"θ ±{percent} %", plants_off_by(percent / 100, plant, n, rng)))
     if plant.covariance is not None:
         rng = np.random.default_rng([seed, 3])
         found.append(("θ as uncertain as identified", list(sampled_plants(plant, n, rng))))

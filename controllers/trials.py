@@ -108,6 +108,17 @@ def pack(plants: Sequence[Plant]) -> tuple[NDArray[np.float64], NDArray[np.int64
     return np.ascontiguousarray(np.stack([p.p for p in packed], axis=1)), codes, packed[0].rows
 
 
+def plants_off_by(share: float, plant: Plant, n: int, rng: np.random.Generator) -> list[Plant]:
+    """n plants whose θ is each off by a random factor, log-normal with standard deviation `share`."""
+    drawn: list[Plant] = []
+    while len(drawn) < n:
+        theta = plant.theta * np.exp(share * rng.standard_normal(9))
+        th1, th2, th3, th4 = theta[:4]
+        if th1 * th4 > 1.05 * th3 * th3 and th1 + th2 > 0:  # a mass matrix well away from singular
+            drawn.append(plant.replace(theta=theta))
+    return drawn
+
+
 def run_trials(
     plant: Plant | Sequence[Plant],
     policy: Any,
@@ -124,8 +135,8 @@ def run_trials(
     """Play `policy` in every trial of `starts`, on one plant or on one plant for each trial.
 
     A balance trial succeeds if |q2| never passes π/2 and |q1| never passes `arm_travel`; a swing-up trial if the
-    last `hold` seconds are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the number of
-    trials only, so every policy meets the same.
+    last `hold` seconds are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the
+    number of trials only, so every policy meets the same.
     """
     L, T = starts.lanes, sample_time
     plants = [plant] * L if isinstance(plant, Plant) else list(plant)
