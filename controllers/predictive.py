@@ -13,6 +13,7 @@ from .design import Weights, design_model
 from .lqr import dlqr_gain
 from .predictor import Predictor, feedback_state, lagged_torque_row, without_delay
 
+LOST = 1.2  # rad; a pendulum beyond it is swung up anew
 RETURN_TIME = 1.0  # s; the arm's way back to its reference
 
 

@@ -1,6 +1,5 @@
 """The state at the moment a command takes hold: an observer on the plant's own equations, run on over the delay."""
 
-
 import numpy as np
 from numpy.typing import NDArray
 

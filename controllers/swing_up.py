@@ -20,14 +20,12 @@ from furuta_gym.sensors import Sensors
 
 from .base import Reference
 from .design import Weights, choose_sample_time, choose_sensors
-from .predictive import PredictiveBalancer
+from .predictive import LOST, PredictiveBalancer
 from .predictor import without_delay
 from .region import Region, region_of_attraction
 from .trials import plants_off_by, run_trials, swing_up_starts
 
 PUMP = 10.0  # of the energy that is missing, in units of θ5; beyond a tenth of θ5 pumping is at full effort
-LOST = 1.2  # rad; a balancing pendulum beyond it is swung up anew
-RETURN_TIME = 1.0  # s; the arm's way back to its reference after the catch
 PATIENCE = 3.0  # swings; energy that has not grown for so long, without a catch, asks for another try
 ROOM = 0.8  # of the arm's travel, which swinging up may use
 FULL = 1.5  # of the acceleration that the largest torque gives an arm alone: the pendulum's pull wants more
