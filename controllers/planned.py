@@ -45,7 +45,7 @@ class PlannedSwingUp(PredictiveBalancer):
         self.plan, self.region = plan, region
         self._times = np.arange(0.0, plan.duration, sample_time)
         self._x = np.stack([np.interp(self._times, plan.t, row) for row in plan.state])
-        self._tau = np.interp(self._times + 0.5 * sample_time, plan.t, plan.torque)
+        self._tau = plan.torque_at(self._times + 0.5 * sample_time)
         self._gains = self._tracking_gains(weights)
         self._calming = self._calming_gain(weights)
         self._pace = pendulum_frequency(plant.theta)
@@ -148,9 +148,9 @@ def design_planned(
     """The fastest swing-up of `plan_swing_up`, followed by a time-varying LQR; see there for what it needs.
 
     A pendulum that does not hang still enough is calmed first. It is a reference for time and effort: a plan knows
-    one start, and a rig that differs from the plant leaves it.
+    one start, and a rig that differs from the plant leaves it. options: `plan` of one's own, `reference`.
     """
     T, seen = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
     chosen = weights or Weights.of(plant)
-    region, plan = catch_region(plant, T, seen, chosen), plan_swing_up(without_delay(plant))
-    return PlannedSwingUp(plant, T, seen, chosen, **{"plan": plan, "region": region, **options})
+    plan = options.pop("plan", None) or plan_swing_up(without_delay(plant))
+    return PlannedSwingUp(plant, T, seen, chosen, plan, catch_region(plant, T, seen, chosen), **options)

@@ -68,7 +68,7 @@ class PredictiveBalancer(Controller):
         if self._goal is None:
             self._begin(X[0])
         torque = np.clip(self._torque(reference), *self.limits) + self.holding_torque
-        u = np.clip(self.known.command(torque), -self.u_max, self.u_max)
+        u = np.clip(np.nan_to_num(self.known.command(torque)), -self.u_max, self.u_max)
         self.predictor.send(u)
         return u if y.ndim == 2 else u[0]
 

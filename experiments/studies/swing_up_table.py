@@ -1,8 +1,8 @@
 """Where do the designed and the planned swing-up work? `python -m experiments.studies.swing_up_table qube rig.json`.
 
-For every plant, delay of the command and u_max of the table both are designed on the plant with that delay and that
-u_max, and played on it: the designed one (`swing-up`), and the planned one (`planned`, extra `plan`), which says whether
-the optimiser finds a swing-up at all, and how fast. Writes swing_up_table.json and swing_up_table.md; prints the latter.
+For every plant, delay of the command and u_max of the table both are designed on the plant with that delay and u_max,
+and played on it: the designed one (`swing-up`), and the planned one (`planned`, extra `plan`), which says whether the
+optimiser finds a swing-up at all, and how fast. Writes swing_up_table.json and swing_up_table.md; prints the latter.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from scipy.stats import binomtest
 
@@ -152,7 +151,8 @@ def report(cells: Sequence[Cell]) -> str:
         lines.append("| " + " | ".join(row + ["–"] * (10 - len(row))) + " |")
     left = missed(cells)
     possible = sum(not isinstance(c.plan, str) for c in cells)
-    summary = f"A plan exists in {possible} of {len(cells)} cells; the designed swing-up is below 95 % in {len(left)} of them."
+    summary = f"A plan exists in {possible} of {len(cells)} cells. "
+    summary += f"The designed swing-up stays below 95 % in {len(left)} of these."
     lines += ["", summary]
     return "\n".join(lines) + "\n"
 
