@@ -152,5 +152,6 @@ def design_planned(
     """
     T, seen = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
     chosen = weights or Weights.of(plant)
+    region = catch_region(plant, T, seen, chosen)  # first, as it is soon known where nothing balances
     plan = options.pop("plan", None) or plan_swing_up(without_delay(plant))
-    return PlannedSwingUp(plant, T, seen, chosen, plan, catch_region(plant, T, seen, chosen), **options)
+    return PlannedSwingUp(plant, T, seen, chosen, plan, region, **options)

@@ -113,7 +113,8 @@ def test_it_tries_another_way_when_the_energy_does_not_grow() -> None:
     assert up(useless, good) == 1.0
 
 
-def test_c_is_refused_with_what_can_be_exported() -> None:
+def test_it_has_no_gain_and_no_c_export() -> None:
+    assert make_controller("swing-up", QUBE).feedback_gain is None
     with pytest.raises(ValueError, match=r"swing-up is not linear and has no C export; lqr"):
         c_header(make_controller("swing-up", QUBE))
 
