@@ -14,9 +14,6 @@ from experiments.studies import swing_up_table
 from experiments.studies.mpc_time import solve_times
 from experiments.studies.swing_up_table import Cell, Played, Size, cell, missed, report, run, to_json
 from furuta_gym.plant import QUBE, Plant
-from identification import identify, read_log
-
-DARMSTADT = ("chirp_p1V5_250Hz_00", "chirp_m1V5_250Hz_00")
 
 
 def test_the_hardest_cell_of_qube(tmp_path: Path) -> None:
@@ -31,14 +28,6 @@ def test_the_hardest_cell_of_qube(tmp_path: Path) -> None:
     assert "| rig | 4 | 16 |" in report(found)
     assert "below 95 % in 0" in report(found)
     assert to_json(found, Size.quick())["cells"][0]["played"]["swing-up"]["success"]["n"] == 20
-
-
-def test_a_measured_rig(real_data: Path) -> None:
-    logs = [real_data / "qube_darmstadt" / f"{name}.csv" for name in DARMSTADT]
-    how = {"pendulum_zero": "hanging", "flip": "q2", "encoder_counts": 2048, "input_unit": "V"}
-    plant = identify([read_log(log, **how) for log in logs]).plant
-    found = cell("darmstadt", plant, 16.0, 6.0, Size.quick())
-    assert found.played["swing-up"].success.value >= 0.95
 
 
 def test_a_cell_without_a_plan_is_none_that_was_missed() -> None:
