@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,10 @@ from .reading import read as read_logs
 if TYPE_CHECKING:
     from identification.estimation.estimate import Estimate
     from identification.logs.log import Log
+    from identification.validation.gap import Gap
+
+PREDICTED = 60_000
+"""Samples of long logs that the error is measured on."""
 
 
 @reads_logs
@@ -50,12 +55,17 @@ def identify_command(
             "--all", help="Fit every sample of long logs (above 300 000 together), not the most informative stretches."
         ),
     ] = False,
+    plot: Annotated[
+        Path | None, typer.Option(help="Picture (.png) of the fitted logs, measured and predicted 0.3 s ahead.")
+    ] = None,
     report: opt.Report = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Estimate θ1 … θ9 and r, with uncertainty, from logs of one rig (several are fitted jointly)."""
     opt.output_file(output, [".json"], logs)
     opt.report_file(report, logs)
+    if plot is not None:
+        opt.output_file(plot, [".png"], logs)
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
     profiled = [n.strip() for text in profile or () for n in text.split(",") if n.strip()]
     method_named(method)
@@ -82,40 +92,61 @@ def identify_command(
             u_max=u_max,
             every_sample=every_sample,
         )
-    page = _page(estimate, read, output) if report is not None else ""
+    gap, remark = _adequacy(estimate, read)
+    page = _page(estimate, read, gap, remark, output) if report is not None else ""
     estimate.save(output)
     if report is not None:
         from furuta_gym.files import write_whole
 
         write_whole(report, page)
+    if plot is not None and gap is not None:
+        _draw(gap, read, plot)
     profiles = []
     for name in profiled:
         with busy(f"profiling {name} …"):
             profiles.append(estimate.profile(name))
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
-        print_json(estimate.to_dict() | found | {"plant": str(output)})
+        measured = gap.to_dict() if gap is not None else {"gap": None, "gap_remark": remark}
+        print_json(estimate.to_dict() | measured | found | {"plant": str(output)})
         return
+    typer.echo(gap.told("on the fitted logs") if gap is not None else f"Not predicted: {remark}")
     typer.echo(str(estimate))
     for p in profiles:
         std = float(estimate.std[estimate.names.index(p.name)])
         typer.echo(f"{p}; ± 1.96 standard deviations: {_interval(estimate.value(p.name), std)}")
-    typer.echo(f"Written: {output}" + (f", {report}" if report is not None else ""))
+    typer.echo(
+        "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
+    )
     typer.echo(f"Next: furuta validate {output} LOG   (a log that was not fitted)")
 
 
-def _page(estimate: Estimate, logs: Sequence[Log], output: Path) -> str:
-    """The report, with the error on the fitted logs where it can be measured."""
-    from experiments.report import estimate_page, render
+def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]:
+    """The error on the fitted logs, of long ones on their most informative part; or None and why."""
+    from identification.estimation.informative import informative
     from identification.validation.gap import validate
 
-    gap, remark = None, ""
-    with busy("predicting …"):
+    part = informative(logs, PREDICTED)
+    with busy("predicting …", "validate", min(sum(map(len, logs)), PREDICTED)):
         try:
-            gap = validate(estimate.plant, logs)
+            return validate(estimate.plant, logs if part is None else part.logs), ""
         except ValueError as error:
-            remark = str(error)
+            return None, str(error)
+
+
+def _page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, remark: str, output: Path) -> str:
+    from experiments.report import estimate_page, render
+
     return render(estimate_page(estimate, logs, gap, remark, output.name))
+
+
+def _draw(gap: Gap, logs: Sequence[Log], plot: Path) -> None:
+    from furuta_gym.files import write_whole
+    from identification.validation.plots import plot_predictions
+
+    drawn = BytesIO()
+    plot_predictions(gap, logs).savefig(drawn, format="png", dpi=120)
+    write_whole(plot, drawn.getvalue())
 
 
 def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:

@@ -16,9 +16,7 @@ from .reading import read as read_logs
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
-
-SMALL = 1.2
-"""Times the noise floor, below which a gap is no reason to look for an effect."""
+    from identification.validation.gap import Gap
 
 
 @reads_logs
@@ -73,7 +71,7 @@ def validate_command(
         print_json(result.to_dict())
         return
     typer.echo(str(result))
-    _say_next(rig, logs, result.ratio_to_floor)
+    _say_next(rig, logs, result)
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
@@ -83,9 +81,11 @@ def validate_command(
         typer.echo(f"Written: {report}")
 
 
-def _say_next(rig: Plant, logs: Sequence[Path], ratio: float) -> None:
+def _say_next(rig: Plant, logs: Sequence[Path], gap: Gap) -> None:
     """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found."""
-    if ratio < SMALL:
+    from identification.validation.adequacy import Adequacy
+
+    if gap.judgement.adequacy is Adequacy.ADEQUATE:
         return
     sources = [str(entry.get("source")) for entry in rig.provenance.get("logs", [])]
     places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]

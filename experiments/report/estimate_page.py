@@ -10,7 +10,7 @@ from identification.validation.gap import Gap
 
 from . import search_figures, tables
 from .contents import Block, Fact, Figure, Page, Section, Text, Verdict
-from .validation_page import about, adequacy, effects_of, error_in_words, facts, footer, gap_sections
+from .validation_page import Said, about, adequacy, doubts_of, effects_of, error_in_words, facts, footer, gap_sections
 from .words import joined
 
 _FITTED = "These logs were fitted. The test is a log that was not."
@@ -33,8 +33,7 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
     else:
         badge, good = judged.badge, judged.good and estimate.valid
         headline = f"{judged.words}: {error_in_words(gap, 'the fitted logs')}"
-        doubts = [f"{gap.verdict[:1].upper()}{gap.verdict[1:]}."] if judged.floor_in_doubt else []
-        doubts.append(_FITTED)
+        doubts = [*doubts_of(gap), _FITTED]
     if not estimate.converged:
         doubts.insert(0, f"The fit did not converge: {estimate.message}.")
     if weak:
@@ -55,8 +54,8 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
     )
 
 
-def _next(judged: object, sources: str, plant_file: str) -> str:
-    if judged is None or getattr(judged, "good", False):
+def _next(judged: Said | None, sources: str, plant_file: str) -> str:
+    if judged is None or judged.good:
         return f"Record a log of another kind of motion and run `furuta validate {plant_file} LOG`."
     return f"Find what is missing: `furuta diagnose {sources.replace(' and ', ' ').replace(',', '')} -o out`."
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from furuta_gym.plant import Plant
 from identification.logs.log import Log
+from identification.validation.adequacy import SMALL_BELOW, Adequacy
 from identification.validation.gap import Gap
 
 from . import prediction_figures, tables
@@ -18,38 +19,34 @@ from .drawing import AFTER
 from .verdict import fit, times
 from .words import joined
 
-# As `Gap.verdict` has them; a test holds the two together.
-_ADEQUATE, _SMALL = 1.1, 2.0  # error over the floor: nothing of size is missing, something small is
-_DOUBTFUL, _MOSTLY_TORQUE = 0.75, 0.95  # below the floor, or a floor that is all torque noise
-
 
 @dataclass(frozen=True)
-class Adequacy:
-    """Whether a plant is adequate, as a page says it; `floor_in_doubt`: the floor cannot be trusted."""
+class Said:
+    """A judgement as a page says it: the badge, whether it is good, and a clause for the headline."""
 
     badge: str
     good: bool
     words: str
-    floor_in_doubt: bool
 
 
-def adequacy(gap: Gap) -> Adequacy:
+_SAID = {
+    Adequacy.UNKNOWN: Said("Cannot be judged", False, "These logs cannot judge the model"),
+    Adequacy.ADEQUATE: Said("Adequate", True, "The model is adequate"),
+    Adequacy.SMALL: Said("Something small is missing", False, "The model misses something small"),
+    Adequacy.INADEQUATE: Said("Not adequate", False, "The model is not adequate"),
+}
+
+
+def adequacy(gap: Gap) -> Said:
     """What the error over the noise floor says of a plant."""
-    ratio, torque = gap.ratio_to_floor, float(gap.torque_share.max()) > _MOSTLY_TORQUE
-    if ratio < _DOUBTFUL or (torque and ratio < _SMALL):
-        return Adequacy("Cannot be judged", False, "These logs cannot judge the model", True)
-    if ratio < _ADEQUATE:
-        return Adequacy("Adequate", True, "The model is adequate", False)
-    if ratio < _SMALL:
-        return Adequacy("Something small is missing", False, "The model misses something small", False)
-    return Adequacy("Not adequate", False, "The model is not adequate", torque)
+    return _SAID[gap.judgement.adequacy]
 
 
 def validation_page(gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen: Sequence[str] = ()) -> Page:
     """The report of a validation. name: of the plant file; seen: logs among these that the plant was fitted to."""
     sources = [log.source for log in logs]
     judged = adequacy(gap)
-    doubts = _doubts(gap, judged)
+    doubts = doubts_of(gap)
     if seen:
         doubts = (f"{joined(seen, 'and')}: fitted by this plant, so this is no test on new data.", *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
@@ -71,7 +68,7 @@ def validation_page(gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen
 
 def error_in_words(gap: Gap, where: str) -> str:
     """The error as the headline says it."""
-    digits = f"{gap.ratio_to_floor:.2f}" if gap.ratio_to_floor < _SMALL else times(gap.ratio_to_floor)
+    digits = f"{gap.ratio_to_floor:.2f}" if gap.ratio_to_floor < SMALL_BELOW else times(gap.ratio_to_floor)
     return f"{gap.horizon:g}\u00a0s ahead on {where}, its error is {digits} times what noise alone leaves."
 
 
@@ -90,8 +87,9 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
     )
 
 
-def _doubts(gap: Gap, judged: Adequacy) -> tuple[str, ...]:
-    return (f"{gap.verdict[:1].upper()}{gap.verdict[1:]}.",) if judged.floor_in_doubt else ()
+def doubts_of(gap: Gap) -> tuple[str, ...]:
+    """What to doubt where the noise floor cannot be trusted."""
+    return (f"{gap.verdict[:1].upper()}{gap.verdict[1:]}.",) if gap.judgement.floor_in_doubt else ()
 
 
 def effects_of(plant: Plant) -> tuple[Block, ...]:

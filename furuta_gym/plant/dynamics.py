@@ -266,11 +266,22 @@ def advance(X, t0, t1, t_u, U, j, W, P, codes, h_max):
     W (2, L) are disturbance torques on the two rows, constant over the interval. Each stretch under one command is
     cut into equal Runge–Kutta steps no longer than h_max.
     """
-    rows, lanes = X.shape
-    work = np.empty((3 * rows + N_BASE + 5, lanes))
-    state = np.empty((5, lanes))
+    work, state, source = workspace(X.shape[0], X.shape[1])
+    advance_within(X, t0, t1, t_u, U, j, W, P, codes, h_max, work, state, source)
+
+
+@compiled
+def workspace(rows, lanes):
+    """What `advance_within` works in, for whoever calls it again and again: (work, state, source)."""
+    return np.empty((3 * rows + N_BASE + 5, lanes)), np.empty((5, lanes)), np.empty(lanes, np.int64)
+
+
+@compiled
+def advance_within(X, t0, t1, t_u, U, j, W, P, codes, h_max, work, state, source):
+    """`advance` in a `workspace` made before."""
+    lanes = X.shape[1]
     start, h, command, delay, stop = state[0], state[1], state[2], state[3], state[4]
-    source = np.full(lanes, j)
+    source[:] = j
     delayed = command_delays(P, codes, delay)
     start[:] = t0
     if delayed:

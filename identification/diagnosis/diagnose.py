@@ -126,13 +126,13 @@ def _named(
 ) -> tuple[Naming, Estimate, Where]:
     """The search for names, the estimate with what was found, and what that leaves."""
     logs, policy = held.logs, search.policy
-    known: dict[int, float] = {}  # a search asks for the same fit again
+    known: dict[int, tuple[Fit, float]] = {}  # a search asks for the same fit again
 
     def left(fitted: Fit) -> float:
         if id(fitted) not in known:
             found = locate(fitted.plant, moved(logs, fitted.zeros), policy)
-            known[id(fitted)] = 0.0 if found.negligible else found.evidence
-        return known[id(fitted)]
+            known[id(fitted)] = fitted, 0.0 if found.negligible else found.evidence
+        return known[id(fitted)][1]
 
     naming = upheld(name_effects(nominal, search, most, left, thorough, held), search, held)
     after = before

@@ -1,6 +1,6 @@
 """Maximum likelihood through the Kalman filter's innovations (the prediction-error method).
 
-Minimises V(z) = −log L = ½ Σ (eᵀ S⁻¹ e + ln det S), for rounded readings its counterpart (`bank.counted`), over
+Minimises V(z) = −log L = ½ Σ (eᵀ S⁻¹ e + ln det S), for rounded readings its counterpart (`rounding.cell`), over
 θ, r, effect parameters and noise intensities together, for any number of logs (Kristensen, Madsen & Jørgensen 2004;
 Ljung 1999, ch. 7). Works on closed-loop data of the unstable plant and needs no velocities. Derivatives come from a
 bank of filters; `optimise` does the descent.
@@ -20,8 +20,8 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.layout import N_BASE
 
-from ..kalman.arguments import BankResult, Gaussian, Model
-from ..kalman.bank import innovations, sharpness_rows
+from ..kalman.arguments import BankResult, Gaussian, LeaderReadings, Model
+from ..kalman.bank import innovations, sharpness_rows, whole_registers
 from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_parameters, filled_plant, filled_zeros
 from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
@@ -138,7 +138,8 @@ class PredictionError:
             states=np.empty((N if states else 0, self.rows)),
         )
         model, first = Model(P, self.codes, self.sharp), Gaussian(x0, C0)
-        ok = innovations(record.readings, model, first, noise, zeros, exact, leaders, self.coarser, result)
+        told = LeaderReadings.empty(self.rows, whole_registers(leaders))
+        ok = innovations(record.readings, model, first, noise, zeros, exact, leaders, self.coarser, result, told)
         return result if ok and np.isfinite(result.cost).all() and np.isfinite(result.e).all() else None
 
     def plant_at(self, z: NDArray[np.float64]) -> Plant:

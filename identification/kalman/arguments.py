@@ -52,6 +52,27 @@ class BankResult(NamedTuple):
     states: Array
 
 
+class LeaderReadings(NamedTuple):
+    """What a pair of readings says to L filters side by side: gains K (2, n, L), the second one for the second
+    innovation less what the first said of it; e (2, L) and S (3, L): joint innovations and covariance (S11, S12, S22)
+    of the equivalent Gaussian readings; prior (2, L): variances before rounding; cost (L,). seen (n, L) and
+    work (4, L) are work space."""
+
+    K: Array
+    e: Array
+    S: Array
+    prior: Array
+    cost: Array
+    seen: Array
+    work: Array
+
+    @classmethod
+    def empty(cls, n: int, L: int) -> LeaderReadings:
+        """For states of size n and L filters."""
+        shapes = ((2, n, L), (2, L), (3, L), (2, L), (L,), (n, L), (4, L))
+        return cls(*(np.zeros(shape) for shape in shapes))
+
+
 class Linearised(NamedTuple):
     """A log linearised along a trajectory, n states: see `FilterPath`."""
 

@@ -25,12 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance, mass_matrix, shared_steps, substep
+from furuta_gym.plant.dynamics import advance_within, mass_matrix, shared_steps, substep, workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.layout import ParameterLayout
 
-_ROOT_HALF = math.sqrt(0.5)
-_NORMAL = 1.0 / math.sqrt(2.0 * math.pi)
+from .leaders import add_noise_to_leaders, packed, propagate_leaders, read_leaders
+from .rounding import counted
+
 _REGISTER = 4  # lanes
 _SPEED = {"r1": 2, "r2": 3}  # the state in which the velocity of its friction is
 _LONGEST = 1e-3  # s, of the integration
@@ -87,43 +88,6 @@ def propagate(C, Phi, work):
 
 
 @compiled(nogil=True)
-def counted(d, v, step):
-    """What a rounded reading tells: (e, S, cost) of a reading d beyond its prediction, whose variance is v.
-
-    The angle behind the reading lies in a cell of width `step` around it (Curry 1970, "Gaussian fit"). cost is
-    −log of the cell's probability over its width, less ½ log 2π. e and S are the innovation and its variance of the
-    Gaussian reading that would leave the same mean and variance as the cell does; for step → 0 that is d and v.
-    """
-    if step * step < 0.04 * v:  # a cell narrow against the prediction: its width is a variance (Sheppard)
-        S = v + step * step / 12.0
-        return d, S, 0.5 * (d * d / S + math.log(S))
-    s = math.sqrt(v)
-    sign = 1.0 if d >= 0.0 else -1.0
-    a, b = (abs(d) - 0.5 * step) / s, (abs(d) + 0.5 * step) / s
-    if a < 4.0:
-        at_a, at_b = _NORMAL * math.exp(-0.5 * a * a), _NORMAL * math.exp(-0.5 * b * b)
-        inside = 0.5 * (math.erfc(a * _ROOT_HALF) - math.erfc(b * _ROOT_HALF))
-        cost = math.log(_NORMAL * step / inside)
-    else:  # far out in the tail: everything over φ(a)
-        at_a, at_b = 1.0, math.exp(max(-0.5 * (b * b - a * a), -700.0))
-        inside = _mills(a) - at_b * _mills(b)
-        cost = 0.5 * a * a + math.log(step / inside)
-    mean = (at_a - at_b) / inside
-    kept = min(max(1.0 + (a * at_a - b * at_b) / inside - mean * mean, 0.0), 1.0 - 1e-9)  # of the variance
-    S = v / (1.0 - kept)
-    return sign * mean * S / s, S, cost
-
-
-@compiled(forceinline=True)
-def _mills(x):
-    """(1 − Φ(x)) / φ(x) for x ≥ 4, by its continued fraction."""
-    f = x
-    for k in range(24, 0, -1):
-        f = x + k / f
-    return 1.0 / f
-
-
-@compiled(nogil=True)
 def read_pair(C, H, noise, d, quantum, K, e, S, prior, CH):
     """A pair of readings d (2,) beyond their predictions: gains K (n, 2) of the two in turn; C ← what is left.
 
@@ -166,103 +130,126 @@ def read_pair(C, H, noise, d, quantum, K, e, S, prior, CH):
 
 
 @compiled(nogil=True)
-def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, result):
+def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, result, told):
     """Run B filters over a log of N samples; fills `result`.
 
     readings: Readings. model: Model of B plants. first: Gaussian, means (n, B). noise (4, B): torque intensities on
     the rows [{u}² s] and variances of the readings before rounding [rad²]. zeros (2, B) [rad]: what the encoders read
-    where the angles are zero. Of the filters, the first `exact` ≥ 1
-    carry Jacobians, the first `leaders` covariances, the others follow filter 0. coarser: factor on the integration
-    step. result: BankResult. Returns False if a filter diverged (the results are then meaningless).
+    where the angles are zero. Of the filters, the first `exact` carry Jacobians (1, or as many as lead), the first
+    `leaders` covariances, the others follow filter 0. coarser: factor on the integration step. result: BankResult.
+    told: LeaderReadings for whole_registers(leaders) filters, work space. Returns False if a filter diverged (the
+    results are then meaningless).
     """
     t, y, u, quantum = readings.t, readings.y, readings.u, readings.quantum
     P, codes, sharp = model.P, model.codes, model.sharp
     e, S, cost, direct, states = result.e, result.S, result.cost, result.direct, result.states
     N, B = y.shape[0], P.shape[1]
-    n, G = first.mean.shape[0], leaders
+    n, G, L = first.mean.shape[0], leaders, told.cost.shape[0]
     # lanes 0 … B−1 are the filters, then n shifted states of each exact one; the rest do as filter 0
     lanes = whole_registers(exact * n + B)
     plain = codes.shape[0] == 0
-    X, Y, W = np.zeros((n, lanes)), np.empty((2, lanes)), np.zeros((2, lanes))
+    X, Y, W = np.zeros((n, lanes)), np.zeros((2, lanes)), np.zeros((2, lanes))
     PL = np.empty((P.shape[0], lanes))
     owner = np.empty(lanes, dtype=np.int64)
     for k in range(lanes):
         owner[k] = k if k < B else ((k - B) // n if k < B + exact * n else 0)
         PL[:, k] = P[:, owner[k]]
+    blunt, variance = PL.copy(), np.empty(lanes)
+    work, state, source = workspace(n, lanes)
     x = first.mean.copy()
-    C = np.empty((G, n, n))
-    for g in range(G):
-        C[g] = first.covariance
-    Phi, H = np.empty((exact, n, n)), np.zeros((exact, 2, n))
-    work, K, CH, d = np.empty((n, n)), np.empty((G, n, 2)), np.empty(n), np.empty(2)
-    own_e, own_S, prior = np.empty((G, 2)), np.empty((G, 3)), np.empty((G, 2))
-    for g in range(exact):
-        H[g, 0, 0] = 1.0
-        H[g, 1, 1] = 1.0
+    # lanes of leaders beyond the last do as filter 0
+    C, theta, intensity, q2 = np.empty((n * (n + 1) // 2, L)), np.empty((4, L)), np.empty((4, L)), np.empty(L)
+    for g in range(L):
+        lead = g if g < G else 0
+        theta[:, g] = P[:4, lead]
+        intensity[:, g] = noise[:, lead]
+        for i in range(n):
+            for j in range(i + 1):
+                C[packed(i, j), g] = first.covariance[i, j]
+    Phi, H = np.empty((n, n, L if exact > 1 else 1)), np.zeros((2, n, L))
+    H[0, 0] = 1.0
+    H[1, 1] = 1.0
+    covariances, d = np.empty((n, n, L)), np.empty((2, L))
+    K, own_e, own_S, prior = told.K, told.e, told.S, told.prior
+    _spread(X, x, exact)
+    sensed = not plain and read_sensors(X, PL, codes, Y)
     for k in range(N):
         if k > 0:
             T = t[k] - t[k - 1]
             _spread(X, x, exact)
             sharpest = 1.0
             for m in range(sharp.shape[0]):
-                row, velocity = sharp[m, 0], sharp[m, 1]
+                row, velocity = sharp[m, 0], packed(sharp[m, 1], sharp[m, 1])
                 for i in range(lanes):
-                    g = owner[i] if owner[i] < G else 0
-                    PL[row, i] = effective_sharpness(P[row, owner[i]], C[g, velocity, velocity])
+                    variance[i] = C[velocity, 0]
+                for i in range(1, G):
+                    variance[i] = C[velocity, i]
+                for i in range(B + n, B + exact * n):
+                    variance[i] = C[velocity, owner[i]]
+                for i in range(lanes):
+                    PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
                 sharpest = max(sharpest, PL[row, 0])
             longest = coarser * substep(sharpest, _LONGEST)
             if plain:
                 steps = max(1, math.ceil(T / longest - 1e-6))
                 shared_steps(X, u[k - 1, 0], T / steps, steps, PL)
             else:
-                advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest)
-            for g in range(exact):
+                advance_within(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest, work, state, source)
+            for i in range(n):
                 for m in range(n):
-                    lane = B + g * n + m
-                    for i in range(n):
-                        Phi[g, i, m] = (X[i, lane] - X[i, g]) / STATE_STEP
-            for g in range(G):
-                propagate(C[g], Phi[g if g < exact else 0], work)
-                add_torque_noise(C[g], x[1, g], P[:4, g], noise[:, g], T)
+                    for g in range(exact):
+                        Phi[i, m, g] = (X[i, B + g * n + m] - X[i, g]) / STATE_STEP
+                    for g in range(exact, Phi.shape[2]):
+                        Phi[i, m, g] = Phi[i, m, 0]
+            propagate_leaders(C, Phi, covariances)
+            for g in range(L):
+                q2[g] = x[1, g if g < G else 0]
+            add_noise_to_leaders(C, q2, theta, intensity, T)
             for i in range(n):
                 for b in range(B):
                     x[i, b] = X[i, b]
-        if not plain:
+        if sensed:
             _spread(X, x, exact)
             Y[0] = X[0]
             Y[1] = X[1]
-            if read_sensors(X, PL, codes, Y):
-                for g in range(exact):
-                    for m in range(n):
-                        lane = B + g * n + m
-                        H[g, 0, m] = (Y[0, lane] - Y[0, g]) / STATE_STEP
-                        H[g, 1, m] = (Y[1, lane] - Y[1, g]) / STATE_STEP
+            read_sensors(X, PL, codes, Y)
+            for a in range(2):
+                for m in range(n):
+                    for g in range(L):
+                        own = g if g < exact else 0
+                        H[a, m, g] = (Y[a, B + own * n + m] - Y[a, own]) / STATE_STEP
+        else:
+            for a in range(2):
+                for b in range(B):
+                    Y[a, b] = x[a, b]
+        for a in range(2):
+            for g in range(L):
+                lead = g if g < G else 0
+                d[a, g] = y[k, a] - Y[a, lead] - zeros[a, lead]
+        read_leaders(C, H, not sensed, intensity[2:], d, quantum, told)
         for g in range(G):
-            d[0] = y[k, 0] - (x[0, g] if plain else Y[0, g]) - zeros[0, g]
-            d[1] = y[k, 1] - (x[1, g] if plain else Y[1, g]) - zeros[1, g]
-            h = H[g if g < exact else 0]
-            cost[k, g] = read_pair(C[g], h, noise[:, g], d, quantum, K[g], own_e[g], own_S[g], prior[g], CH)
-            if not (own_S[g, 0] > 0.0 and own_S[g, 2] > 0.0 and abs(x[1, g]) < 1e6):
+            if not (own_S[0, g] > 0.0 and own_S[2, g] > 0.0 and abs(x[1, g]) < 1e6):
                 return False
-            # one pair of readings for all: what rounding adds to the variance is filter 0's
-            S[k, 0, g] = prior[g, 0] + own_S[0, 0] - prior[0, 0]
-            S[k, 1, g] = own_S[g, 1]
-            S[k, 2, g] = prior[g, 1] + own_S[0, 2] - prior[0, 1]
-            if g == 0:
-                direct[k, 0], direct[k, 1] = d[0], d[1]
-                direct[k, 2], direct[k, 3] = own_S[0, 0] - prior[0, 0], own_S[0, 2] - prior[0, 1]
-        z1 = (x[0, 0] if plain else Y[0, 0]) + zeros[0, 0] + own_e[0, 0]
-        z2 = (x[1, 0] if plain else Y[1, 0]) + zeros[1, 0] + own_e[0, 1]
-        for b in range(B):
-            e1 = z1 - (x[0, b] if plain else Y[0, b]) - zeros[0, b]
-            e2 = z2 - (x[1, b] if plain else Y[1, b]) - zeros[1, b]
-            e[k, 0, b], e[k, 1, b] = e1, e2
-            g = 0
-            if b < G:
-                g, e1, e2 = b, own_e[b, 0], own_e[b, 1]
-            told = own_S[g, 1] / own_S[g, 0]
+        # one pair of readings for all: what rounding adds to the variance is filter 0's
+        added = own_S[0, 0] - prior[0, 0], own_S[2, 0] - prior[1, 0]
+        for g in range(G):
+            cost[k, g] = told.cost[g]
+            S[k, 0, g] = prior[0, g] + added[0]
+            S[k, 1, g] = own_S[1, g]
+            S[k, 2, g] = prior[1, g] + added[1]
+        direct[k, 0], direct[k, 1], direct[k, 2], direct[k, 3] = d[0, 0], d[1, 0], added[0], added[1]
+        for a in range(2):
+            reading = Y[a, 0] + zeros[a, 0] + own_e[a, 0]
+            for b in range(B):
+                e[k, a, b] = reading - Y[a, b] - zeros[a, b]
+        for g in range(G):
+            told_of = own_S[1, g] / own_S[0, g]
             for i in range(n):
-                x[i, b] += K[g, i, 0] * e1 + K[g, i, 1] * (e2 - told * e1)
+                x[i, g] += K[0, i, g] * own_e[0, g] + K[1, i, g] * (own_e[1, g] - told_of * own_e[0, g])
+        told_of = own_S[1, 0] / own_S[0, 0]
+        for i in range(n):
+            for b in range(G, B):
+                x[i, b] += K[0, i, 0] * e[k, 0, b] + K[1, i, 0] * (e[k, 1, b] - told_of * e[k, 0, b])
         if states.shape[0] == N:
             states[k] = x[:, 0]
     return True

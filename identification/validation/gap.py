@@ -27,13 +27,12 @@ from ..kalman.path import FilterPath
 from ..kalman.record import Record, Stretch, stretches
 from ..kalman.whiteness import FEWEST, Innovations, innovations
 from ..logs.log import Log
+from .adequacy import Adequacy, Judgement
 from .free_run import Windows, free_run
 from .noise_floor import Floor, noise_floor, repeats, spread
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
 SETTLE = 0.5  # s that the filter gets before the first prediction
-_DOUBTFUL = 0.75  # ratio to the floor below which it is the floor that is wrong
-_MOSTLY_TORQUE = 0.95  # share of the floor from which torque noise is all of it: with known noise it stays below 0.85
 _CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
 
 Array = NDArray[np.float64]
@@ -106,7 +105,11 @@ class Gap:
         return {"gap": {k: float(v) for k, v in numbers.items()} | more}
 
     def __str__(self) -> str:
-        rows = [f"Prediction {self.horizon:g} s ahead, {len(self.errors)} windows, on logs the plant was not fitted to"]
+        return self.told("on logs the plant was not fitted to")
+
+    def told(self, where: str) -> str:
+        """The errors and what they mean, on logs that `where` describes."""
+        rows = [f"Prediction {self.horizon:g} s ahead, {len(self.errors)} windows, {where}"]
         for axis, name in enumerate(("q1", "q2")):
             count = self.counts[axis]
             inside = f" = {self.rms[axis] / count:.1f} counts" if count > 0 else ""
@@ -119,28 +122,33 @@ class Gap:
         return "\n".join(rows)
 
     @property
+    def judgement(self) -> Judgement:
+        """Whether the plant is adequate on these logs."""
+        return Judgement.of(self.ratio_to_floor, float(self.torque_share.max()))
+
+    @property
     def verdict(self) -> str:
         """What the ratio to the floor means, and what to do next."""
-        ratio = self.ratio_to_floor
-        if (share := float(self.torque_share.max())) > _MOSTLY_TORQUE:
+        judged = self.judgement
+        if judged.mostly_torque:
             axis = int(np.argmax(self.torque_share))
             doubt = (
-                f"{100 * share:.0f} % of q{axis + 1}'s floor is what passes for torque noise on these logs, and "
-                "torques that the plant misses pass for it too; against the readings alone the error is "
+                f"{100 * self.torque_share[axis]:.0f} % of q{axis + 1}'s floor is torque noise fitted to these logs, "
+                "and torques that the plant misses raise it too; against the readings alone the error is "
                 f"{self.rms[axis] / self.reading_floor[axis]:.0f} times too large"
             )
-            if ratio < 2.0:
+            if judged.adequacy is Adequacy.UNKNOWN:
                 return f"this says little: {doubt}. Repeat a run, or let `furuta diagnose` look for what is missing"
             seen = "the plant misses something; `furuta diagnose` looks for it"
             return f"{seen}. The gap is larger than it seems: {doubt}"
-        if ratio < _DOUBTFUL:
+        if judged.adequacy is Adequacy.UNKNOWN:
             return (
                 "below the floor, which no plant can be: what this one misses looks like torque noise and has raised "
                 "the floor; compare with a better plant, or repeat a run"
             )
-        if ratio < 1.1:
+        if judged.adequacy is Adequacy.ADEQUATE:
             return "nothing of size is missing on these logs"
-        if ratio < 2.0:
+        if judged.adequacy is Adequacy.SMALL:
             return "something small is missing; `furuta diagnose` looks for it"
         return "the plant misses something; `furuta diagnose` looks for it"
 

@@ -78,3 +78,22 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_fit(file: Path, t
     assert result.exit_code == 2
     assert ".html" in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_adequacy_comes_before_the_parameters(file: Path, tmp_path: Path) -> None:
+    """The error on the fitted logs is the first thing said of a fit; a wrong model is not called identified alone."""
+    picture = tmp_path / "fit.png"
+    good = run(file, "-o", tmp_path / "rig.json", "--plot", picture)
+    assert good.exit_code == 0, good.output
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    said = good.stdout
+    assert said.index("nothing of size is missing") < said.index("Estimate (")
+    hidden = tmp_path / "cable.csv"
+    write_log(hidden, loop_log("arm_spring", duration=5.0, T=0.004)[0])
+    bad = run(hidden, "-o", tmp_path / "bad.json", "--json")
+    gap = json.loads(bad.stdout)["gap"]
+    assert gap["ratio_to_floor"] > 1.5 or gap["torque_noise_share_q1"] > 0.95
+    short = tmp_path / "short.csv"
+    write_log(short, loop_log(duration=1.0, T=0.004)[0])
+    told = run(short, "-o", tmp_path / "short.json")
+    assert told.exit_code == 2 or "Not predicted: no log is long enough" in told.stdout

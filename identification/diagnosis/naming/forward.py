@@ -180,7 +180,8 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bo
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
         worth = partial(judge.counts, found, current=current)
-        current, last = search.refits(current, names, table, thorough, worth=worth)
+        complete = step > 0 and bool(names) and not thorough and judge.left(current) <= 0.0
+        current, last = search.refits(current, names, table, thorough, worth=worth, nothing_left=complete)
         if step == 0:
             nominal = current
         if not last or last[0].net < search.policy.believed:

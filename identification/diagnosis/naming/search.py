@@ -113,11 +113,13 @@ class Search:
         held: Fit | None = None,
         worth: Callable[[float], bool] = lambda gain: True,
         effort: Effort = "restarted",
+        nothing_left: bool = False,
     ) -> tuple[Fit, Ranking]:
         """Suspects fitted; the model without any is fitted again from the best one's θ, so that neither stopped early.
 
         held: a fit with an effect more than `current` that takes part as it is. worth(gain [nats]): whether the best
-        is fitted to the end, with what effort; else it stays as coarsely fitted as it is.
+        is fitted to the end, with what effort; else it stays as coarsely fitted as it is. nothing_left: `current`
+        leaves no structure; then no other starts are tried where the first ones do not pay for their parameters.
         """
         suggested = {name: start for name in names if (start := table[name].start) is not None}
         if held is not None:
@@ -126,8 +128,12 @@ class Search:
             return current, ()
         fits = self._started(current, suggested, held, thorough)
         chase = _Chase(fits, suggested, table, current, held, effort)
-        self._compare(chase)
-        if worth(current.value - chase.best.value):
+        hopeless = nothing_left and all(
+            current.value - f.value < price(name, current.samples) for name, f in fits.items()
+        )
+        if not hopeless:
+            self._compare(chase)
+        if not hopeless and worth(current.value - chase.best.value):
             before = chase.best.value
             chase.current = self._finish(chase)
             if chase.best.value < before - self.policy.reach:  # the best had stalled: the others may have, too

@@ -21,7 +21,7 @@ def test_a_measured_rig_is_fitted_and_told_to_be_incomplete(real_data: Path) -> 
     gap = found.gaps["another run"]
     assert isinstance(gap, Gap)
     text = report([found])
-    assert "passes for torque noise" in text
+    assert "torque noise fitted to these logs" in text
     assert "θ7" in text
     assert to_json([found])["rigs"][0]["held_out"]["another run"]["rms_q1"] == float(gap.rms[0])
 

@@ -19,8 +19,8 @@ from identification.estimation.identifiability import NotIdentifiable
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
 from identification.estimation.uncertainty import profile, recommended
-from identification.kalman.bank import counted
 from identification.kalman.record import Record
+from identification.kalman.rounding import counted
 from identification.logs.log import Log, read_log
 from tests.factories import closed_loop, hanging_log, paper_log
 

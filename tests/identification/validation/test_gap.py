@@ -224,4 +224,4 @@ def test_the_verdict_on_a_measured_balancing_run(real_data):
     fitted, held_out = (log.slice(float(log.t[0]) + 1.0) for log in read)  # the first second is the hand-over
     gap = validate(identify(fitted).plant, held_out)
     assert gap.torque_share.max() > 0.95
-    assert "passes for torque noise" in gap.verdict
+    assert "torque noise fitted to these logs" in gap.verdict

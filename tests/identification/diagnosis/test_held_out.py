@@ -1,0 +1,92 @@
+"""What data that no fit saw say about plants and effects: far, confirmed, denied."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.held_out import HeldOut
+from identification.validation.gap import Gap
+from tests.factories import made_log
+from tests.identification.diagnosis.fits import POLICY, a_fit, a_gap
+
+BARE, CABLE, DRIFT = a_fit(), a_fit("arm_spring"), a_fit("arm_friction_drift")
+
+
+def _held(*gaps: tuple[Any, Gap | None], whole: bool = True) -> HeldOut:
+    """Held-out data that know the gaps of fits; None: nobody can tell."""
+    held = HeldOut((made_log(),), (made_log(),) if whole else (), POLICY)
+    for fitted, gap in gaps:
+        if gap is not None:
+            held._known[id(fitted.plant)] = fitted.plant, gap
+    return held
+
+
+def _steady(times_floor: float, cost: float = 0.0, spread: float = 0.0) -> Gap:
+    """Errors of so many times the floor, from one window to the next by some spread apart."""
+    gap = a_gap(times_floor, cost)
+    by_window = 1.0 + spread * np.where(np.arange(20) // 10 == 0, 1.0, -1.0)
+    return replace(gap, errors=gap.errors * by_window[:, None])
+
+
+@pytest.mark.parametrize(("times", "far"), [(1.4, False), (1.6, True)])
+def test_far_is_an_error_well_above_the_floor(times: float, far: bool) -> None:
+    assert _held((BARE, a_gap(times))).far(BARE) is far
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "likelier", "confirmed"),
+    [
+        (5.0, 2.0, 200.0, True),
+        (5.0, 5.5, 200.0, False),  # the error grows
+        (5.0, 2.0, 5.0, False),  # no likelihood besides
+        (5.0, 4.95, 200.0, False),  # for certain, but a share that nobody would miss
+    ],
+)
+def test_an_effect_is_confirmed_by_error_likelihood_and_size(
+    before: float, after: float, likelier: float, confirmed: bool
+) -> None:
+    held = _held((BARE, _steady(before, likelier)), (CABLE, _steady(after)))
+    assert held.confirms(BARE, CABLE) is confirmed
+
+
+def test_an_effect_that_helps_at_times_and_harms_at_times_is_not_confirmed() -> None:
+    """Twice the error in one second, half of it in the next: on average less, for certain nothing."""
+    held = _held((BARE, _steady(3.0, 200.0, -0.6)), (CABLE, _steady(2.8, 0.0, 0.6)))
+    assert not held.confirms(BARE, CABLE)
+
+
+@pytest.mark.parametrize(
+    ("after", "likelier", "denied"), [(2.0, 200.0, False), (6.0, 200.0, True), (5.0, 200.0, True), (4.0, -50.0, False)]
+)
+def test_an_effect_is_denied_where_the_error_grows_or_nothing_closes(
+    after: float, likelier: float, denied: bool
+) -> None:
+    assert _held((BARE, _steady(5.0, likelier)), (CABLE, _steady(after))).denies(BARE, CABLE) is denied
+
+
+def test_another_log_says_nothing_of_what_follows_a_logs_own_clock() -> None:
+    worse = (BARE, _steady(5.0)), (DRIFT, _steady(6.0))
+    assert not _held(*worse).denies(BARE, DRIFT)
+    assert _held(*worse, whole=False).denies(BARE, DRIFT)
+
+
+def test_a_tail_needs_its_share_of_the_likelihood_only() -> None:
+    """4 nats of the last three tenths are as much as 13 of the whole."""
+    unsure = (BARE, _steady(5.0, 4.0, 0.5)), (CABLE, _steady(4.9, 0.0, -0.5))
+    assert _held(*unsure).denies(BARE, CABLE)
+    assert not _held(*unsure, whole=False).denies(BARE, CABLE)
+
+
+def test_where_nobody_can_tell_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_short(*_: Any) -> Gap:
+        raise ValueError("no log is long enough")
+
+    monkeypatch.setattr(HeldOut, "_measured", too_short)
+    held = _held()
+    assert not held.far(BARE)
+    assert not held.confirms(BARE, CABLE)
+    assert not held.denies(BARE, CABLE)
