@@ -30,6 +30,7 @@ from .warm_up import warm_up_command
 KEPT: dict[str | None, str] = {
     None: "Nothing was written; results of an earlier run are as they were.",
     "studio": "The studio has ended. Files that it wrote are kept.",
+    "diagnose": "Nothing was written but what the search has found so far: the same command goes on from there.",
     "trials": "What was answered is kept: the same command goes on from there.",
 }
 """What Ctrl-C leaves of each command."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,6 +43,17 @@ def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]
             while rest and not rest[0].startswith("-"):
                 given += [option, rest.pop(0)]
     return given
+
+
+@contextmanager
+def _kept_until_it_ends(journal: Path) -> Iterator[None]:
+    """A search that ended, or that cannot end, needs no journal; one that was stopped goes on from it."""
+    try:
+        yield
+    except ValueError:
+        journal.unlink(missing_ok=True)
+        raise
+    journal.unlink(missing_ok=True)
 
 
 def _show_policy(wanted: bool) -> None:
@@ -89,8 +101,13 @@ def diagnose_command(
     from identification.diagnosis.diagnose import diagnose
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
-    with whole_folder(output, own) as folder, steps("diagnose", sum(map(len, read))) as tell:
-        found = diagnose(read, held, plant, max_effects, progress=tell)
+    journal = output.resolve().with_name(f"{output.resolve().name}.search.jsonl")
+    with (
+        whole_folder(output, own) as folder,
+        _kept_until_it_ends(journal),
+        steps("diagnose", sum(map(len, read))) as tell,
+    ):
+        found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
         examination = examine(found, read, held, progress=tell)
         result = examination.to_dict()
         write_json(folder / "diagnosis.json", result)

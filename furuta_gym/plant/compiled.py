@@ -35,8 +35,8 @@ event.register("numba:compile", _Listener())
 
 
 @lru_cache
-def _source_hash(folder: Path) -> str:
-    """Of numba's version, furuta_gym's sources and those of the top-level package that `folder` is in."""
+def source_hash(folder: Path) -> str:
+    """A digest of numba's version, furuta_gym's sources and those of the top-level package that `folder` is in."""
     while (folder.parent / "__init__.py").exists():
         folder = folder.parent
     digest = hashlib.sha256(numba.__version__.encode())
@@ -60,7 +60,7 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     root = None if before else cache_root()
     if root:
-        numba.config.CACHE_DIR = str(root / _source_hash(folder))  # type: ignore[attr-defined]
+        numba.config.CACHE_DIR = str(root / source_hash(folder))  # type: ignore[attr-defined]
     try:
         settings: Any = {"error_model": "numpy", "cache": bool(before or root)} | options
         return numba.njit(**settings)(function)

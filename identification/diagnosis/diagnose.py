@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from .equals import interchangeable
 from .held_out import HeldOut
 from .locate.locate import locate, long_enough
 from .locate.location import Where
-from .naming.fits import Fit, fit
+from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
+from .naming.journal import FitJournal
 from .naming.search import Search
 from .naming.upheld import upheld
 from .outcome import Diagnosis, structured
@@ -41,13 +43,15 @@ def diagnose(
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
     policy: DecisionPolicy | None = None,
+    journal: Path | str | None = None,
 ) -> Diagnosis:
     """Search the library for what model (5) misses in these logs of one rig, and verify it on data that no fit saw.
 
     held_out: logs of the same rig that are predicted and never fitted; without any, the last part of each log serves.
     start: a plant to start from, without its effects (default: the logs alone). most: effects at most. only: names
     of effects, to restrict the library. progress(text) is called at each step. policy: the thresholds (default:
-    `DecisionPolicy()`). Raises ValueError for bad arguments, and for held-out logs that are also searched or of
+    `DecisionPolicy()`). journal: a file that keeps what was fitted, from which a search that was stopped goes on and
+    ends the same. Raises ValueError for bad arguments, and for held-out logs that are also searched or of
     another unit.
     """
     began = time.monotonic()
@@ -58,7 +62,10 @@ def diagnose(
     if start is not None:  # effects are for the search to find, and to be judged
         start = Plant.resolve(start).replace(effects=())
     held = HeldOut(logs, held_out, policy)
-    found = searched(held, start, most, only, say)
+    fitter = FitJournal(None if journal is None else Path(journal))
+    if len(fitter):
+        say(f"going on from {journal} ({len(fitter)} fits)")
+    found = searched(held, start, most, only, say, fitter)
     say("predicting data that no fit saw")
     found = verified(found, held)
     if found.still_off > 1.0:
@@ -73,6 +80,7 @@ def searched(
     most: int,
     only: Sequence[str] | None,
     progress: Callable[[str], None],
+    fitter: Fitter = fit,
 ) -> Diagnosis:
     """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`."""
     logs, policy = held.logs, held.policy
@@ -86,8 +94,8 @@ def searched(
     long_enough(logs, policy)  # or nothing could be said after the search
     anchor = _anchor(before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
-    nominal = fit(anchor, START_NOISE, records, anchor=anchor, policy=policy)
-    search = Search(anchor, only, policy, progress)
+    nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
+    search = Search(anchor, only, policy, progress, fitter)
     steps = {False: most, True: min(most, policy.thorough)}
     naming, after, rest = _settled(lambda full: _named(search, nominal, before, held, steps[full], full), search)
     verdict, summary = _verdict(naming, rest, policy)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
+
+import numpy as np
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
@@ -16,8 +18,6 @@ from ...estimation.restarts import restarted
 from ...kalman.coordinates import (
     Coordinate,
     Zeros,
-    filled_noise,
-    filled_plant,
     noise_coordinates,
     plant_coordinates,
     tells_the_zero,
@@ -107,6 +107,26 @@ def fit(
     anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). effort: how well (see `Effort`). zeros: of the
     encoders, to start from.
     """
+    problem = _problem(plant, noise, records, anchor, policy, effort, zeros)
+    exact = effort in ("full", "restarted")
+    tolerance = _ROUGH if effort == "quick" else _TOLERANCE
+    iterations = iterations or (_FEW if effort == "quick" else _MANY)
+    optimum = minimise(problem, problem.start(), iterations, tolerance, exact=exact)
+    if effort == "restarted":
+        optimum = restarted(problem, optimum, iterations, tolerance, exact=True)
+    return fit_at(problem, optimum)
+
+
+def _problem(
+    plant: Plant,
+    noise: Noise,
+    records: Sequence[Record],
+    anchor: Plant | None,
+    policy: DecisionPolicy,
+    effort: Effort,
+    zeros: Zeros | None,
+) -> PredictionError:
+    """What a `fit` minimises."""
     zeros = dict(zeros or {})
     if tells_the_zero(plant) and (first := min(r.log for r in records)) in zeros:
         zeros[first] = zeros[first][0], 0.0  # or it would be told twice
@@ -116,23 +136,38 @@ def fit(
     if anchor is not None:
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
-    coarse, exact = effort == "coarse", effort in ("full", "restarted")
-    step, pool = (COARSER, None) if coarse else (1.0, shared_pool())
-    problem = PredictionError(plant, records, coordinates, noise, step, pool, zeros=zeros)
-    tolerance = _ROUGH if effort == "quick" else _TOLERANCE
-    iterations = iterations or (_FEW if effort == "quick" else _MANY)
-    optimum = minimise(problem, problem.start(), iterations, tolerance, exact=exact)
-    if effort == "restarted":
-        optimum = restarted(problem, optimum, iterations, tolerance, exact=True)
-    noise = filled_noise(coordinates, optimum.z, problem.noise)
+    step, pool = (COARSER, None) if effort == "coarse" else (1.0, shared_pool())
+    return PredictionError(plant, records, coordinates, noise, step, pool, zeros=zeros)
+
+
+def fit_at(problem: PredictionError, optimum: Optimum) -> Fit:
+    """The fit that ended at an optimum of its problem."""
+    z = optimum.z
     return Fit(
-        filled_plant(plant, coordinates, optimum.z),
-        noise,
-        tuple(coordinates),
+        problem.plant_at(z),
+        problem.noise_at(z),
+        tuple(problem.coordinates),
         optimum,
-        tuple(records),
-        problem.zeros_at(optimum.z),
+        tuple(problem.records),
+        problem.zeros_at(z),
     )
+
+
+def known_fit(optimum: Optimum, plant: Plant, noise: Noise, records: Sequence[Record], **asked: Any) -> Fit | None:
+    """What `fit` gave for these arguments, from its optimum alone; None if the two do not belong together."""
+    problem = _problem(
+        plant,
+        noise,
+        records,
+        asked["anchor"],
+        asked["policy"],
+        asked["effort"],
+        asked["zeros"],
+    )
+    z = optimum.z
+    if z.shape != problem.low.shape or not np.all((problem.low <= z) & (z <= problem.high)):
+        return None
+    return fit_at(problem, optimum)
 
 
 def anchored(c: Coordinate, anchor: Plant, std: float) -> Coordinate:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from furuta_gym.cache_folder import _not_private, cache_root
-from furuta_gym.plant.compiled import _source_hash
+from furuta_gym.plant.compiled import source_hash
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners of files are POSIX's")
 
@@ -79,11 +79,11 @@ def test_a_kernel_of_a_sub_package_sees_its_neighbours(tmp_path: Path) -> None:
     for folder in ("top", "top/a", "top/b", "other"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "__init__.py").touch()
-    before = _source_hash(tmp_path / "top" / "a")
+    before = source_hash(tmp_path / "top" / "a")
     (tmp_path / "top" / "b" / "kernel.py").write_text("x = 1")
-    _source_hash.cache_clear()
-    after = _source_hash(tmp_path / "top" / "a")
+    source_hash.cache_clear()
+    after = source_hash(tmp_path / "top" / "a")
     assert after != before
     (tmp_path / "other" / "kernel.py").write_text("x = 1")
-    _source_hash.cache_clear()
-    assert _source_hash(tmp_path / "top" / "a") == after
+    source_hash.cache_clear()
+    assert source_hash(tmp_path / "top" / "a") == after

@@ -1,0 +1,154 @@
+"""A journal of fits: none is made twice, and a search that was stopped goes on from its journal and ends the same.
+
+Each fit is a line of JSON with a digest of everything that it depends on, so that a line is used for the very same fit
+of the very same code and logs, or not at all. A line that was cut off, or that does not fit its problem, is ignored.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furuta_gym.plant import Plant
+from furuta_gym.plant.compiled import source_hash
+
+from ...estimation.optimise import Expansion, Optimum
+from ...kalman.coordinates import Zeros
+from ...kalman.noise_model import Noise
+from ...kalman.record import Record
+from ..policy import DecisionPolicy
+from .fits import Effort, Fit, Fitter, fit, known_fit
+
+_LONGEST = 64 * 2**20  # bytes that a journal may have
+
+
+class FitJournal:
+    """A `Fitter` that keeps its fits, in a file if there is a path, and takes known ones from there.
+
+    Fits go on without the file where it cannot be read or written.
+    """
+
+    def __init__(self, path: Path | None = None, fitter: Fitter = fit) -> None:
+        self.path, self.fitter = path, fitter
+        self.used = 0
+        """Fits that were known."""
+        self._known = {} if path is None else _read(path)
+        self._lock = threading.Lock()
+        self._digests: dict[tuple[int, ...], tuple[Sequence[Record], str]] = {}
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __call__(
+        self,
+        plant: Plant,
+        noise: Noise,
+        records: Sequence[Record],
+        *,
+        anchor: Plant | None = None,
+        policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
+        iterations: int | None = None,
+        effort: Effort = "restarted",
+        zeros: Zeros | None = None,
+    ) -> Fit:
+        asked: dict[str, Any] = {"anchor": anchor, "policy": policy, "effort": effort, "zeros": zeros}
+        key = self._key(plant, noise, records, iterations, **asked)
+        optimum = self._known.get(key)
+        if optimum is not None and (known := known_fit(optimum, plant, noise, records, **asked)) is not None:
+            self.used += 1
+            return known
+        found = self.fitter(plant, noise, records, iterations=iterations, **asked)
+        self._keep(key, found.optimum)
+        return found
+
+    def _key(
+        self,
+        plant: Plant,
+        noise: Noise,
+        records: Sequence[Record],
+        iterations: int | None,
+        anchor: Plant | None,
+        policy: DecisionPolicy,
+        effort: Effort,
+        zeros: Zeros | None,
+    ) -> str:
+        zeros = zeros or {}
+        told = [
+            source_hash(Path(__file__).parent),
+            _plain(plant),
+            noise.packed().tolist(),
+            self._digest(records),
+            None if anchor is None else _plain(anchor),
+            policy.to_dict(),
+            effort,
+            iterations,
+            sorted((log, *map(float, zero)) for log, zero in zeros.items()),
+        ]
+        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+    def _digest(self, records: Sequence[Record]) -> str:
+        same = tuple(map(id, records))  # each fit has a tuple of its own, of the same records
+        with self._lock:
+            if same not in self._digests:
+                digest = hashlib.sha256()
+                for r in records:
+                    for array in (r.t, r.y, r.u, r.quantum, r.variance, r.velocity, [r.velocity_std, r.log]):
+                        digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
+                self._digests[same] = records, digest.hexdigest()
+            return self._digests[same][1]
+
+    def _keep(self, key: str, optimum: Optimum) -> None:
+        self._known[key] = optimum
+        if self.path is None:
+            return
+        line = json.dumps(
+            {
+                "fit": key,
+                "z": optimum.z.tolist(),
+                "value": optimum.value,
+                "iterations": optimum.iterations,
+                "converged": bool(optimum.converged),
+                "message": optimum.message,
+            }
+        )
+        with self._lock:
+            try:
+                with open(self.path, "a", encoding="utf-8") as file:
+                    file.write(line + "\n")
+            except OSError:  # a full disk stops no search
+                pass
+
+
+def _plain(plant: Plant) -> dict[str, Any]:
+    """What a fit depends on of a plant."""
+    bare = replace(plant, covariance=None, checks={}, provenance={})
+    return bare.to_dict()
+
+
+def _read(path: Path) -> dict[str, Optimum]:
+    try:
+        if path.stat().st_size > _LONGEST:
+            return {}
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return {}
+    return {key: optimum for key, optimum in map(_parsed, lines) if optimum is not None}
+
+
+def _parsed(line: str) -> tuple[str, Optimum | None]:
+    try:
+        told = json.loads(line)
+        z, value = np.array(told["z"], dtype=float), float(told["value"])
+        n = len(z)
+        empty = Expansion(value, np.zeros(n), np.zeros((n, n)))
+        optimum = Optimum(z, value, empty, int(told["iterations"]), bool(told["converged"]), str(told["message"]))
+        return str(told["fit"]), optimum if z.ndim == 1 and np.isfinite(z).all() else None
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return "", None
