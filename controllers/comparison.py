@@ -28,6 +28,7 @@ UNITS = {
     "largest_q1": "rad",
     "largest_push": "rad/s",
 }
+UNITS |= {f"worst_{figure}": UNITS[figure] for figure in ("settling", "largest_q1", "roughness", "energy")}
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ class Comparison:
 
     def table(self) -> "Table":
         """The comparison as a table for the terminal: what matters from each group, 95 % intervals in brackets."""
+        from rich.markup import escape
         from rich.table import Table
 
         unit = self.plant.unit
@@ -97,7 +99,8 @@ class Comparison:
         columns = self._columns()
         table.add_column("controller")
         for title, _, figure in columns:
-            table.add_column(title + (f"\n[{UNITS[figure].format(u=unit)}]" if UNITS[figure] else ""), justify="right")
+            named = UNITS[figure].format(u=unit)
+            table.add_column(title + (escape(f"\n[{named}]") if named else ""), justify="right")
         for controller, rows in self.scores.items():
             cells = [_cell(rows.get(condition, {}).get(figure), figure) for _, condition, figure in columns]
             table.add_row(controller, *cells)
@@ -121,6 +124,11 @@ class Comparison:
             ("16 ms late", "delay 16 ms", "success"),
             ("swing-up", "swing-up", "success"),
             ("up after", "swing-up", "settling"),
+            ("worst 5 %", "swing-up", "worst_settling"),
+            ("largest q1", "swing-up", "largest_q1"),
+            ("16 ms late", "swing-up, 16 ms late", "success"),
+            ("supply 60 %", "swing-up, supply 60 %", "success"),
+            ("θ ±20 %", "swing-up, θ ±20 %", "success"),
         ]
         return [column for column in wanted if column[1] in self.groups]
 

@@ -11,11 +11,23 @@ from furuta_gym.plant import EFFECTS, Effect, Plant, sampled_plants
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
-from .statistics import Interval, success_rate, typical
-from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
+from .statistics import Interval, success_rate, typical, worst
+from .trials import Outcome, Starts, balance_starts, plants_off_by, run_trials, swing_up_starts
 
 GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
 METRICS = ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1")
+WORST = ("settling", "largest_q1", "roughness", "energy")  # of a swing-up, told of its worst 5 % too
+SWING_UP_EFFECTS = (
+    "actuator_lag",
+    "input_dead_zone",
+    "input_offset",
+    "arm_spring",
+    "arm_stribeck",
+    "arm_backlash",
+    "pendulum_encoder_offset",
+    "base_tilt",
+)
+"""What rigs have most often; a swing-up is played with these unless effects are named."""
 
 _PUSH_TIME = 0.5  # s
 _AFTER_PUSH = 4.0  # s
@@ -38,12 +50,23 @@ class Condition:
     duration: float
 
     def score(self, policy: Any, sample_time: float, seed: int) -> dict[str, Interval]:
-        """Play `policy` and sum up: success rate, and the other figures over the successful trials."""
+        """Play `policy` and sum up: success rate, and the other figures over the successful trials.
+
+        Swing-ups also have worst_FIGURE, the mean of the worst 5 %."""
         if self.kind == "push":
             return {"largest_push": typical(self._largest_push(policy, sample_time, seed), seed=seed)}
         outcome = self.play(policy, self.starts(seed), sample_time, seed)
         figures = {"success": success_rate(outcome.success)}
-        return figures | {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
+        figures |= {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
+        if self.kind == "swing_up":
+            figures |= {f"worst_{m}": worst(self._told(outcome, m), seed=seed) for m in WORST}
+        return figures
+
+    def _told(self, outcome: Outcome, figure: str) -> NDArray[np.float64]:
+        """Of the trials that succeeded; for the time to upright of all, those that failed with the whole duration."""
+        if figure == "settling":
+            return np.where(outcome.success, outcome.settling, self.duration)
+        return getattr(outcome, figure)[outcome.success]
 
     def play(self, policy: Any, starts: Starts, sample_time: float, seed: int) -> Outcome:
         return run_trials(
@@ -89,7 +112,9 @@ def conditions(
     effects: Iterable[str] | None = None,
     seed: int = 0,
 ) -> list[Condition]:
-    """The conditions of the named groups; effects (default: the whole library) act at their default size.
+    """The conditions of the named groups; effects act at their default size.
+
+    Effects are by default the whole library, in swing-ups `SWING_UP_EFFECTS`.
 
     Raises ValueError for an unknown group or effect.
     """
@@ -112,11 +137,7 @@ def conditions(
         elif group == "parameters":
             found += [near_upright(n, group, p) for n, p in _other_plants(plant, small_trials, seed)]
         elif group == "delay":
-            own = plant.effect("input_delay")
-            for ms in (4, 8, 16, 32):
-                d = min((own.parameters["d"] if own else 0.0) + ms * 1e-3, EFFECTS["input_delay"].parameters[0].upper)
-                late = plant.with_effects(Effect("input_delay", {"d": d}))
-                found.append(near_upright(f"delay {ms} ms", group, late))
+            found += [near_upright(f"delay {ms} ms", group, _later(plant, ms)) for ms in (4, 8, 16, 32)]
         elif group == "quantisation":
             for counts in (2048, 1024, 512, 256):
                 coarse = replace(sensors, encoder_counts=counts)
@@ -126,9 +147,33 @@ def conditions(
                 if name not in carried:
                     found.append(near_upright(name, group, plant.with_effects(plant.default_effect(name))))
         else:
-            hanging = max(duration, 15.0)
-            found.append(Condition("swing-up", group, "swing_up", plant, sensors, trials, hanging))
+            hanging = Condition("swing-up", group, "swing_up", plant, sensors, trials, max(duration, 15.0))
+            found += [hanging, *_harder(hanging, small_trials, effects, seed)]
     return found
+
+
+def _harder(plain: Condition, trials: int, effects: Iterable[str] | None, seed: int) -> list[Condition]:
+    """A swing-up with what a rig may have: a later command, a weaker supply, another θ, noisier readings, effects."""
+    plant, sensors = plain.plants, plain.sensors
+    assert isinstance(plant, Plant)
+    names = SWING_UP_EFFECTS if effects is None else [name for name in effects if name != "input_delay"]
+    rigs: list[tuple[str, Plant | Sequence[Plant]]] = [(f"{ms} ms late", _later(plant, ms)) for ms in (4, 8, 16, 24)]
+    rigs += [(f"supply {share} %", plant.replace(u_max=share / 100 * plant.u_max)) for share in (80, 60)]
+    rigs += _other_plants(plant, trials, seed)
+    rigs += [(n, plant.with_effects(plant.default_effect(n))) for n in names if plant.effect(n) is None]
+    found = [replace(plain, name=f"swing-up, {name}", plants=rig, trials=trials) for name, rig in rigs]
+    for mrad in (1, 3):
+        noise = np.hypot(sensors.noise_std, 1e-3 * mrad)
+        noisy = replace(sensors, noise_std=(float(noise[0]), float(noise[1])))
+        found.append(replace(plain, name=f"swing-up, noise {mrad} mrad", sensors=noisy, trials=trials))
+    return found
+
+
+def _later(plant: Plant, ms: float) -> Plant:
+    """The plant with a delay of the command that is so much longer."""
+    own = plant.effect("input_delay")
+    d = min((own.parameters["d"] if own else 0.0) + ms * 1e-3, EFFECTS["input_delay"].parameters[0].upper)
+    return plant.with_effects(Effect("input_delay", {"d": d}))
 
 
 def _other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant]]]:
@@ -136,13 +181,7 @@ def _other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant
     found = []
     for percent in (10, 20):
         rng = np.random.default_rng([seed, 2])
-        drawn: list[Plant] = []
-        while len(drawn) < n:
-            theta = plant.theta * np.exp(percent / 100 * rng.standard_normal(9))
-            th1, th2, th3, th4 = theta[:4]
-            if th1 * th4 > 1.05 * th3 * th3 and th1 + th2 > 0:  # a mass matrix well away from singular
-                drawn.append(plant.replace(theta=theta))
-        found.append((f"θ ±{percent} %", drawn))
+        found.append((f"θ ±{percent} %", plants_off_by(percent / 100, plant, n, rng)))
     if plant.covariance is not None:
         rng = np.random.default_rng([seed, 3])
         found.append(("θ as uncertain as identified", list(sampled_plants(plant, n, rng))))

@@ -17,6 +17,7 @@ _TITLES = {
     "largest_q1": "largest arm angle",
     "largest_push": "largest push survived",
 }
+_TITLES |= {name: f"{_TITLES[name.removeprefix('worst_')]}, worst 5 %" for name in UNITS if name.startswith("worst_")}
 
 
 def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
@@ -65,7 +66,8 @@ def _bars(figure: Any, comparison: Comparison, row: str, names: list[str]) -> No
 def _maps(figure: Any, comparison: Comparison, rows: list[str], names: list[str]) -> None:
     figure.set_size_inches(3.5 + 1.5 * len(names), 1.8 + 0.28 * len(rows))
     axes = figure.subplots(1, 2, sharey=True)
-    for axis, key, scale in zip(axes, ("success", "rms_q2"), ("RdYlGn", "YlOrRd"), strict=True):
+    second = "settling" if "swing-up" in rows else "rms_q2"
+    for axis, key, scale in zip(axes, ("success", second), ("RdYlGn", "YlOrRd"), strict=True):
         value = np.array([[_value(comparison, name, row, key) for name in names] for row in rows])
         limits = {"vmin": 0.0, "vmax": 1.0} if key == "success" else {"vmin": 0.0}
         axis.imshow(value, cmap=scale, aspect="auto", **limits)
@@ -74,7 +76,8 @@ def _maps(figure: Any, comparison: Comparison, rows: list[str], names: list[str]
                 axis.text(j, i, "–" if np.isnan(x) else f"{x:.2g}", ha="center", va="center", fontsize=7)
         axis.set_xticks(range(len(names)), names, rotation=35, ha="right", fontsize=8)
         axis.set_yticks(range(len(rows)), rows, fontsize=8)
-        axis.set_title(_TITLES[key] + (" [rad]" if key == "rms_q2" else ""), fontsize=9)
+        title = "time to upright" if key == "settling" else _TITLES[key]
+        axis.set_title(title + (f" [{UNITS[key]}]" if UNITS[key] else ""), fontsize=9)
 
 
 def _value(comparison: Comparison, name: str, row: str, key: str) -> float:

@@ -9,9 +9,9 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
-from .base import DesignError
+from .base import Controller, DesignError
 from .design import Weights, linear_plant
-from .linear import LinearController
+from .predictive import PredictiveBalancer
 from .trials import Starts, run_trials
 
 
@@ -29,7 +29,7 @@ class Region:
 
 
 def region_of_attraction(
-    controller: LinearController,
+    controller: Controller,
     plant: Plant,
     sensors: Sensors,
     weights: Weights | None = None,
@@ -57,6 +57,8 @@ def region_of_attraction(
     x0 = np.vstack([np.zeros(tries), directions * np.sqrt(levels)])
     starts = Starts(x0, np.zeros(tries), np.zeros(tries))
     duration = 30.0 / pendulum_frequency(plant.theta)
+    if isinstance(controller, PredictiveBalancer):
+        controller.start_from(x0)
     outcome = run_trials(plant, controller, starts, duration, controller.sample_time, sensors, seed=seed)
     lowest = np.flatnonzero(~outcome.success)
     inside = int(lowest[0]) if lowest.size else tries

@@ -34,7 +34,8 @@ CONTROLLERS: dict[str, Design] = {
     "lqr-friction": Design(".lqr_friction", "design_lqr_friction", "dlqr that cancels the arm's friction"),
     "lqg-friction": Design(".lqr_friction", "design_lqg_friction", "lqg that cancels the arm's friction"),
     "lqi": Design(".lqi", "design_lqi", "dlqr with integral action on the arm angle"),
-    "swing-up": Design(".swing_up", "design_swing_up", "energy swing-up, then dlqr inside its region of attraction"),
+    "swing-up": Design(".swing_up", "design_swing_up", "energy swing-up that knows delay, lag and supply, then dlqr"),
+    "planned": Design(".planned", "design_planned", "the fastest swing-up, by direct collocation (extra `plan`)"),
 }
 
 

@@ -62,3 +62,15 @@ def typical(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval
     draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
     low, high = np.quantile(interquartile_mean(sample[draws]), [0.025, 0.975])
     return Interval(float(interquartile_mean(sample)), float(low), float(high), n)
+
+
+def worst(values: ArrayLike, share: float = 0.05, resamples: int = 2000, seed: int = 0) -> Interval:
+    """Mean of the largest `share` of the values, one at least, with its percentile bootstrap interval."""
+    sample = np.asarray(values, dtype=float)
+    n = sample.size
+    if n == 0:
+        return Interval(np.nan, np.nan, np.nan, 0)
+    count = max(1, round(share * n))
+    draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
+    low, high = np.quantile(np.sort(sample[draws], axis=1)[:, -count:].mean(axis=1), [0.025, 0.975])
+    return Interval(float(np.sort(sample)[-count:].mean()), float(low), float(high), n)

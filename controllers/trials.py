@@ -108,6 +108,17 @@ def pack(plants: Sequence[Plant]) -> tuple[NDArray[np.float64], NDArray[np.int64
     return np.ascontiguousarray(np.stack([p.p for p in packed], axis=1)), codes, packed[0].rows
 
 
+def plants_off_by(share: float, plant: Plant, n: int, rng: np.random.Generator) -> list[Plant]:
+    """n plants whose θ is each off by a random factor, log-normal with standard deviation `share`."""
+    drawn: list[Plant] = []
+    while len(drawn) < n:
+        theta = plant.theta * np.exp(share * rng.standard_normal(9))
+        th1, th2, th3, th4 = theta[:4]
+        if th1 * th4 > 1.05 * th3 * th3 and th1 + th2 > 0:  # a mass matrix well away from singular
+            drawn.append(plant.replace(theta=theta))
+    return drawn
+
+
 def run_trials(
     plant: Plant | Sequence[Plant],
     policy: Any,
@@ -118,13 +129,14 @@ def run_trials(
     *,
     swing_up: bool = False,
     arm_travel: float = ARM_TRAVEL,
+    hold: float = HOLD,
     seed: int = 0,
 ) -> Outcome:
     """Play `policy` in every trial of `starts`, on one plant or on one plant for each trial.
 
     A balance trial succeeds if |q2| never passes π/2 and |q1| never passes `arm_travel`; a swing-up trial if the
-    last 5 s are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the number of
-    trials only, so every policy meets the same.
+    last `hold` seconds are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the
+    number of trials only, so every policy meets the same.
     """
     L, T = starts.lanes, sample_time
     plants = [plant] * L if isinstance(plant, Plant) else list(plant)
@@ -132,8 +144,8 @@ def run_trials(
         raise ValueError(f"{L} trials need one plant or {L}, got {len(plants)}")
     check_clock(policy, T)
     n = round(duration / T)
-    if n < 1 or (swing_up and duration <= HOLD):
-        raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {HOLD:g} s)")
+    if n < 1 or (swing_up and duration <= hold):
+        raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {hold:g} s)")
     sensors = sensors or Sensors()
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
@@ -146,7 +158,7 @@ def run_trials(
     X[:4] = starts.x0
     U, W, t = np.zeros((n + 1, L)), np.zeros((2, L)), np.arange(n + 1) * T
     held = np.concatenate([[-np.inf], t[:n]])  # nothing is commanded before the trial
-    score = _Score(L, T, n, starts.push_time, swing_up, arm_travel)
+    score = _Score(L, T, n, starts.push_time, arm_travel, hold if swing_up else None)
     for k in range(n):
         if not score.watch(k, X):
             break
@@ -163,14 +175,14 @@ class _Score:
     """Adds up a batch of trials while it runs."""
 
     def __init__(
-        self, L: int, T: float, n: int, push_time: NDArray[np.float64], swing_up: bool, arm_travel: float
+        self, L: int, T: float, n: int, push_time: NDArray[np.float64], arm_travel: float, hold: float | None
     ) -> None:
-        self.T, self.n, self.swing_up, self.arm_travel = T, n, swing_up, arm_travel
+        self.T, self.n, self.swing_up, self.arm_travel = T, n, hold is not None, arm_travel
         self.alive = np.ones(L, dtype=bool)
         self.failed_at = np.full(L, np.inf)
         self.settled = np.zeros(L)
         self.push_time = push_time
-        self.hold_from = n - round(HOLD / T) if swing_up else 0
+        self.hold_from = n - round(hold / T) if hold is not None else 0
         self.sum1, self.sum2, self.largest = np.zeros(L), np.zeros(L), np.zeros(L)
 
     def watch(self, k: int, X: NDArray[np.float64]) -> bool:

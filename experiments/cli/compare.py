@@ -51,6 +51,7 @@ def compare_command(
     from controllers.conditions import GROUPS
     from controllers.evaluation import compare
     from controllers.film import require_film
+    from controllers.linear import LinearController
     from controllers.plots import draw_comparison
     from furuta_gym.plant import Plant
 
@@ -90,7 +91,8 @@ def compare_command(
     console = Console()
     (console if console.is_terminal else Console(width=120)).print(result.table())
     typer.echo(f"Written in {output}: {', '.join(written)}")
-    if own := [name for name in names if name != "paper-lqr" and not name.endswith(".zip")]:
+    linear = [name for name, policy in result.policies.items() if isinstance(policy, LinearController)]
+    if own := [name for name in linear if name != "paper-lqr"]:
         typer.echo(f"Next: furuta export {shlex.quote(plant)} --controller {own[-1]} -o {own[-1]}.h")
 
 

@@ -2,13 +2,15 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from controllers import conditions as conditions_module
 from controllers import make_controller
 from controllers.comparison import Comparison
-from controllers.conditions import GROUPS, conditions
+from controllers.conditions import GROUPS, SWING_UP_EFFECTS, conditions
 from controllers.evaluation import compare
 from controllers.plots import draw_comparison
 from controllers.statistics import Interval
@@ -148,10 +150,23 @@ def test_a_controller_that_does_not_apply_is_left_out_with_its_reason(comparison
     assert "does not apply" in comparison.skipped["paper-lqr"]
 
 
-def test_swing_up_group_takes_those_that_can():
-    result = compare("qube", ["dlqr", "swing-up"], trials=4, groups=("swing_up",))
-    assert "swing-up" not in result.scores["dlqr"]
-    assert result.scores["swing-up"]["swing-up"]["success"].value == 1.0
+def test_swing_up_group_takes_those_that_can(monkeypatch):
+    monkeypatch.setattr(conditions_module, "_harder", lambda plain, trials, *rest: [replace(plain, name="again")])
+    result = compare("qube", ["dlqr", "swing-up"], trials=4, duration=5.0, groups=("swing_up",))
+    assert result.scores["dlqr"] == {}
+    rows = result.scores["swing-up"]
+    assert set(rows) == set(result.groups) == {"swing-up", "again"}
+    assert rows["swing-up"]["success"].value == 1.0
+    assert rows["swing-up"]["worst_settling"].value >= rows["swing-up"]["settling"].value
+    assert "worst 5 %" in str(result)
+
+
+def test_who_is_never_up_took_the_whole_trial():
+    row = {r.name: r for r in conditions(QUBE, Sensors(), 3, 3, 5.0, groups=("swing_up",))}["swing-up, arm_spring"]
+    scores = replace(row, duration=6.0).score(Idle(), 0.004, 0)
+    assert scores["success"].value == 0.0
+    assert scores["worst_settling"].value == 6.0
+    assert np.isnan(scores["worst_largest_q1"].value)
 
 
 def test_design_from_another_plant():
@@ -177,6 +192,22 @@ def test_conditions_are_what_their_names_say():
             share = float(re.search(r"±(\d+) %", row.name).group(1)) / 100
             spread = np.std([np.log(p.theta / plant.theta) for p in row.plants], axis=0)
             assert np.median(spread) == pytest.approx(share, rel=0.15)
+
+
+def test_swing_ups_are_played_on_the_rigs_that_their_names_say():
+    late = QUBE.with_effects(Effect("input_delay", {"d": 0.005}))
+    rows = {r.name: r for r in conditions(late, Sensors(), 20, 7, 10.0, groups=("swing_up",))}
+    assert {r.group for r in rows.values()} == {r.kind for r in rows.values()} == {"swing_up"}
+    assert (rows["swing-up"].trials, rows["swing-up"].duration) == (20, 15.0)
+    assert {r.trials for name, r in rows.items() if name != "swing-up"} == {7}
+    for ms in (4, 8, 16, 24):
+        delay = rows[f"swing-up, {ms} ms late"].plants.effect("input_delay")
+        assert delay.parameters["d"] == pytest.approx(0.005 + 1e-3 * ms)
+    assert rows["swing-up, supply 60 %"].plants.u_max == pytest.approx(6.0)
+    assert len(rows["swing-up, θ ±20 %"].plants) == 7
+    assert rows["swing-up, noise 3 mrad"].sensors.noise_std == pytest.approx((0.003, 0.003))
+    for name in SWING_UP_EFFECTS:
+        assert rows[f"swing-up, {name}"].plants == late.with_effects(late.default_effect(name))
 
 
 def test_the_largest_push_is_the_largest(comparison):

@@ -54,7 +54,6 @@ def test_a_registered_controller_is_known_in_python_and_to_the_commands(tmp_path
         ("lqg", (), False),
         ("lqr-friction", (), False),
         ("lqi", (), False),
-        ("swing-up", (), False),
     ],
 )
 def test_only_plain_state_feedback_says_a_gain(name: str, effects: tuple[Effect, ...], plain: bool) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.statistics import Interval, interquartile_mean, success_rate, typical
+from controllers.statistics import Interval, interquartile_mean, success_rate, typical, worst
 
 
 def test_wilson_interval_against_published_values():
@@ -40,3 +40,12 @@ def test_no_trials_give_no_number():
         assert np.isnan(x.value)
         assert x.to_dict()["value"] is None
         assert np.isnan(Interval.from_dict(x.to_dict()).low)
+
+
+def test_the_worst_are_the_largest():
+    values = np.arange(1.0, 101.0)
+    found = worst(np.random.default_rng(0).permutation(values))
+    assert found.value == pytest.approx(98.0)  # the mean of 96 … 100
+    assert found.low < found.value < found.high <= 100.0
+    assert worst([3.0, 1.0]).value == 3.0
+    assert worst([]).n == 0

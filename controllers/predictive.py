@@ -1,0 +1,84 @@
+"""The sampled LQR on a state that is predicted over the delay; what swing-ups catch and hold with."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import Plant
+from furuta_gym.sensors import Sensors
+
+from .base import Controller, DesignError, Reference
+from .design import Weights, design_model
+from .lqr import dlqr_gain
+from .predictor import Predictor, feedback_state, lagged_torque_row, without_delay
+
+LOST = 1.2  # rad; a pendulum beyond it is swung up anew
+RETURN_TIME = 1.0  # s; the arm's way back to its reference
+
+
+class PredictiveBalancer(Controller):
+    """τ = −K x̂(t + delay), K the sampled LQR of the plant without its delay, x̂ of a `Predictor`.
+
+    On a linear plant this is the LQR of the delayed plant. `goal` of the arm starts where the arm was and goes to the
+    reference, as the LQR is for small ways only.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        sample_time: float,
+        sensors: Sensors,
+        weights: Weights,
+        reference: Reference = 0.0,
+        name: str = "predictive",
+    ) -> None:
+        super().__init__(name, sample_time, plant.u_max, reference)
+        self.plant = plant
+        self.predictor = Predictor(plant, sample_time, sensors)
+        self.known = self.predictor.known
+        self._model = design_model(without_delay(plant), sample_time)
+        self._gain = dlqr_gain(self._model, weights)
+        self._lag_row = lagged_torque_row(self.predictor.plant)
+        self.q2e, self.holding_torque = self._model.q2e, self._model.torque
+        low, high = self.known.torque_limits
+        self.limits = low - self.holding_torque, high - self.holding_torque
+        if not self.limits[0] < 0 < self.limits[1]:
+            raise DesignError(
+                f"{name}: holding the arm at zero takes {self.holding_torque:.4g} {plant.unit}, more than the motor "
+                f"gives ({low:.4g} to {high:.4g}); check the plant's effects and u_max"
+            )
+        self._start()
+
+    def start_from(self, state: NDArray[np.float64]) -> None:
+        """What is known before the first reading after `reset`: the true state (4, L)."""
+        self._known_start = state
+
+    _known_start: NDArray[np.float64] | None = None
+
+    def _start(self) -> None:
+        self.predictor.restart(self._known_start)
+        self._goal: Any = None
+
+    def _begin(self, q1: NDArray[np.float64]) -> None:
+        self._goal, self._turns = q1.copy(), np.zeros_like(q1)
+
+    def _command(self, y: NDArray[np.float64], reference: float) -> Any:
+        X = self.predictor.update(y.reshape(2, -1))
+        if self._goal is None:
+            self._begin(X[0])
+        torque = np.clip(self._torque(reference), *self.limits) + self.holding_torque
+        u = np.clip(np.nan_to_num(self.known.command(torque)), -self.u_max, self.u_max)
+        self.predictor.send(u)
+        return u if y.ndim == 2 else u[0]
+
+    def _torque(self, reference: float) -> NDArray[np.float64]:
+        """Torque (L,) less the holding one, not yet limited."""
+        return self._hold(self.predictor.ahead()[0], reference)
+
+    def _hold(self, X: NDArray[np.float64], reference: float) -> NDArray[np.float64]:
+        x = feedback_state(X, self._model, self._lag_row).copy()
+        x[0] -= self._goal
+        x[1] -= self.q2e + 2 * np.pi * self._turns
+        self._goal = self._goal + (reference - self._goal) * self.sample_time / RETURN_TIME
+        return -(self._gain @ x)
