@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-EXTRAS := rl,report,matlab,labview,ros,mujoco,video,studio,lab,docs,dev
+EXTRAS := rl,report,matlab,labview,ros,mujoco,video,studio,lab,plan,docs,dev
 # torch without CUDA is 0.8 GB instead of several; where this index cannot be reached, pip's own one serves
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder

@@ -87,7 +87,10 @@ def diagnose_command(
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 6,
     as_json: opt.AsJson = False,
 ) -> None:
-    """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report."""
+    """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report.
+
+    A search that was stopped goes on with the same command.
+    """
     from experiments.report import COMMAND_FILE, examine, extra_lacking, render, write_command
     from furuta_gym.plant import Plant
 
