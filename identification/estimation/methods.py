@@ -49,7 +49,7 @@ class Method:
 DEFAULT = "prediction-error"
 
 METHODS: dict[str, Method] = {
-    DEFAULT: Method(".identify", "PredictionErrorMethod", "maximum likelihood through a Kalman filter's innovations"),
+    DEFAULT: Method(".most_likely", "PredictionErrorMethod", "maximum likelihood by a Kalman filter's innovations"),
     "filtered-ls": Method(".classical", "FilteredLeastSquares", "the paper's"),
     "recursive-ls": Method(".classical", "RecursiveLeastSquares", "the paper's, on line"),
     "ekf": Method(".classical", "ExtendedKalmanFilter", "joints and θ in one filter, on line"),

@@ -1,0 +1,227 @@
+"""Maximum likelihood through a Kalman filter's innovations: from logs and a start to an Estimate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import numpy as np
+
+from furuta_gym.plant import THETA_NAMES, Effect, Plant
+from furuta_gym.plant.parameters import physical_consistency
+
+from ..kalman.coordinates import (
+    SHARPNESS_NAMES,
+    Coordinate,
+    Zeros,
+    filled_noise,
+    filled_plant,
+    noise_coordinates,
+    plant_coordinates,
+    zero_coordinates,
+)
+from ..kalman.noise_model import Noise
+from ..kalman.record import Record, stretches
+from ..logs.log import Log
+from ..logs.signs import motion_signs
+from .estimate import Estimate, NoiseReport
+from .identifiability import Motion, judge, spoken
+from .known import known_values, restless, value_of, with_known
+from .long_logs import begin
+from .methods import DEFAULT
+from .optimise import TOLERANCE, Optimum, minimise
+from .pool import shared_pool
+from .prediction_error import PredictionError, quietest
+from .restarts import restarted
+from .start import Start, candidates, race
+from .uncertainty import fit_covariance, inverse_information, recommended
+
+_R_RANGE = (3.0, 2000.0)  # s/rad
+_R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
+
+
+def _most_likely(
+    logs: Sequence[Log],
+    template: Plant,
+    start: Plant | None,
+    /,
+    *,
+    fixed: Mapping[str, float | None],
+    priors: Mapping[str, tuple[float, float]],
+    effects: Sequence[str | Effect],
+    physical: bool,
+    sharpness: float | None,
+    negative_friction: bool,
+    iterations: int,
+    noise: Noise | None,
+    zeros: Zeros | None,
+    pool: Executor | None,
+) -> Estimate:
+    fixed, priors = dict(fixed), dict(priors)
+    if sharpness is not None:
+        fixed |= {"r": float(sharpness)}
+    if not (noise is None or isinstance(noise, Noise)):
+        raise ValueError(
+            f"noise must be a Noise of an earlier fit, got {type(noise).__name__}; make one by Noise(torque)"
+        )
+    pool = pool or shared_pool()
+    used = stretches(logs)
+    records = [stretch.record for stretch in used]
+    if fixed.get("r", 0.0) is None and isinstance(template.friction_sharpness, tuple):
+        del fixed["r"]
+        fixed |= {"r1": None, "r2": None}
+    if {"r1", "r2"} & {*fixed, *priors}:
+        template = template.replace(friction_sharpness=template.sharpness)
+    known = known_values(fixed, template if start is not None else None, effects)
+
+    def free(plant: Plant) -> list[Coordinate]:
+        return _coordinates(plant, fixed, priors, negative_friction, records)
+
+    def freely(plant: Plant) -> list[Coordinate]:
+        """Without what is said of effects that come later."""
+        later = {n for n in {*fixed, *priors} if "." in n and plant.effect(n.partition(".")[0]) is None}
+        said = [n for n in fixed if n not in later], {n: v for n, v in priors.items() if n not in later}
+        return _coordinates(plant, *said, negative_friction, records)
+
+    free(with_known(template, known, effects))  # names that are none are told before any work
+
+    if start is not None and noise is not None:
+        winner = Start(with_known(template, known, effects), noise)
+    else:
+        told = known | {n: m for n, (m, _) in priors.items()}
+        starts = candidates([stretch.piece for stretch in used], template, told)
+        if start is not None:
+            starts = [Start(template, restless(template)), *starts]
+        starts = [Start(with_known(s.plant, known), s.noise) for s in starts]
+        winner, _ = race(records, starts, freely(starts[0].plant), physical=physical, pool=pool)
+    plant = with_known(winner.plant, known, effects)
+    problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
+    optimum = minimise(problem, begin(problem, iterations), iterations)
+    if noise is None:  # an earlier fit that goes on has been restarted already
+        optimum = restarted(problem, optimum, iterations, TOLERANCE, exact=True)
+    return _estimate(logs, problem, optimum, plant, fixed)
+
+
+class PredictionErrorMethod:
+    """Maximum likelihood through the innovations of extended Kalman filters; uses every option of `identify`."""
+
+    estimate = staticmethod(_most_likely)
+
+
+def _coordinates(
+    plant: Plant,
+    fixed: Iterable[str],
+    priors: Mapping[str, tuple[float, float]],
+    negative_friction: bool,
+    records: Sequence[Record],
+) -> list[Coordinate]:
+    found = plant_coordinates(plant, fixed, priors, negative_friction=negative_friction)
+    limited = [
+        replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c
+        for c in found
+    ]
+    return limited + zero_coordinates(plant, records) + noise_coordinates(quietest(plant, records))
+
+
+def _estimate(
+    logs: Sequence[Log],
+    problem: PredictionError,
+    optimum: Optimum,
+    start: Plant,
+    fixed: Mapping[str, float | None],
+) -> Estimate:
+    if not math.isfinite(optimum.value):
+        raise ValueError(
+            f"the fit found no plant that follows these logs ({optimum.message}). Check the columns, the signs and "
+            "the zero of q2 (upright), or give a start plant"
+        )
+    coordinates = problem.coordinates
+    expansion = optimum.expansion
+    if expansion.scores is None:
+        expansion = problem.expand(optimum.z, exact=True, scores=True)
+    spread = fit_covariance(problem, expansion)
+    own = [i for i, c in enumerate(coordinates) if c.of_plant]
+    slopes = np.array([coordinates[i].slope(optimum.z[i]) for i in own])
+    names = tuple(coordinates[i].name for i in own)
+    values = np.array([coordinates[i].to_value(optimum.z[i]) for i in own])
+    classical = spread.classical[np.ix_(own, own)] * np.outer(slopes, slopes)
+    sandwich = spread.sandwich[np.ix_(own, own)] * np.outer(slopes, slopes)
+    covariance = recommended(classical, sandwich)
+    at_bound = tuple(
+        c.name
+        for c, z, low, high in zip(coordinates, optimum.z, problem.low, problem.high, strict=True)
+        if c.of_plant and (z <= low + 1e-9 or z >= high - 1e-9)
+    )
+    motion = Motion.of(logs)
+    std = np.sqrt(np.diag(covariance))
+    verdict = judge(names, values, inverse_information(covariance), motion, std, _noticeable(start))
+    noise = filled_noise(coordinates, optimum.z, problem.noise)
+    reading = tuple(tuple(np.sqrt(noise.on(r).variance).tolist()) for r in problem.records)  # rounding included
+    plant = filled_plant(start, coordinates, optimum.z)
+    return Estimate(
+        plant=plant,
+        method=DEFAULT,
+        names=names,
+        values=values,
+        covariance=covariance,
+        identifiability=verdict,
+        classical=classical,
+        sandwich=sandwich,
+        noise=NoiseReport(tuple(noise.torque.tolist()), reading),  # type: ignore[arg-type]
+        log_likelihood=problem.prior_cost(optimum.z)
+        - optimum.value
+        - sum(len(r.t) for r in problem.records) * math.log(2 * math.pi),
+        samples=sum(len(r.t) for r in problem.records),
+        converged=optimum.converged,
+        message=optimum.message,
+        iterations=optimum.iterations,
+        at_bound=at_bound,
+        fixed={n: value_of(plant, n) for n in fixed},
+        warnings=tuple(_warnings(logs, plant, at_bound, noise)),
+        zeros=problem.zeros_at(optimum.z),
+        problem=problem,
+        optimum=optimum,
+    )
+
+
+def _noticeable(plant: Plant) -> dict[str, float]:
+    """ "effect.parameter" → a size worth noticing; 1 where the declaration has none, as for a phase [rad]."""
+    return {
+        f"{effect.name}.{name}": abs(value) if value and math.isfinite(value) else 1.0
+        for effect in plant.effects
+        for name, value in plant.default_effect(effect.name).parameters.items()
+    }
+
+
+def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
+    signs = {log.source: motion_signs(log.t, log.q1, log.q2, log.u) for log in logs}
+    doubted = any(found.wrong for found in signs.values())
+    for name in at_bound:
+        if name in THETA_NAMES[5:]:
+            cause = "as a wrong sign does, see below" if doubted else "so an effect is probably missing"
+            yield (
+                f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, which no rig has; "
+                f"{cause} (`furuta diagnose` looks for it)"
+            )
+        elif name in SHARPNESS_NAMES:
+            yield f"{name} ends at its bound {value_of(plant, name):.3g} s/rad: friction near rest is not told; fix r"
+        else:
+            yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
+    for source, found in signs.items():
+        if wrong := found.wrong:
+            yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
+    if failures := physical_consistency(plant.theta).failures:
+        remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
+        yield "; ".join(failures) + f". {remedy}"
+    # what the torque noise adds up to over a tenth of a second, against the command's size
+    missing = math.sqrt(noise.torque[0] / 0.1)
+    command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
+    if missing > 0.1 * command:
+        yield (
+            f"the model misses torques of about {missing:.2g} {plant.unit} ({100 * missing / command:.0f} % of the "
+            "command): something acts that model (5) does not hold; run `furuta diagnose`"
+        )
+    if max(noise.reading_factor) > 4.0:
+        yield "the readings are at least twice as noisy as their counts and smoothness say; check the encoder counts"
