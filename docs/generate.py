@@ -196,7 +196,7 @@ def _table(parameters: list[Any]) -> list[str]:
         said = _words(getattr(p, "help", None))
         if p.required:
             said += " Required."
-        elif shown and type(default) in (int, float, str) and "default" not in said.lower():
+        elif shown and type(default) in (int, float, str) and default != "" and "default" not in said.lower():
             said += f" Default: {default}."
         rows.append(f"| {names} | {_cell(str(kind).strip('{}').lower())} | {_cell(said)} |")
     return rows

@@ -68,7 +68,10 @@ def _show_policy(wanted: bool) -> None:
 def diagnose_command(
     logs: opt.Logs,
     reading: Reading,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Folder for diagnosis.json, plant.json, report.html, next_experiment.csv."),
+    ],
     held_out: Annotated[
         list[Path] | None,
         typer.Option(

@@ -1,5 +1,10 @@
 """The batch as a stable-baselines3 VecEnv."""
 
+import re
+from pathlib import Path
+from typing import Any
+
+import gymnasium
 import numpy as np
 import pytest
 from stable_baselines3 import PPO, SAC
@@ -7,6 +12,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.sb3 import FurutaVecEnv
+from furuta_gym.plant import Plant
 
 
 def test_equal_to_sb3s_own_over_single_envs():
@@ -63,3 +69,19 @@ def test_what_a_batch_cannot_do_is_said():
     with pytest.raises(NotImplementedError, match="no separate envs"):
         env.env_method("render")
     assert env.env_is_wrapped(FurutaEnv) == [False, False]
+
+
+def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With fewer steps; the rig's id is the late one."""
+    page = (Path(__file__).parents[3] / "docs" / "how-to" / "own_training_script.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    Plant.resolve("qube").save("rig.json")
+    names: dict[str, Any] = {}
+    try:
+        for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+            exec(code.replace('"MlpPolicy", env', '"MlpPolicy", env, n_steps=64').replace("200_000", "64"), names)
+        env = gymnasium.make("MyRig-v0")
+        assert env.get_wrapper_attr("plant").effect("input_delay").parameters["d"] == 0.015
+        assert env.action_space == gymnasium.make("FurutaSwingUp-v0").action_space
+    finally:
+        gymnasium.registry.pop("MyRig-v0", None)
