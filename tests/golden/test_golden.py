@@ -20,7 +20,7 @@ from tests.golden.results import EXPECTED, LOGS, diagnose_arguments, names, run_
 pytest.importorskip("jinja2", reason="furuta diagnose needs the extra 'report'")
 
 CASES = sorted(path.stem for path in EXPECTED.glob("*.json") if path.stem != "envs")
-QUICK = ("drag-servo-hanging", "lag-faint-desk", "lag-servo", "none-servo", "still-pendulum", "still-rig")
+QUICK = ("lag-faint-desk", "lag-servo", "none-servo", "still-pendulum", "still-rig")
 """Those that are quick. The others take minutes: FURUTA_GOLDEN=all, or `python -m tests.golden.results`."""
 SHARE = 0.01  # of a standard deviation
 GAP = 1e-3  # of a ratio to the noise floor

@@ -23,7 +23,7 @@ from tests.factories import loop_log
 
 ONLY = ("arm_spring", "arm_ripple", "input_offset")
 NOISE = Noise((1e-4, 1e-6), (0.5, 0.5))
-STOPS = 10 if os.environ.get("FURUTA_STUDIES") else 2
+STOPS = 10 if os.environ.get("FURUTA_STUDIES") else 1
 
 
 @pytest.fixture(scope="module")
