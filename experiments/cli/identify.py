@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -118,7 +119,15 @@ def identify_command(
     typer.echo(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )
-    typer.echo(f"Next: furuta validate {output} LOG   (a log that was not fitted)")
+    typer.echo(f"Next: {_next(gap, logs, output)}")
+
+
+def _next(gap: Gap | None, logs: Sequence[Path], output: Path) -> str:
+    from identification.validation.adequacy import Adequacy
+
+    if gap is None or gap.judgement.adequacy is not Adequacy.INADEQUATE:
+        return f"furuta validate {shlex.quote(str(output))} LOG   (a log that was not fitted)"
+    return f"furuta diagnose {' '.join(shlex.quote(str(log)) for log in logs)} -o diagnosis   (finds what is missing)"
 
 
 def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]:
