@@ -4,57 +4,13 @@ The angle lies in a cell of the encoder's width around the reading (Curry 1970, 
 """
 
 import math
-from typing import Any
 
-from numba import types
-
-from furuta_gym.plant.compiled import compiled, instruction
-from furuta_gym.plant.elementary import fma
+from furuta_gym.plant.compiled import compiled
+from furuta_gym.plant.elementary import exp, fma
 
 _ROOT_HALF = math.sqrt(0.5)
 _ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
-_LOG2_E = 1.0 / math.log(2.0)
-# log 2 in two parts (Cody and Waite 1980)
-_LN2_HIGH = 6.93147180369123816490e-01
-_LN2_LOW = 1.90821492927058770002e-10
-_SHIFT = 1.5 * 2.0**52  # its last bits count ones
 _NARROW = 0.04  # of a prediction's variance: a cell with less than that as its width squared is narrow
-
-
-@instruction
-def _scaled(typing_context: Any, x: Any, shifted: Any) -> Any:
-    """x · 2^k, where shifted = k + `_SHIFT`: k is added to the exponent of x."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        x, shifted = arguments
-        bits = context.get_value_type(types.int64)
-        exponent = builder.shl(builder.bitcast(shifted, bits), bits(52))
-        return builder.bitcast(builder.add(builder.bitcast(x, bits), exponent), x.type)
-
-    return types.float64(types.float64, types.float64), code
-
-
-@compiled(forceinline=True)
-def exp(x: float) -> float:
-    """e^x for −700 ≤ x ≤ 700; relative error below 4e-16."""
-    shifted = x * _LOG2_E + _SHIFT
-    k = shifted - _SHIFT
-    y = fma(-k, _LN2_LOW, fma(-k, _LN2_HIGH, x))
-    e = 1.0 / 6227020800.0
-    e = fma(y, e, 1.0 / 479001600.0)
-    e = fma(y, e, 1.0 / 39916800.0)
-    e = fma(y, e, 1.0 / 3628800.0)
-    e = fma(y, e, 1.0 / 362880.0)
-    e = fma(y, e, 1.0 / 40320.0)
-    e = fma(y, e, 1.0 / 5040.0)
-    e = fma(y, e, 1.0 / 720.0)
-    e = fma(y, e, 1.0 / 120.0)
-    e = fma(y, e, 1.0 / 24.0)
-    e = fma(y, e, 1.0 / 6.0)
-    e = fma(y, e, 0.5)
-    e = fma(y, e, 1.0)
-    e = fma(y, e, 1.0)
-    return _scaled(e, shifted)
 
 
 @compiled(forceinline=True)

@@ -1,11 +1,11 @@
-"""sin, cos and tanh of the compiled core against the library."""
+"""sin, cos, tanh and exp of the compiled core against the library."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furuta_gym.plant.elementary import sincos, tanh
+from furuta_gym.plant.elementary import exp, sincos, tanh
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +45,8 @@ def test_tanh_keeps_relative_precision_near_zero_and_saturates():
 def test_not_a_number_stays_one():
     assert np.isnan(tanh(np.nan))
     assert np.isnan(sincos(np.nan)).all()
+
+
+@given(st.floats(-700.0, 700.0))
+def test_exp_is_the_librarys(x):
+    assert exp(x) == pytest.approx(np.exp(x), rel=5e-16)

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from identification.kalman.rounding import counted, erfcx, exp
+from identification.kalman.rounding import counted, erfcx
 
 
-def test_exp_and_erfcx_are_those_of_scipy() -> None:
-    for x in np.linspace(-700.0, 700.0, 2001):
-        assert exp(x) == pytest.approx(np.exp(x), rel=4e-16)
+def test_erfcx_is_scipys() -> None:
     for x in np.concatenate([np.linspace(0.0, 10.0, 2001), np.logspace(1, 8, 50)]):
         assert erfcx(x) == pytest.approx(special.erfcx(x), rel=2e-15)
 
