@@ -71,6 +71,18 @@ def test_other_sizes_are_tried_of_all_where_all_went_astray(
     assert ranking_of(by, a_fit(), *bowls, thorough=thorough)[0].name == winner
 
 
+@pytest.mark.parametrize(("first", "left", "tried"), [(-3.0, False, False), (-3.0, True, True), (-40.0, False, True)])
+def test_where_nothing_is_left_other_sizes_are_tried_of_what_pays_its_price_only(
+    first: float, left: bool, tried: bool
+) -> None:
+    """The spring has a deep minimum at three times its suggested size. A spring that explains as much leaves nothing
+    and pays its price at once; one of 3 nats is worth a second look only while something is left."""
+    spring = [Bowl(first), Bowl(-300.0, sizes={"arm_spring": 3.0})]
+    by = search({"": 0.0, "arm_spring": spring}, "arm_spring")
+    found = ranking_of(by, a_fit(), "arm_spring", nothing_left=not left)
+    assert (found[0].gain > 200.0) is tried
+
+
 def test_the_best_suspects_are_fitted_to_the_end_unless_they_gain_too_little() -> None:
     slow = Bowl(-400.0, x=1.0, rate=0.97)  # an end that eight rounds of four do not reach
     by = search({"": 0.0, "arm_spring": slow}, "arm_spring")
