@@ -21,6 +21,8 @@ ARM_ZERO_STD = 1.0
 """Prior standard deviation [rad] of the arm's zero in a log, relative to the first log's."""
 PENDULUM_ZERO_STD = 1.5
 """The same of the pendulum's zero, in counts."""
+_ZERO_LIMIT = 3.0, 4e-3
+"""Counts, and radians where these are more: what a pendulum at rest may be off. Beyond it a zero is an effect."""
 
 _STAND_FOR_A_ZERO = {"pendulum_encoder_offset", "base_tilt"}
 
@@ -224,24 +226,25 @@ def zero_coordinates(
     """Zeros of the encoders in each log, relative to the first one's, with priors.
 
     An incremental encoder counts from where it was switched on, so logs of one rig may count from different zeros. The
-    arm's zero is free within about a radian, where an effect depends on the arm's angle (nothing else shows it); the
-    pendulum's within a count or two: it is set at rest. free: logs whose zeros are free; default all but the first,
-    whose zeros are the plant's. first: the pendulum's zero in the first log is free as well, where no effect stands for
-    it: a count is always lost when a pendulum is set to zero by hand, and a search must not take that for an effect.
+    arm's zero is free within about a radian, where an effect depends on the arm's angle (nothing else shows it). The
+    pendulum's is set at rest: it is free within a count or two, and never beyond three. free: logs whose zeros are
+    free; default all but the first, whose zeros are the plant's. first: the pendulum's zero in the first log is free as
+    well, where no effect stands for it: a count is always lost when a pendulum is set to zero by hand, and a search
+    must not take that for an effect.
     """
     logs = sorted({r.log for r in records})
     found = []
     if first and not tells_the_zero(plant):
         start = next(r for r in records if r.log == logs[0])
         count = float(max(start.quantum[1], math.sqrt(12.0 * start.variance[1])))
-        found.append(_zero(logs[0], 1, PENDULUM_ZERO_STD * count, count))
+        found.append(_pendulum_zero(logs[0], count))
     for log in logs[1:] if free is None else free:
         record = next(r for r in records if r.log == log)
         count = np.maximum(record.quantum, np.sqrt(12.0 * record.variance))
         if placed(plant):
             # a descent moves by a scale at most: it must reach a zero a radian away in a few steps
             found.append(_zero(log, 0, ARM_ZERO_STD, 0.3 * ARM_ZERO_STD))
-        found.append(_zero(log, 1, PENDULUM_ZERO_STD * float(count[1]), float(count[1])))
+        found.append(_pendulum_zero(log, float(count[1])))
     return found
 
 
@@ -253,6 +256,11 @@ def tells_the_zero(plant: Plant) -> bool:
 def placed(plant: Plant) -> bool:
     """Whether something on the plant depends on where the arm stands."""
     return any("q1" in names for effect in plant.effects for names in effect.type.arguments.values())
+
+
+def _pendulum_zero(log: int, count: float) -> Coordinate:
+    limit = max(_ZERO_LIMIT[0] * count, _ZERO_LIMIT[1])
+    return replace(_zero(log, 1, PENDULUM_ZERO_STD * count, count), low=-limit, high=limit)
 
 
 def _zero(log: int, axis: int, std: float, scale: float) -> Coordinate:

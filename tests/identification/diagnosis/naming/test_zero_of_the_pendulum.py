@@ -30,7 +30,8 @@ def test_a_count_is_the_zeros() -> None:
 
 def test_many_counts_are_an_effect_and_told_once() -> None:
     plain, named = _fitted(20.0), _fitted(20.0, Effect("pendulum_encoder_offset", {"b": 0.01}))
-    assert plain.value - named.value > 20.0
+    assert plain.value - named.value > 300.0  # and not only the price of a zero so far off, 89 nats
+    assert plain.zeros[0][1] == pytest.approx(3.0 * COUNT, rel=1e-6)
     again = fit(named.plant, named.noise, named.records, anchor=TABLE_3, zeros={0: (0.0, 10.0 * COUNT)})
     (effect,) = again.plant.effects
     assert next(iter(effect.parameters.values())) == pytest.approx(20.0 * COUNT, abs=2.0 * COUNT)
