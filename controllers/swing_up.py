@@ -30,8 +30,6 @@ PATIENCE = 3.0  # swings; energy that has not grown for so long, without a catch
 ROOM = 0.8  # of the arm's travel, which swinging up may use
 FULL = 1.5  # of the acceleration that the largest torque gives an arm alone: the pendulum's pull wants more
 GROWTH = 0.01  # of θ5; energy grows when it exceeds its largest value by this
-REHEARSAL = 12.0  # swings
-_STARTS = 8
 REHEARSALS = (7, 14)  # swings; 7 are enough for most rigs
 TRIES = 6  # ways of pumping, the best first, that are tried in turn
 

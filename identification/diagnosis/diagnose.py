@@ -64,7 +64,7 @@ def diagnose(
     held = HeldOut(logs, held_out, policy)
     fitter = FitJournal(None if journal is None else Path(journal))
     if len(fitter):
-        say(f"going on from {journal} ({len(fitter)} fits)")
+        say(f"{journal} keeps {len(fitter)} fits of a search that was stopped; those of these logs are not made again")
     found = searched(held, start, most, only, say, fitter)
     say("predicting data that no fit saw")
     found = verified(found, held)

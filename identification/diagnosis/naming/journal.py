@@ -39,7 +39,7 @@ class FitJournal:
         self.path, self.fitter = path, fitter
         self.used = 0
         """Fits that were known."""
-        self._known = {} if path is None else _read(path)
+        self._known, self._torn = ({}, False) if path is None else _read(path)
         self._lock = threading.Lock()
         self._digests: dict[tuple[int, ...], tuple[Sequence[Record], str]] = {}
 
@@ -121,7 +121,8 @@ class FitJournal:
         with self._lock:
             try:
                 with open(self.path, "a", encoding="utf-8") as file:
-                    file.write(line + "\n")
+                    file.write(("\n" if self._torn else "") + line + "\n")
+                    self._torn = False
             except OSError:  # a full disk stops no search
                 pass
 
@@ -132,14 +133,16 @@ def _plain(plant: Plant) -> dict[str, Any]:
     return bare.to_dict()
 
 
-def _read(path: Path) -> dict[str, Optimum]:
+def _read(path: Path) -> tuple[dict[str, Optimum], bool]:
+    """What a journal holds, and whether its last line was cut off."""
     try:
         if path.stat().st_size > _LONGEST:
-            return {}
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+            return {}, False
+        text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
-        return {}
-    return {key: optimum for key, optimum in map(_parsed, lines) if optimum is not None}
+        return {}, False
+    known = {key: optimum for key, optimum in map(_parsed, text.splitlines()) if optimum is not None}
+    return known, bool(text) and not text.endswith("\n")
 
 
 def _parsed(line: str) -> tuple[str, Optimum | None]:
