@@ -191,7 +191,7 @@ class Diagnosis:
             if self.found:
                 lines.append("  the standard deviations above hold where nothing is left: here they are too small")
         lines.append(
-            f"  torque that passes for noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
+            f"  unknown torque, taken as noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
         )
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
         lines.append(f"  no log can tell from θ: {taken}")

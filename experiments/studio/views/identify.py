@@ -11,6 +11,7 @@ from furuta_gym.plant.parameters import THETA_MEANING
 from identification import Estimate, Gap, Log, excite, identify, validate
 from identification.estimation.estimate import rounded, unit_of
 from identification.estimation.identifiability import WEAK
+from identification.validation.adequacy import Adequacy
 
 from .. import commands
 from ..frame import Frame, cells, command_line, heading, light, message, number_card
@@ -47,6 +48,14 @@ class _Next:
     text = ""
 
 
+_STATES = {
+    Adequacy.ADEQUATE: "good",
+    Adequacy.SMALL: "doubt",
+    Adequacy.UNKNOWN: "doubt",
+    Adequacy.INADEQUATE: "bad",
+}
+
+
 async def run(frame: Frame) -> None:
     """Fit the logs and show the result."""
     session = frame.session
@@ -70,13 +79,13 @@ def _adequate(frame: Frame, gap: Gap | None) -> None:
     if gap is None:
         message(f"The error could not be measured: {frame.session.gap_remark}", "doubt")
         return
-    ratio = gap.ratio_to_floor
-    state, word = (
-        ("good", "adequate") if ratio < 1.1 else ("doubt", "nearly") if ratio < 2.0 else ("bad", "not adequate")
-    )
+    ratio, adequacy = gap.ratio_to_floor, gap.judgement.adequacy
+    state = _STATES[adequacy]
     ahead = f"{gap.horizon:g} s ahead, on the fitted logs"
     with ui.element("div").classes("cards"):
-        number_card("Error over noise floor", f"{ratio:.3g} ×", f"{ahead}; 1 is as good as noise allows", state, word)
+        number_card(
+            "Error over noise floor", f"{ratio:.3g} ×", f"{ahead}; 1 is as good as noise allows", state, str(adequacy)
+        )
         number_card("Fit of the arm", _signed(gap.fit_percent[0]), f"q1, {ahead}")
         number_card("Fit of the pendulum", _signed(gap.fit_percent[1]), f"q2, {ahead}")
     verdict = gap.verdict.replace("`furuta diagnose`", "the view Diagnose")
