@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from . import options as opt
-from .output import check_folder, errors, print_json, progress_bar
+from .output import check_folder, counted, errors, print_json
 
 
 def trials_command(
@@ -54,14 +54,13 @@ def trials_command(
         raise ValueError("no trial is left by --effects, --kinds and --rigs; expected at least one")
     stopped = False
     try:
-        with progress_bar() as bar:
-            task = bar.add_task("")
+        with counted("trials") as tell:
             run_trials(
                 plan,
                 output,
                 backend,
                 jobs,
-                progress=lambda stage, done, of: bar.update(task, description=stage, completed=done, total=of),
+                progress=lambda stage, done, of: tell(done, of, stage),
             )
     except KeyboardInterrupt:
         stopped = True

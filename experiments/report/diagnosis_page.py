@@ -19,6 +19,7 @@ from .examination import Examination
 from .verdict import data, effects, equals, place, times, verdict
 from .words import joined
 
+_CLOSED_LOOP = "The whole experiment simulated in closed loop"
 _SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure
 
 
@@ -82,9 +83,9 @@ def _measured(x: Examination) -> Section:
         blocks.append(Figure(prediction_figures.predictions(x.gap.logs, prediction_figures.sides(x.gap))))
     if x.closed_loop:
         shown = Figure(prediction_figures.closed_loop(x.closed_loop, x.shown))
-        blocks.append(Details("The whole experiment simulated in closed loop", (shown,)))
+        blocks.append(Details(_CLOSED_LOOP, (shown,)))
     elif "closed loop" in x.remarks:
-        blocks.append(Text(f"No closed-loop simulation: {x.remarks['closed loop']}.", "quiet"))
+        blocks.append(Details(_CLOSED_LOOP, (Text(f"Not available: {x.remarks['closed loop']}."),)))
     return Section("measured", "Measured over predicted", tuple(blocks))
 
 

@@ -86,7 +86,7 @@ def times(ratio: float) -> str:
 
 def fit(gap: Gap) -> str:
     """The fit of both angles."""
-    return " and ".join(f"{percent:.1f}" for percent in gap.fit_percent).replace("-", "−") + " %"
+    return " and ".join(gap.fits).replace("-", "−") + "\u00a0%"
 
 
 def _found(d: Diagnosis) -> str:

@@ -136,6 +136,15 @@ class Diagnosis:
         summary = f"{self.summary}; data that no fit saw are still {ratio:.1f} times as far off as noise alone would be"
         return replace(self, summary=summary, still_off=ratio)
 
+    @property
+    def _left(self) -> str:
+        """Where what is left over shows; never that nothing is, beside a summary that says that something is."""
+        assert self.rest is not None
+        if self.rest.found:
+            return self.rest.sentence
+        where = "on data that no fit saw alone" if self.still_off > 1.0 else "in other tests"
+        return f"no torque stands out of the noise on the searched logs; what remains shows {where}"
+
     def to_dict(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
         naming = self.naming
@@ -187,7 +196,7 @@ class Diagnosis:
                 if equals:
                     lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
         if self.leftover and self.rest:
-            lines.append(f"  left over: {self.rest.sentence}")
+            lines.append(f"  left over: {self._left}")
             if self.found:
                 lines.append("  the standard deviations above hold where nothing is left: here they are too small")
         lines.append(

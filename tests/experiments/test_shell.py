@@ -115,4 +115,4 @@ def test_work_that_fails_is_not_remembered(notebook: Path) -> None:
 
 @pytest.mark.parametrize(("seconds", "said"), [(8, "8 s"), (130, "2 min 10 s"), (120, "2 min"), (3900, "1 h 5 min")])
 def test_times_as_people_say_them(seconds: float, said: str) -> None:
-    assert steps_module._short(seconds) == said
+    assert steps_module.short(seconds) == said
