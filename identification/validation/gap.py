@@ -138,8 +138,8 @@ class Gap:
     def verdict(self) -> str:
         """What the ratio to the floor means, and what to do next."""
         judged = self.judgement
-        if judged.mostly_torque:
-            axis = int(np.argmax(self.torque_share))
+        axis = int(np.argmax(self.torque_share))
+        if judged.mostly_torque and self.rms[axis] > self.reading_floor[axis]:
             doubt = (
                 f"{100 * self.torque_share[axis]:.0f} % of q{axis + 1}'s floor is torque noise fitted to these logs, "
                 "and torques that the plant misses raise it too; against the readings alone the error is "

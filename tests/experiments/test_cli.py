@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,27 @@ def test_simulations_repeat_with_the_seed(tmp_path: Path) -> None:
         assert furuta("simulate", "--plant", "qube", *arguments, "-o", path).exit_code == 0
     assert paths[0].read_text() == paths[1].read_text()
     assert paths[0].read_text() != paths[2].read_text()
+
+
+@pytest.mark.parametrize("T", ["0.002", "0.0037", "0.01"])
+def test_stamps_of_a_simulation_are_whole_samples(tmp_path: Path, T: str) -> None:
+    """0.006, never 0.006000000000000001."""
+    log = tmp_path / "log.csv"
+    arguments = ("--plant", "table3", "--controller", "none", "--start", "hanging", "--excitation", "chirp")
+    done = furuta("simulate", *arguments, "--sample-time", T, "--duration", 3, "-o", log)
+    assert done.exit_code == 0, done.output
+    rows = log.read_text().split("t,q1,q2,u\n")[1].splitlines()
+    stamps = [row.partition(",")[0] for row in rows]
+    assert [Decimal(stamp) for stamp in stamps] == [k * Decimal(T) for k in range(len(stamps))]
+
+
+@pytest.mark.parametrize(("plant", "told"), [("qube", True), ("table3", False)])
+def test_the_paper_s_gain_on_another_rig_is_remarked(tmp_path: Path, plant: str, told: bool) -> None:
+    arguments = ("--controllers", "paper-lqr,lqr", "--trials", 2, "--duration", 0.5, "--groups", "balance")
+    result = furuta("compare", "--plant", plant, "-o", tmp_path / "c", *arguments)
+    assert result.exit_code == 0, result.output
+    assert ("paper-lqr has the gains of the paper's rig (table3), not of this plant" in result.stdout) == told
+    assert f"Next: furuta export {plant} --controller lqr -o lqr.h" in result.stdout
 
 
 def test_an_effect_reaches_the_simulation(tmp_path: Path) -> None:

@@ -18,7 +18,15 @@ from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_diagnosis, a_fit, naming, rest, search, suspect
 
 POLICY = DecisionPolicy()
+AFTER = SimpleNamespace(plant=TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")))
 SPRING, DELAY = suspect("arm_spring", 200.0), suspect("input_delay", 200.0)
+
+
+def nothing_left(p: float = 0.5) -> Any:
+    """As `locate` says it where no torque is found."""
+    left = rest(p=p)
+    left.sentence = "Nothing is left: no torque makes these logs likelier."
+    return left
 
 
 @pytest.mark.parametrize(
@@ -69,10 +77,26 @@ def test_a_veto_takes_the_name_and_the_plant_back() -> None:
 
 
 def test_what_names_leave_is_told() -> None:
-    short = a_diagnosis("arm_spring").falling_short(1.84)
+    short = a_diagnosis("arm_spring", after=AFTER, rest=nothing_left()).falling_short(1.84)
     assert short.verdict == "named"
     assert short.leftover
     assert "still 1.8 times" in short.summary
+    assert "what remains shows on data that no fit saw alone" in str(short)
+
+
+def test_nothing_is_left_is_not_said_beside_what_is_left() -> None:
+    """One verdict: no later line contradicts the first."""
+    refused = naming(suspect("arm_spring", 900.0), refused=suspect("input_delay", 40.0))
+    for found in (
+        a_diagnosis("arm_spring", after=AFTER, rest=nothing_left()).falling_short(1.84),
+        a_diagnosis("arm_spring", after=AFTER, rest=nothing_left(), naming=refused),
+        a_diagnosis("arm_spring", after=AFTER, rest=nothing_left(p=0.7e-3)),
+    ):
+        assert "left over: no torque stands out of the noise on the searched logs; what remains shows" in str(found)
+        assert "Nothing is left" not in str(found)
+    seen = a_diagnosis("arm_spring", after=AFTER, rest=rest(evidence=50.0))
+    assert "left over: left" in str(seen)
+    assert "left over" not in str(a_diagnosis("arm_spring", after=AFTER, rest=nothing_left()))
 
 
 @pytest.mark.parametrize(
