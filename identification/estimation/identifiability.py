@@ -198,7 +198,7 @@ def _references(names: Sequence[str], values: NDArray[np.float64], motion: Motio
 
 def _shown(name: str, relative: Mapping[str, float]) -> str:
     shown = f"{spoken([name])} is {'not identified' if not relative[name] < LOST else 'weak'}"
-    return shown + (f" (± {100 * relative[name]:.0f} %)" if math.isfinite(relative[name]) else "")
+    return shown + (f" (± {100 * relative[name]:.0f} %)" if relative[name] < 10.0 else "")
 
 
 def _advice(names: Sequence[str], relative: Mapping[str, float], m: Motion) -> Iterable[str]:
