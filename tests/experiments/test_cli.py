@@ -261,6 +261,7 @@ def test_bench_is_mounted() -> None:
     assert {"rigs", "experiments"} <= set(json.loads(result.stdout))
 
 
+@pytest.mark.timeout(1800)
 def test_the_demo_tells_its_story_and_ends_well(tmp_path: Path) -> None:
     from experiments.demo.story import run_demo
 
