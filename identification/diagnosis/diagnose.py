@@ -21,6 +21,7 @@ from ..kalman.record import stretches
 from ..logs.log import Log
 from .equals import interchangeable
 from .held_out import HeldOut
+from .learning import with_learned
 from .locate.locate import locate, long_enough
 from .locate.location import Where
 from .naming.fits import Fit, Fitter, fit
@@ -71,6 +72,9 @@ def diagnose(
     if found.still_off > 1.0:
         say("asking a second witness: multiple shooting")
         found = with_second_witness(found, held)
+    if found.leftover:
+        say("learning what no name explains")
+        found = with_learned(found, held)
     return replace(found, runtime_s=time.monotonic() - began)
 
 

@@ -9,6 +9,7 @@ from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
 from .gap_change import GapChange
+from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
 from .naming.suspects import Suspect, follows_clock
@@ -58,7 +59,8 @@ class Diagnosis:
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
     error over the noise floor that the effects leave on such data, where that is much; 1 otherwise. second: what
-    multiple shooting makes of the same structure, where much is left.
+    multiple shooting makes of the same structure, where much is left. learned: a torque without a name that was learned
+    from what is left, and whether it was added.
     """
 
     verdict: str
@@ -76,6 +78,7 @@ class Diagnosis:
     confirmed: bool = True
     still_off: float = 1.0
     second: SecondWitness | None = field(default=None, repr=False)
+    learned: Learned | None = field(default=None, repr=False)
 
     @property
     def leftover(self) -> bool:
@@ -93,7 +96,9 @@ class Diagnosis:
     @property
     def plant(self) -> Plant | None:
         """The plant to use: with the effects found, unless held-out data speak against them; that of the second
-        witness where it is better."""
+        witness where it is better; with what was learned, where it was added."""
+        if self.learned is not None and self.learned.added:
+            return self.learned.plant
         if self.confirmed and self.second is not None and self.second.better:
             return self.second.plant
         best = self.after if self.confirmed else self.before
@@ -155,6 +160,7 @@ class Diagnosis:
             "command_rms": self.command_rms,
             "gap": self.gap.to_dict() if self.gap else None,
             "second_witness": self.second.to_dict() if self.second else None,
+            "learned": self.learned.to_dict() if self.learned else None,
             "policy": self.policy.to_dict(),
             "runtime_s": self.runtime_s,
         }
@@ -190,6 +196,8 @@ class Diagnosis:
             lines.append(f"  left over: {self.rest.sentence}")
             if self.found:
                 lines.append("  the standard deviations above hold where nothing is left: here they are too small")
+        if self.learned:
+            lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
         lines.append(
             f"  unknown torque, taken as noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
         )
