@@ -2,7 +2,7 @@
 
 A sum of products of cubic B-splines on even knots (de Boor 1978) in the arm's angle and in its speed. The angle is held
 at the edge of what the logs visited, and the speed enters through v/√(v² + w²): beyond what was seen the torque stays
-what it was there. It is no name, and no search proposes it: `identification.diagnosis.learned` fits it last.
+what it was there. It is no name, and no search proposes it: `identification.diagnosis.learning` fits it last.
 """
 
 import math
