@@ -40,7 +40,7 @@ def with_learned(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     if learned is None:
         return diagnosis
     became = "is part of the plant written" if learned.added else "was refused"
-    summary = f"{diagnosis.summary}; a torque learned over the arm's angle and speed {became}: {learned.reason}"
+    summary = f"{diagnosis.summary} A torque learned over the arm's angle and speed {became}: {learned.reason}."
     return replace(diagnosis, learned=learned, summary=summary)
 
 

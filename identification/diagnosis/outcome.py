@@ -8,6 +8,7 @@ from typing import Any
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
+from . import sentences
 from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
@@ -50,7 +51,7 @@ class SecondWitness:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in a sentence.
+    """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in sentences.
 
     before, after: estimates without and with the effects found (after is before where none was). naming: the search.
     rest: where the final model fails. left_over: rms of the torque [{u}] that it does not explain, over a tenth of a
@@ -130,16 +131,12 @@ class Diagnosis:
 
     def vetoed(self) -> Diagnosis:
         """The same once held-out data have shown no gain from the effects: what is missing is something else."""
-        names = " and ".join(suspect.name for suspect in self.found)
-        one = len(self.found) == 1
-        brings, is_not = ("brings", "it is not the name") if one else ("bring", "they are not the names")
-        summary = f"{names} would explain these logs, but {brings} nothing on data that no fit saw: {is_not}"
+        summary = sentences.vetoed([suspect.name for suspect in self.found])
         return replace(self, verdict="unknown", summary=summary, confirmed=False)
 
     def falling_short(self, ratio: float) -> Diagnosis:
         """The same once data that no fit saw are still predicted with `ratio` times the error that noise leaves."""
-        summary = f"{self.summary}; data that no fit saw are still {ratio:.1f} times as far off as noise alone would be"
-        return replace(self, summary=summary, still_off=ratio)
+        return replace(self, summary=f"{self.summary} {sentences.still_off(ratio)}", still_off=ratio)
 
     def to_dict(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
@@ -191,18 +188,17 @@ class Diagnosis:
                 if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:
-                    lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
+                    lines.append(f"    equally likely on these logs: {', '.join(equals)}")
         if self.leftover and self.rest:
-            lines.append(f"  left over: {self.rest.sentence}")
+            lines.append(f"  unexplained structure: {self.rest.sentence}")
             if self.found:
-                lines.append("  the standard deviations above hold where nothing is left: here they are too small")
+                lines.append("  the error bars above assume that nothing is left: here they are too small")
         if self.learned:
             lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
-        lines.append(
-            f"  unknown torque, taken as noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
-        )
+        if self.plant is not None:
+            lines.append(f"  {sentences.unexplained(self.left_over, self.command_rms, self.plant.unit)}")
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
-        lines.append(f"  no log can tell from θ: {taken}")
+        lines.append(f"  never named, as θ takes them in: {taken}")
         return "\n".join(lines)
 
 

@@ -96,7 +96,7 @@ def test_it_changes_the_plant_where_it_is_added_and_never_the_verdict(monkeypatc
     before = a_diagnosis("arm_spring", after=estimate, rest=rest(40.0))
     told = learning.with_learned(before, held)
     assert (told.verdict, told.found) == (before.verdict, before.found)
-    assert told.summary.endswith("so it is")
+    assert told.summary.endswith("so it is.")
     assert told.plant is (plant if added else TABLE_3)
     assert asked == [((TABLE_3, {0: (0.1, 0.0)}, held), {"refitted": True})]
     assert told.learned is not None
