@@ -20,7 +20,10 @@ def trials_command(
     effects: Annotated[str, typer.Option(help="Hide only these effects, separated by commas; default: all.")] = "",
     rigs: Annotated[str, typer.Option(help="Only these kinds of rig: table3, servo, workshop, desk.")] = "",
     kinds: Annotated[
-        str, typer.Option(help="Only these: library, none, torque_noise, absorbed, hard, outside, two.")
+        str,
+        typer.Option(
+            help="Only these: library, strong, none, torque_noise, absorbed, rounding, hard, outside, two, composite."
+        ),
     ] = "",
     seeds: Annotated[int, typer.Option(help="Trials for each effect and rig; other kinds in proportion.")] = 5,
     split: Annotated[

@@ -27,10 +27,11 @@ from experiments.report.estimate_page import estimate_page
 from experiments.report.page import plotly_js
 from experiments.report.search_figures import rankings
 from experiments.report.validation_page import adequacy, validation_page
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import GapChange, rms_interval
 from identification.diagnosis.held_out import HeldOut
+from identification.diagnosis.learned import Learned
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
@@ -354,6 +355,20 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
     assert len(found.headings) == 6
     for figure in found.figures.values():
         assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
+
+
+@pytest.mark.parametrize("added", [True, False])
+def test_what_was_learned_is_drawn_with_what_became_of_it(examined, added):
+    plant = TABLE_3.with_effects(Effect("arm_learned", {"c00": 0.1, "c33": -0.2}))
+    learned = Learned(plant, 60.0, examined.gap, added, "so said the held-out logs")
+    with_it = replace(examined, diagnosis=replace(examined.diagnosis, learned=learned))
+    html = build(with_it)
+    text = text_of(html)
+    assert ("It is part of the plant: so said the held-out logs" in text) is added
+    assert ("It is not part of the plant: so said the held-out logs" in text) is not added
+    assert "learned torque [V]" in html or f"learned torque [{plant.unit}]" in html
+    assert "What no name explains" not in text_of(build(examined))
+    assert with_it.to_dict()["learned"]["added"] is added
 
 
 def test_a_file_name_cannot_write_into_the_page(examined):
