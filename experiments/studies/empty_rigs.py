@@ -17,6 +17,7 @@ import typer
 from joblib import Parallel, delayed
 
 from experiments.cli.errors import explained
+from experiments.cli.output import counted
 from experiments.trials.plan import make_plan
 from experiments.trials.report import percent
 from experiments.trials.seal import FIT_LOG, seal, write_logs
@@ -96,7 +97,13 @@ def main(
 ) -> None:
     """Count how often something is said to be left on empty rigs."""
     with explained(), workers(backend, jobs):
-        rows = list(Parallel(return_as="generator_unordered")(delayed(examined)(trial) for trial in plan(rigs, seed)))
+        trials = plan(rigs, seed)
+        results: Any = Parallel(return_as="generator_unordered")(delayed(examined)(trial) for trial in trials)
+        rows: list[dict[str, Any]] = []
+        with counted("rigs") as tell:
+            for row in results:
+                rows.append(row)
+                tell(len(rows), len(trials))
         write_whole(output / "empty_rigs.csv", pd.DataFrame(rows).to_csv(index=False))
         typer.echo(table(rows))
         if lost := [row for row in rows if row["problem"]]:

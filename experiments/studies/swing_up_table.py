@@ -23,7 +23,7 @@ from controllers.design import choose_sample_time, choose_sensors
 from controllers.planning import plan_swing_up
 from controllers.statistics import Interval, typical, worst
 from experiments.cli.errors import explained
-from experiments.cli.output import progress_bar, write_json
+from experiments.cli.output import counted, write_json
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Effect, Plant
 
@@ -186,9 +186,8 @@ def main(
     began = time.perf_counter()
     with explained():
         size = Size.quick() if quick else Size()
-        with progress_bar() as bar:
-            task = bar.add_task("cells", total=None)
-            cells = run(plants, size, lambda done, of: bar.update(task, completed=done, total=of))
+        with counted("cells") as tell:
+            cells = run(plants, size, tell)
         text = report(cells)
         write_json(output / "swing_up_table.json", to_json(cells, size))
         write_whole(output / "swing_up_table.md", text)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from experiments.cli.errors import explained
-from experiments.cli.output import progress_bar, write_json
+from experiments.cli.output import counted, write_json
 from experiments.studies.identification_benchmark.cases import cases
 from experiments.studies.identification_benchmark.study import Trial, run
 from experiments.studies.identification_benchmark.summary import (
@@ -61,11 +61,10 @@ def main(
         )
         found: list[Trial] = []
         output.mkdir(parents=True, exist_ok=True)
-        with progress_bar() as bar:
-            task = bar.add_task("fitting", total=len(todo) * seeds)
+        with counted("fitting") as tell:
             for trial in run(todo, range(first_seed, first_seed + seeds), settings["methods"], backend, jobs):
                 found.append(trial)
-                bar.advance(task)
+                tell(len(found), len(todo) * seeds)
                 if len(found) % len(todo) == 0:  # every cell has this seed: what is there is a whole, smaller study
                     _write(output, name, found, settings | {"seeds": len(found) // len(todo), "first_seed": first_seed})
         records = cells(found)
