@@ -27,9 +27,13 @@ class Job:
 
     def tell(self, step: str) -> None:
         """Called by the computation at each step. Raises Cancelled once that was asked for."""
+        self.check()
+        self.steps.append(step)
+
+    def check(self) -> None:
+        """Called by the computation between its parts. Raises Cancelled once that was asked for."""
         if self.cancelled:
             raise Cancelled
-        self.steps.append(step)
 
     def cancel(self) -> None:
         self.cancelled = True

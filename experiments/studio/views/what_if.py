@@ -278,7 +278,11 @@ async def _compute(frame: Frame, live: Live, settle: bool = False) -> None:
     if not settle and live.latest is not None and live.latest.wanted and began - live.told < SELDOM:
         return  # the hand has moved on: the next picture comes first
     live.told = began
-    live.last = await off_loop(window.measured, picture)
+    try:
+        live.last = await off_loop(window.measured, picture)
+    except Exception as error:
+        live.detail.set_text(sentence(error))
+        return
     _tell(live)
     if settle:
         _say_command(frame, live)
