@@ -25,11 +25,15 @@ class Served:
 
 
 @contextmanager
-def served(folder: Path, *logs: Path) -> Iterator[Served]:
-    """`furuta studio LOG… --no-browser` as a process in a folder, until the end of the block."""
+def served(folder: Path, *logs: Path, program: Path | None = None, **variables: str) -> Iterator[Served]:
+    """`furuta studio LOG… --no-browser` as a process in a folder, until the end of the block.
+
+    program: what is run in place of `furuta`. variables: of its environment."""
     root = Path(__file__).resolve().parents[2]
-    command = [sys.executable, str(root / "furuta_command.py"), "studio", *map(str, logs), "--no-browser"]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")} | {"PYTHONPATH": str(root)}
+    program = program or root / "furuta_command.py"
+    command = [sys.executable, str(program), "studio", *map(str, logs), "--no-browser"]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
+    environment |= {"PYTHONPATH": str(root), **variables}
     process = subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )

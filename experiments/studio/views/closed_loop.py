@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from functools import partial
 from importlib.resources import files
@@ -151,7 +152,8 @@ def _moving(frame: Frame, playing: Playing, loop: Loop) -> None:
         )
         if now - clock["drawn"] > REDRAWN:
             clock["drawn"] = now
-            chart.run_chart_method("setOption", {"series": _series(loop)})
+            change = json.dumps({"series": _series(loop)}, separators=(",", ":"))
+            chart.client.run_javascript(f"studio.draw({chart.id}, {change}, null)")
 
     ui.timer(FRAME, step)
 

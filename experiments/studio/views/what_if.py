@@ -293,7 +293,7 @@ async def _draw(frame: Frame, live: Live, series: list[dict[str, Any]], stamp: f
     change = json.dumps({"series": series}, separators=(",", ":"))
     try:
         took = await live.chart.client.run_javascript(
-            f"studio.draw(getElement({live.chart.id}), {change}, {json.dumps(stamp)})", timeout=2
+            f"studio.draw({live.chart.id}, {change}, {json.dumps(stamp)})", timeout=2
         )
     except TimeoutError:
         return
