@@ -153,7 +153,8 @@ def _structured(raw: bytes) -> Saved:
     try:
         saved = _converter().structure(data, Saved)
     except Exception as error:
-        raise ValueError("; ".join(cattrs.transform_error(error))) from None
+        told = cattrs.transform_error(error, format_exception=lambda leaf, _: str(leaf) or type(leaf).__name__)
+        raise ValueError("; ".join(told)) from None
     if saved.estimate is not None:
         e, n = saved.estimate, len(saved.estimate.names)
         square = [e.covariance, *(c for c in (e.classical, e.sandwich) if c is not None)]

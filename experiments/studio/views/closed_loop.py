@@ -24,7 +24,7 @@ from .export import best, plant_file
 from .rig import rig, turn
 
 FRAME, REDRAWN = 0.05, 0.25  # s
-LATEST, NOISIEST = 0.03, 0.02  # s and rad, where the sliders end
+LATEST, NOISIEST = 0.1, 0.02  # s and rad, where the sliders end
 
 
 class Playing:
@@ -124,7 +124,7 @@ def _made(name: str, plant: Plant, trusted: bool) -> Controller:
 def _moving(frame: Frame, playing: Playing, loop: Loop) -> None:
     with ui.scene(width=700, height=340, grid=False, background_color="#ffffff").classes("scene") as scene:
         shown = rig(scene, 0.0, charts.SIMULATED)
-        scene.move_camera(0.0, -4.0, 2.6, 0.0, 0.0, 0.9)
+        scene.move_camera(2.2, -3.4, 2.2, 0.0, 0.0, 1.1)
     state = ui.label("").classes("card-meaning").mark("loop-state").props("role=status aria-live=off")
     _pushes(playing, loop)
     chart = ui.echart(_chart(loop)).classes("chart")
@@ -173,7 +173,8 @@ def _pushes(playing: Playing, loop: Loop) -> None:
             .mark("hand")
         )
         hand.on("update:model-value", lambda e: loop.hold(float(e.args), playing.row), throttle=0.03)
-        hand.on("change", lambda: _released(hand, loop, playing))
+        late = "() => setTimeout(() => emit(), 120)"  # after the last movement, which is told late itself
+        hand.on("change", lambda: _released(hand, loop, playing), js_handler=late)
 
 
 def _released(hand: Any, loop: Loop, playing: Playing) -> None:
