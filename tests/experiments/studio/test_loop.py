@@ -47,7 +47,7 @@ def test_a_push_moves_the_arm_its_own_way_and_ends() -> None:
     at.push(0.1)
     goes_on(at, 5.0)
     assert at.fell is None
-    assert abs(float(at.live.state[0]) - rest) < 0.2
+    assert abs(float(at.live.state[0]) - rest) < 0.5
 
 
 def test_a_hand_that_holds_pushes_until_it_lets_go() -> None:
@@ -89,7 +89,7 @@ def test_a_swing_up_starts_hanging_and_its_past_is_drawn() -> None:
 def test_its_command_line_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     TABLE_3.save(tmp_path / "rig.json")
-    conditions = Conditions(0.08, 0.001, (Effect("arm_spring", {"k": 0.1, "q1n": 0.3}),))
+    conditions = Conditions(0.1, 0.0, (Effect("arm_spring", {"k": 0.1, "q1n": 0.3}),))
     result = furuta(*shlex.split(commands.closed_loop("rig.json", "lqr", conditions))[1:])
     assert result.exit_code == 0, result.output
     assert "FELL" in result.output  # the controller was not told of the delay
