@@ -75,6 +75,8 @@ def offers(session: Session) -> dict[str, tuple[str, Writer]]:
     if examination is not None and pages:
         text = lambda: render(diagnosis_page(examination))  # noqa: E731
         found["report.html"] = ("the report of the diagnosis", lambda path: write_whole(path, text()))
+    if session.kept is not None:
+        found[plant_file(session)] = ("the plant that was kept in What if, as the script names it", session.kept.save)
     if plant is not None:
         found["plant.json"] = ("the best plant of this session, with its effects", plant.save)
         found["controller.h"] = ("an LQR for this plant as C for firmware", partial(_controller, plant))
@@ -104,6 +106,8 @@ def steps(session: Session) -> list[str]:
         lines.append(commands.diagnose(session))
     if best(session) is not None:
         file = plant_file(session)
+        if session.kept is not None:
+            lines.append(f"# {file}: the plant that was kept in the view What if; the view Export writes it")
         lines.append(f"furuta export {file} --controller lqr -o controller.h")
         lines.append(f"furuta export {file} -o plant.xml")
         if (policy := session.policy) is not None:
