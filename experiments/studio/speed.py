@@ -11,10 +11,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import tempfile
 import time
+from dataclasses import dataclass
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,30 +33,45 @@ LONGEST = 100.0
 EFFECTS = ("arm_spring", "arm_stribeck", "actuator_lag")
 
 
-def measure(path: Path, plant: Plant, effects: int = 3) -> dict[str, float]:
-    """Milliseconds of MOVES slider movements on the first window of a log, with some effects acting."""
+@dataclass(frozen=True)
+class Computed:
+    """Medians in milliseconds, of a window of so many samples and seconds: picture and numbers by the clock,
+    picture_cpu and numbers_cpu of CPU time, which does not depend on what else the machine does, and to_json."""
+
+    samples: int
+    seconds: float
+    picture: float
+    picture_cpu: float
+    numbers: float
+    numbers_cpu: float
+    to_json: float
+
+
+def measure(path: Path, plant: Plant, effects: int = 3) -> Computed:
+    """MOVES slider movements on the first window of a log, with some effects acting."""
     log = read_log(path)
     window = PredictionWindow.of(log, plant)
     for name in EFFECTS[:effects]:
         plant = plant.with_effects(plant.default_effect(name))
     window.predict(plant)
-    times, drawn = [], []
+    rows = []
     for i in range(MOVES):
         theta = plant.theta.copy()
         theta[5] *= 1.0 + 0.001 * i
-        began = time.perf_counter()
-        found = window.predict(plant.replace(theta=theta))
-        computed = time.perf_counter()
-        json.dumps(charts.simulated(window.log.t, found.angles))
-        times.append(1e3 * (computed - began))
-        drawn.append(1e3 * (time.perf_counter() - computed))
-    return {
-        "samples": float(len(window.log)),
-        "seconds": window.log.duration,
-        "compute": statistics.median(times),
-        "compute_95": statistics.quantiles(times, n=20)[-1],
-        "to_json": statistics.median(drawn),
-    }
+        clocks = [_clocks()]
+        picture = window.picture(plant.replace(theta=theta))
+        clocks.append(_clocks())
+        json.dumps(charts.simulated(window.log.t, picture.angles))
+        clocks.append(_clocks())
+        window.measured(picture)
+        clocks.append(_clocks())
+        rows.append([1e3 * (b - a) for one, other in pairwise(clocks) for a, b in zip(one, other, strict=True)])
+    picture_, picture_cpu, to_json, _, numbers, numbers_cpu = map(statistics.median, zip(*rows, strict=True))
+    return Computed(len(window.log), window.log.duration, picture_, picture_cpu, numbers, numbers_cpu, to_json)
+
+
+def _clocks() -> tuple[float, float]:
+    return time.perf_counter(), time.thread_time()
 
 
 def drag(page: Any, moves: int = MOVES) -> list[float]:
@@ -96,17 +114,19 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.browser:
         times = in_browser(asked.log)
+        busy = os.getloadavg()[0] / (os.cpu_count() or 1)
         print(
             f"{asked.log.name}: {len(times)} pictures of 5 s, slider to picture {statistics.median(times):.0f} ms "
-            f"(95 % below {statistics.quantiles(times, n=20)[-1]:.0f} ms; limit {LONGEST:.0f} ms)"
+            f"(95 % below {statistics.quantiles(times, n=20)[-1]:.0f} ms; limit {LONGEST:.0f} ms); "
+            f"load {busy:.1f} a core"
         )
         return
     for effects in (0, 1, 3):
         found = measure(asked.log, Plant.resolve("table3"), effects)
         print(
-            f"{asked.log.name}, {found['samples']:.0f} samples in {found['seconds']:.3g} s, {effects} effects: "
-            f"compute {found['compute']:.0f} ms (95 % below {found['compute_95']:.0f} ms), "
-            f"picture as JSON {found['to_json']:.1f} ms"
+            f"{asked.log.name}, {found.samples} samples in {found.seconds:.3g} s, {effects} effects: "
+            f"picture {found.picture:.0f} ms (CPU {found.picture_cpu:.0f} ms), as JSON {found.to_json:.1f} ms, "
+            f"numbers {found.numbers:.0f} ms more (CPU {found.numbers_cpu:.0f} ms)"
         )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from experiments.studio.drive import fit_in, served, start_what_if
+from experiments.studio.drive import served, start_what_if
 from experiments.studio.frame import VIEWS
 from furuta_gym.plant import Plant
 from identification import read_log, write_log
@@ -259,9 +259,3 @@ def test_the_contrast_is_measured(opened: Open) -> None:
     assert page.evaluate(CONTRAST) == []
     page.add_style_tag(content=".message { color: #949494 !important; }")  # 3.0 on white
     assert page.evaluate(CONTRAST) != []
-
-
-def test_a_fit_in_the_browser_as_the_measurements_do_it(opened: Open, spring_log: Path) -> None:
-    page = opened(spring_log)
-    fit_in(page)
-    assert page.get_by_text("Error over noise floor").is_visible()
