@@ -48,7 +48,7 @@ class Live:
         self.stamp: float | None = None  # when the browser saw the hand move, by its clock [ms]
         self.drawing: asyncio.Task[None] | None = None
         self.times: list[float] = []
-        self.told = 0.0  # when the numbers were measured last
+        self.told, self.noted = 0.0, 0.0  # when the numbers were measured last, and the footer written
 
 
 def show(frame: Frame) -> None:
@@ -171,32 +171,43 @@ def _slider(frame: Frame, title: str, meaning: str, value: float, span: Range, p
     """A slider and a number beside it, for the same value. A movement of the hand comes with the browser's time."""
     at = _At(value)
 
-    async def take(wanted: float, other: Any) -> None:
+    def show(other: Any) -> None:
+        at.busy = True
+        other.set_value(float(f"{at.value:.5g}"))
+        at.busy = False
+
+    async def follow(wanted: float) -> None:
+        await asyncio.sleep(LATER)
+        if at.value == wanted and not box.is_deleted:
+            show(box)
+
+    async def take(wanted: float, by_number: bool) -> None:
         if wanted == at.value:
             return
         at.value = wanted
         put(wanted)
-        at.busy = True
-        other.set_value(float(f"{wanted:.5g}"))
-        at.busy = False
+        if by_number:
+            show(slider)
+        else:  # the browser draws the whole page anew for every number that changes: it has to wait for the picture
+            at.following = asyncio.create_task(follow(wanted))
         await moved(frame)
 
     async def grabbed(event: Any) -> None:
         wanted, stamp = event.args
         if wanted is not None:
             frame.of(Live).stamp = float(stamp)
-            await take(float(wanted), box)
+            await take(float(wanted), False)
 
     async def change(event: Any) -> None:
         if event.value is not None and not at.busy:
-            await take(float(event.value), box if event.sender is slider else slider)
+            await take(float(event.value), event.sender is box)
 
     with ui.element("div").classes("slider"):
         ui.label(title).classes("slider-title")
         ui.label(meaning).classes("card-meaning")
         with ui.row().classes("slider-row"):
             slider = (
-                ui.slider(
+                _Slider(
                     min=min(span.low, value),
                     max=max(span.high, value),
                     step=span.step,
@@ -221,12 +232,19 @@ def _slider(frame: Frame, title: str, meaning: str, value: float, span: Range, p
             )
 
 
+class _Slider(ui.slider):
+    """A slider that the browser moves by itself."""
+
+    LOOPBACK = False
+
+
 @dataclass
 class _At:
-    """What a slider and its number show. busy: while one of them follows the other."""
+    """What a slider and its number show. busy: while one of them follows the other; following: when it rests."""
 
     value: float
     busy: bool = False
+    following: asyncio.Task[None] | None = None
 
 
 def _set_theta(choice: Choice, i: int, value: float) -> None:
@@ -275,8 +293,8 @@ async def _compute(frame: Frame, live: Live, settle: bool = False) -> None:
     live.chart.options["series"][:2] = [
         old | new for old, new in zip(live.chart.options["series"][:2], series, strict=True)
     ]
-    if not settle and live.latest is not None and live.latest.wanted and began - live.told < SELDOM:
-        return  # the hand has moved on: the next picture comes first
+    if not settle and began - live.told < SELDOM:
+        return  # the hand moves on: the next picture comes first, and the numbers are told when it rests
     live.told = began
     try:
         live.last = await off_loop(window.measured, picture)
@@ -300,6 +318,9 @@ async def _draw(frame: Frame, live: Live, series: list[dict[str, Any]], stamp: f
     if isinstance(took, int | float):
         live.times = [*live.times[-19:], float(took)]
         assert live.window is not None
+        if time.perf_counter() - live.noted < SELDOM:
+            return
+        live.noted = time.perf_counter()
         frame.note(
             f"Slider to picture: {took:.0f} ms, of which {1e3 * computed:.0f} ms to compute "
             f"{live.window.log.duration:.2g} s; median of the last {len(live.times)}: "
