@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from experiments.trials.plan import Hidden, Trial
 from experiments.trials.run import read_results, run_trials
 from experiments.trials.scoring import Outcome, score
+from experiments.trials.trial import Hidden, Trial
 
 pytestmark = pytest.mark.timeout(1800)
 LONG = bool(os.environ.get("FURUTA_STUDIES"))

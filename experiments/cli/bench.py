@@ -16,7 +16,7 @@ from rich.table import Table
 from experiments.bench.cli import app
 
 from . import options as opt
-from .output import check_folder, print_json, progress_bar
+from .output import check_folder, counted, print_json
 
 if TYPE_CHECKING:
     from experiments.lab.marking import Comparison
@@ -52,12 +52,11 @@ def seal_command(
         raise ValueError(f"output {output} is not empty; expected a new folder, so that no older rig stays in it")
     passphrase = _passphrase(key_file, new=True)
     secret = secrets.randbits(128) if seed is None else seed
-    with progress_bar() as bar:
-        task = bar.add_task("drawing rigs", total=None)
+    with counted("drawing rigs") as tell:
         truths = draw(groups, secret, opt.names(kinds), opt.names(effects), opt.names(rigs))
         with whole_folder(output) as folder:
             for number, truth in enumerate(truths, 1):
-                bar.update(task, description="recording", completed=number - 1, total=groups)
+                tell(number - 1, groups, "recording")
                 hand_out(truth, folder / f"group-{number:02d}", passphrase)
     written = [f"group-{number:02d}" for number in range(1, groups + 1)]
     if as_json:

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from . import options as opt
-from .output import busy, check_folder, print_json, progress_bar
+from .output import busy, check_folder, counted, print_json
 
 if TYPE_CHECKING:
     from controllers.comparison import Comparison
@@ -62,8 +62,7 @@ def compare_command(
     check_folder(output)
     chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
     with whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder:
-        with progress_bar() as bar:
-            task = bar.add_task("trials", total=None)
+        with counted("trials") as tell:
             result = compare(
                 plant,
                 names,
@@ -75,7 +74,7 @@ def compare_command(
                 seed=seed,
                 jobs=jobs,
                 trust=trust,
-                progress=lambda done, of: bar.update(task, completed=done, total=of),
+                progress=tell,
             )
         written = [path.name for path in (result.save(folder), *draw_comparison(result, folder))]
         if gif:

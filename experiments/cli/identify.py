@@ -127,7 +127,8 @@ def _next(gap: Gap | None, logs: Sequence[Path], output: Path) -> str:
 
     if gap is None or gap.judgement.adequacy is not Adequacy.INADEQUATE:
         return f"furuta validate {shlex.quote(str(output))} LOG   (a log that was not fitted)"
-    return f"furuta diagnose {' '.join(shlex.quote(str(log)) for log in logs)} -o diagnosis   (finds what is missing)"
+    fitted = shlex.join(map(str, logs))
+    return f"furuta diagnose {fitted} --held-out LOG -o diagnosis   (LOG: not fitted; works without --held-out too)"
 
 
 def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from .steps import busy as busy  # beside the other ways to print
 from .steps import errors as errors
+from .steps import short
+
+QUIET = 3.0
+"""Seconds between lines of `counted`, at least."""
 
 
 def print_json(data: Any) -> None:
@@ -38,7 +45,24 @@ def check_folder(path: Path) -> None:
         raise ValueError(f"output {path}: nothing can be written in {there} ({error.strerror})") from None
 
 
-def progress_bar() -> Progress:
-    """A bar with counts and time on stderr."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=errors, transient=True)
+@contextmanager
+def counted(what: str) -> Iterator[Callable[..., None]]:
+    """Give `tell(done, of, what=...)`, which shows on stderr how much of a long work is done: as a bar on a terminal,
+    elsewhere in lines, about ten, and none for what takes a few seconds."""
+    if errors.is_terminal:
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=errors, transient=True) as bar:
+            row = bar.add_task(what, total=None)
+            yield lambda done, of, what=what: bar.update(row, description=what, completed=done, total=of)
+        return
+    began = last = time.monotonic()
+    shown = (what, 0)
+
+    def tell(done: int, of: int, what: str = what) -> None:
+        nonlocal last, shown
+        now, tenth = time.monotonic(), (what, 10 * done // max(of, 1))
+        if tenth != shown and now - last >= QUIET:
+            errors.print(f"[{short(now - began)}] {what}: {done} of {of}", markup=False, highlight=False)
+            last, shown = now, tenth
+
+    yield tell

@@ -44,10 +44,10 @@ def steps(command: str, samples: int | None = None, console: Console | None = No
         line.text = text
         _logger.info("%s: %s", command, text)
         if live is None:
-            console.print(f"[{_short(time.monotonic() - began)}] {text}", markup=False, highlight=False, soft_wrap=True)
+            console.print(f"[{short(time.monotonic() - began)}] {text}", markup=False, highlight=False, soft_wrap=True)
 
     if live is None and expected is not None and expected >= 20:
-        console.print(f"furuta {command}: about {_short(expected)}", markup=False, highlight=False)
+        console.print(f"furuta {command}: about {short(expected)}", markup=False, highlight=False)
     if live is not None:
         with live:
             yield tell
@@ -65,13 +65,13 @@ class _Line:
         self.spinner = Spinner("dots")
 
     def __rich__(self) -> Spinner:
-        passed = _short(time.monotonic() - self.began)
-        whole = f" of about {_short(self.expected)}" if self.expected is not None else ""
+        passed = short(time.monotonic() - self.began)
+        whole = f" of about {short(self.expected)}" if self.expected is not None else ""
         self.spinner.update(text=Text(f"{self.text} …  {passed}{whole}"))
         return self.spinner
 
 
-def _short(seconds: float) -> str:
+def short(seconds: float) -> str:
     """As people say it: 8 s, 2 min 10 s, 1 h 5 min."""
     whole = round(seconds)
     if whole < 60:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from . import options as opt
-from .output import print_json, progress_bar
+from .output import counted, print_json
 
 
 def train_command(
@@ -66,8 +66,7 @@ def train_command(
         observe_command,
     )
     try:
-        with progress_bar() as bar:
-            row = bar.add_task("steps", total=steps)
+        with counted("steps") as tell:
             record = train(
                 training,
                 output,
@@ -75,7 +74,7 @@ def train_command(
                 trust=trust,
                 tensorboard=tensorboard,
                 command="furuta " + shlex.join(sys.argv[1:]),
-                progress=lambda done, of: bar.update(row, completed=done, total=of),
+                progress=tell,
             )
     except KeyboardInterrupt:
         if output.with_suffix(".checkpoint").exists():

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from . import options as opt
-from .output import check_folder, errors, print_json, progress_bar
+from .output import check_folder, counted, errors, print_json
 
 
 def trials_command(
@@ -20,7 +20,10 @@ def trials_command(
     effects: Annotated[str, typer.Option(help="Hide only these effects, separated by commas; default: all.")] = "",
     rigs: Annotated[str, typer.Option(help="Only these kinds of rig: table3, servo, workshop, desk.")] = "",
     kinds: Annotated[
-        str, typer.Option(help="Only these: library, none, torque_noise, absorbed, hard, outside, two.")
+        str,
+        typer.Option(
+            help="Only these: library, strong, none, torque_noise, absorbed, rounding, hard, outside, two, composite."
+        ),
     ] = "",
     seeds: Annotated[int, typer.Option(help="Trials for each effect and rig; other kinds in proportion.")] = 5,
     split: Annotated[
@@ -54,14 +57,13 @@ def trials_command(
         raise ValueError("no trial is left by --effects, --kinds and --rigs; expected at least one")
     stopped = False
     try:
-        with progress_bar() as bar:
-            task = bar.add_task("")
+        with counted("trials") as tell:
             run_trials(
                 plan,
                 output,
                 backend,
                 jobs,
-                progress=lambda stage, done, of: bar.update(task, description=stage, completed=done, total=of),
+                progress=lambda stage, done, of: tell(done, of, stage),
             )
     except KeyboardInterrupt:
         stopped = True

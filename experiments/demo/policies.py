@@ -65,7 +65,7 @@ class Trial:
     def verdict(self, name: str) -> str:
         """What the runs allow to say of a controller made with the effect against one made without."""
         without, with_it = (next(p for p in self.played if (p.name, p.side) == (name, side)) for side in SIDES)
-        return contrast(without.runs, with_it.runs).verdict
+        return contrast(without.runs, with_it.runs).verdict.replace("rms_", "rms ").replace("energy", "∫u² dt")
 
     @property
     def names(self) -> tuple[str, ...]:

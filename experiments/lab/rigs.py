@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from experiments.bench import EXPERIMENTS, PendulumLost, Rig, record
-from experiments.trials.plan import DURATION, Trial, make_plan
+from experiments.trials.plan import make_plan
 from experiments.trials.seal import FIT_LOG, HELD_OUT_LOG, rig_of, seal, write_logs
+from experiments.trials.trial import DURATION, Trial
 from furuta_gym.files import write_whole
 
 from .vault import locked_text

@@ -12,13 +12,14 @@ from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import ABSORBED, Diagnosis
 
-from . import prediction_figures, search_figures, tables, where_figures
+from . import learned_figures, prediction_figures, search_figures, tables, where_figures
 from .contents import Block, Details, Figure, Grid, Heading, Page, Section, Text
 from .drawing import Drawing
 from .examination import Examination
 from .verdict import data, effects, equals, place, times, verdict
 from .words import joined
 
+_CLOSED_LOOP = "The whole experiment simulated in closed loop"
 _SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure
 
 
@@ -28,7 +29,7 @@ def diagnosis_page(x: Examination, extra: tuple[Section, ...] = ()) -> Page:
     names = joined([log.source for log in x.logs], "and")
     held = f" · held out: {joined([log.source for log in x.held_out], 'and')}" if x.held_out else ""
     first = verdict(d, x.next_experiment)
-    sections = (_measured(x), _where(x), _compared(d), _parameters(d), _errors(x), *extra, _about(x))
+    sections = (_measured(x), _where(x), _compared(d), *_learned(d), _parameters(d), _errors(x), *extra, _about(x))
     return Page(
         "Diagnosis",
         f"furuta diagnose · {names}{held}",
@@ -82,9 +83,9 @@ def _measured(x: Examination) -> Section:
         blocks.append(Figure(prediction_figures.predictions(x.gap.logs, prediction_figures.sides(x.gap))))
     if x.closed_loop:
         shown = Figure(prediction_figures.closed_loop(x.closed_loop, x.shown))
-        blocks.append(Details("The whole experiment simulated in closed loop", (shown,)))
+        blocks.append(Details(_CLOSED_LOOP, (shown,)))
     elif "closed loop" in x.remarks:
-        blocks.append(Text(f"No closed-loop simulation: {x.remarks['closed loop']}.", "quiet"))
+        blocks.append(Details(_CLOSED_LOOP, (Text(f"Not available: {x.remarks['closed loop']}."),)))
     return Section("measured", "Measured over predicted", tuple(blocks))
 
 
@@ -161,6 +162,21 @@ def _compared(d: Diagnosis) -> Section:
         blocks.append(Details("Further steps of the search", tuple(found[1:])))
     nat = "A nat is a factor e in likelihood: with 10 nats more, the logs are 22 000 times as likely."
     return Section("compared", "What was compared", (*blocks, Text(nat, "quiet")))
+
+
+def _learned(d: Diagnosis) -> tuple[Section, ...]:
+    """What was learned because no name explains it; no section where nothing was."""
+    if d.learned is None:
+        return ()
+    became = "It is part of the plant" if d.learned.added else "It is not part of the plant"
+    text = (
+        "Names come first. What they leave was learned as a smooth torque over the arm's angle and speed. "
+        f"{became}: {d.learned.reason}."
+    )
+    blocks: list[Block] = [Text(text), Figure(learned_figures.curves(d.learned.plant))]
+    if d.learned.change is not None:
+        blocks.append(Details("Errors with and without it", (tables.parts(d.learned.change.by_kind, "experiment"),)))
+    return (Section("learned", "What no name explains", tuple(blocks)),)
 
 
 def _parameters(d: Diagnosis) -> Section:

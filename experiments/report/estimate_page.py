@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 from identification.estimation.estimate import Estimate
@@ -11,7 +12,7 @@ from identification.validation.gap import Gap
 from . import search_figures, tables
 from .contents import Block, Fact, Figure, Page, Section, Text, Verdict
 from .validation_page import Said, about, adequacy, doubts_of, effects_of, error_in_words, facts, footer, gap_sections
-from .words import joined
+from .words import find_missing, joined
 
 _FITTED = "These logs were fitted. The test is a log that was not."
 
@@ -19,7 +20,8 @@ _FITTED = "These logs were fitted. The test is a log that was not."
 def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, remark: str, plant_file: str) -> Page:
     """The report of an identification. gap: of the estimated plant on the fitted logs, or None with the reason in
     `remark`; plant_file: what the plant was saved as."""
-    sources = joined([log.source for log in logs], "and")
+    names = [log.source for log in logs]
+    sources = joined(names, "and")
     weak = [w.replace("theta", "θ") for w in (*estimate.identifiability.unidentified, *estimate.identifiability.weak)]
     known = f"{len(estimate.names) - len(weak)} of {len(estimate.names)} parameters are well determined."
     judged = adequacy(gap) if gap is not None else None
@@ -43,7 +45,7 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
         Fact("Parameters", known.split(" parameters")[0], "well determined"),
     )
     verdict = Verdict(
-        badge, good, headline, tuple(doubts), numbers, _next(judged, sources, plant_file), effects_of(estimate.plant)
+        badge, good, headline, tuple(doubts), numbers, _next(judged, names, plant_file), effects_of(estimate.plant)
     )
     return Page(
         "Identification",
@@ -54,10 +56,10 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
     )
 
 
-def _next(judged: Said | None, sources: str, plant_file: str) -> str:
+def _next(judged: Said | None, logs: Sequence[str], plant_file: str) -> str:
     if judged is None or judged.good:
-        return f"Record a log of another kind of motion and run `furuta validate {plant_file} LOG`."
-    return f"Find what is missing: `furuta diagnose {sources.replace(' and ', ' ').replace(',', '')} -o out`."
+        return f"Record a log of another kind of motion and run `furuta validate {shlex.quote(plant_file)} LOG`."
+    return f"{find_missing(logs)} Hold another log out, if there is one: `--held-out LOG`."
 
 
 def _parameters(estimate: Estimate) -> Section:

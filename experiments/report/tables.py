@@ -104,7 +104,13 @@ def _error_row(name: str, found: Gap, axis: int, floor: float) -> tuple[str, ...
     low, high = 1e3 * rms_interval(found)[axis]
     rms = found.rms[axis]
     interval = f"{1e3 * rms:.3g} ({low:.3g} … {high:.3g})"
-    return (name, interval, _counts(rms, found.counts[axis]), f"{rms / floor:.3g}", f"{found.fit_percent[axis]:.1f} %")
+    return (
+        name,
+        interval,
+        _counts(rms, found.counts[axis]),
+        f"{rms / floor:.3g}",
+        f"{found.fits[axis]} %".replace("-", "−"),
+    )
 
 
 def _floor_row(name: str, floor: float, count: float) -> tuple[str, ...]:

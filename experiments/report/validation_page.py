@@ -9,6 +9,7 @@ from importlib.metadata import version
 import numpy as np
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.effects.words import number
 from identification.logs.log import Log
 from identification.validation.adequacy import SMALL_BELOW, Adequacy
 from identification.validation.gap import Gap
@@ -17,7 +18,7 @@ from . import prediction_figures, tables
 from .contents import Block, Details, Fact, Figure, Page, Section, Text, Verdict
 from .drawing import AFTER
 from .verdict import fit, times
-from .words import joined
+from .words import find_missing, joined
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,7 @@ def validation_page(gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen
         doubts = (f"{joined(seen, 'and')}: fitted by this plant, so this is no test on new data.", *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
     fitted = [str(entry["source"]) for entry in plant.provenance.get("logs", []) if "source" in entry]
-    given = f"{' '.join(fitted)} --held-out {' '.join(sources)}" if fitted and not seen else " ".join(sources)
-    look = f"Find what is missing: `furuta diagnose {given} -o out`."
+    look = find_missing(fitted, sources) if fitted and not seen else find_missing(sources)
     verdict = Verdict(
         judged.badge,
         judged.good,
@@ -78,8 +78,8 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
     unit = f"rms of q1 and q2, {ahead}"
     if np.all(gap.counts > 0):
         counts = gap.rms / gap.counts
-        unit += f"; {counts[0]:.1f} and {counts[1]:.1f} counts"
-    rms = " and ".join(f"{1e3 * r:.3g}" for r in gap.rms)
+        unit += f"; {number(float(counts[0]))} and {number(float(counts[1]))} counts"
+    rms = " and ".join(number(1e3 * float(r)) for r in gap.rms)
     return (
         Fact("Error over the noise floor", f"{gap.ratio_to_floor:.2f} ×", f"{ahead}; 1 is perfect"),
         Fact("Fit", fit(gap), f"of q1 and q2, {ahead}"),

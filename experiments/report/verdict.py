@@ -86,7 +86,7 @@ def times(ratio: float) -> str:
 
 def fit(gap: Gap) -> str:
     """The fit of both angles."""
-    return " and ".join(f"{percent:.1f}" for percent in gap.fit_percent).replace("-", "−") + " %"
+    return " and ".join(gap.fits).replace("-", "−") + "\u00a0%"
 
 
 def _found(d: Diagnosis) -> str:
@@ -131,7 +131,7 @@ def _improvement(d: Diagnosis) -> str:
 def _doubts(d: Diagnosis) -> list[str]:
     doubts = []
     if d.verdict == "insufficient_excitation":
-        doubts.append(f"{d.summary[:1].upper()}{d.summary[1:]}.")
+        doubts.append(f"{d.summary[:1].upper()}{d.summary[1:]}")
     if alike := equals(d) if d.verdict == "ambiguous" else []:
         others = joined([EFFECTS[name].title for name in alike], "or")
         doubts.append(f"These logs cannot tell this from {others}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 BADGE = {
@@ -53,6 +54,12 @@ TELL_APART = (
 
 ALIKE = "No experiment of the menu would tell {titles} apart, so either will do. "
 """The same where none does: before what else there is to do."""
+
+
+def find_missing(logs: Sequence[str], held_out: Sequence[str] = ()) -> str:
+    """What to do where a model is not adequate."""
+    words = [*logs, *(("--held-out", *held_out) if held_out else ()), "-o", "diagnosis"]
+    return f"Find what is missing: `furuta diagnose {shlex.join(words)}`."
 
 
 def joined(parts: Sequence[str], last: str) -> str:

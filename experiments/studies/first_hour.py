@@ -66,7 +66,8 @@ def following(step: Step, spare: Sequence[str]) -> str | None:
     found = _LINE.findall(step.said)
     if not found:
         return None
-    return re.sub(r"\bLOG\b", " ".join(map(shlex.quote, spare)), found[-1])
+    said = found[-1] if spare else found[-1].replace(" --held-out LOG", "")
+    return re.sub(r"\bLOG\b", " ".join(map(shlex.quote, spare)), said)
 
 
 def walk(logs: Sequence[Path], folder: Path, last: str = "export") -> list[Step]:

@@ -7,7 +7,7 @@ says where they come from). Writes real_logs.json and real_logs.md, and prints t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +19,9 @@ from experiments.cli.output import busy, write_json
 from furuta_gym.files import write_whole
 from furuta_gym.plant import THETA_NAMES, Plant
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.held_out import HeldOut
+from identification.diagnosis.learned import Learned
+from identification.diagnosis.learning import learned_from
 from identification.diagnosis.outcome import Diagnosis
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
@@ -70,7 +73,8 @@ RIGS = (
 @dataclass(frozen=True)
 class Finding:
     """What came out for a rig: the fit, the same fit with friction free to be negative, what the diagnosis says (None
-    where it was not asked), and the gaps by name, of the model without effects and with those found."""
+    where it was not asked), and the gaps by name, of the model without effects, with those found, and with what was
+    learned from the rest, judged by all held-out logs (None where nothing was)."""
 
     rig: Rig
     estimate: Estimate
@@ -78,6 +82,8 @@ class Finding:
     diagnosis: Diagnosis | None
     gaps: dict[str, Gap | str]
     gaps_after: dict[str, Gap | str]
+    learned: Learned | None = None
+    gaps_learned: dict[str, Gap | str] = field(default_factory=dict)
 
 
 def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
@@ -91,8 +97,13 @@ def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
     witnesses = [log for n in rig.witnesses if n in rig.held_out for log in _read(folder, rig, rig.held_out[n])]
     diagnosis = diagnose(logs, witnesses) if look else None
     after = diagnosis.after.plant if diagnosis and diagnosis.after else estimate.plant
-    gaps = [_gaps(plant, folder, rig) for plant in (estimate.plant, after)]
-    return Finding(rig, estimate, unbounded, diagnosis, *gaps)
+    before_and_after = [_gaps(plant, folder, rig) for plant in (estimate.plant, after)]
+    learned = None
+    if diagnosis and diagnosis.after:
+        everything = tuple(log for files in rig.held_out.values() for log in _read(folder, rig, files))
+        learned = learned_from(after, diagnosis.after.zeros, HeldOut(tuple(logs), everything, diagnosis.policy))
+    more = _gaps(learned.plant, folder, rig) if learned else {}
+    return Finding(rig, estimate, unbounded, diagnosis, *before_and_after, learned=learned, gaps_learned=more)
 
 
 def _gaps(plant: Plant, folder: Path, rig: Rig) -> dict[str, Gap | str]:
@@ -156,6 +167,14 @@ def _missing(found: Finding) -> list[str]:
                 *(1e3 * np.median(np.abs(g.errors), axis=0) for g in (gap, new)),
             ]
             lines.append(f"| {name} | " + " | ".join(f"{a:.3g}, {b:.3g}" for a, b in cells) + " |")
+    if found.learned is not None:
+        became = "added" if found.learned.added else "refused"
+        lines += ["", f"Learned beside them ({found.learned.evidence:.0f} nats), {became}: {found.learned.reason}.", ""]
+        lines += ["| held out | rms q1, q2 [mrad] | median error [mrad] |", "|---|---|---|"]
+        for name, gap in found.gaps_learned.items():
+            if not isinstance(gap, str):
+                rms, median = 1e3 * gap.rms, 1e3 * np.median(np.abs(gap.errors), axis=0)
+                lines.append(f"| {name} | {rms[0]:.3g}, {rms[1]:.3g} | {median[0]:.3g}, {median[1]:.3g} |")
     return lines
 
 
@@ -175,6 +194,7 @@ def to_json(found: Sequence[Finding]) -> dict[str, Any]:
             "negative_friction": f.unbounded.to_dict(),
             "diagnosis": f.diagnosis and f.diagnosis.to_dict(),
             "held_out": {n: g if isinstance(g, str) else g.to_dict()["gap"] for n, g in f.gaps.items()},
+            "learned": f.learned and f.learned.to_dict(),
             "held_out_after": {n: g if isinstance(g, str) else g.to_dict()["gap"] for n, g in f.gaps_after.items()},
         }
         for f in found

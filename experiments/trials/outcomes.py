@@ -13,6 +13,7 @@ import pandas as pd
 from .scoring import Outcome
 
 _NUMBERS = ("ratio", "closed_fraction", "after_over_floor", "runtime_s")
+_COUNTS = ("found", "false")
 _TRUTHS = ("inside", "leftover", "reported_absorbed")
 
 
@@ -45,6 +46,8 @@ def read_outcomes(path: Path) -> list[Outcome]:
 def _read(name: str, text: str) -> Any:
     if name in _NUMBERS:
         return float(text) if text else None
+    if name in _COUNTS:
+        return int(text)
     if name in _TRUTHS:
         return {"True": True, "False": False}[text]
     if name == "named":

@@ -14,6 +14,7 @@ from .pictures import PICTURES, draw_pictures
 from .power import PowerCurve
 from .scoring import Outcome
 from .summary import ALL, VISIBLE, confusion, power_curves, power_table, rate, summarize
+from .trial import NOTHING
 
 FILES = ("summary.json", "confusion.csv", "power.csv", "outcomes.csv", "summary.md", "report.html", *PICTURES)
 
@@ -53,7 +54,7 @@ def percent(share: Mapping[str, Any] | None) -> str:
 
 def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(question, answer) of the main results; questions that no trial asked are left out."""
-    library, nothing = summary["library"], ("none", "torque_noise", "absorbed")
+    library, strong, composite = summary["library"], summary["strong"], summary["composite"]
     forms, outside = summary["library_by_form"], summary["outside_answers"]
 
     def share(kinds: Sequence[str], *results: str) -> str:
@@ -71,13 +72,22 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
         *((f"… alone, {said}", percent(forms[form]["right_alone"])) for form, said in _FORMS.items()),
         *((f"… {said}", of_library(result)) for result, said in _SHORTCOMINGS.items()),
+        ("library effect at gap ratios above 10: named right, alone", percent(strong["right_alone"])),
+        ("… named right, alone or in a set of two equals", percent(strong["right_within_two"])),
+        ("… inside the stated sets", percent(strong["inside_the_stated_sets"])),
         ("nothing to name: false alarms", percent(summary["false_alarms"])),
         *((f"… of these: {said}", share([kind], "false_alarm")) for kind, said in _NOTHING.items()),
-        ("nothing to name: called unknown", share(nothing, "unknown")),
+        ("nothing to name: called unknown", share(NOTHING, "unknown")),
         ("outside the library: something unknown is said to be there", share(["outside"], "right")),
         *((f"… of these: {said}", percent(share)) for said, share in outside.items()),
         ("two effects: both named right, alone or in sets of two", share(["two"], "right", "pair")),
         ("two effects: one of them", share(["two"], "half")),
+        ("three to five effects: effects named, alone or in sets of two", percent(composite["effects_named"])),
+        ("… rigs with a false name", percent(composite["rigs_with_a_false_name"])),
+        (
+            "… held-out error over the noise floor, median",
+            _quantile(composite["after_over_floor"], "median"),
+        ),
         ("hard friction alone: named friction_sharpness", share(["hard"], "right", "pair")),
         ("parameters: 95 % intervals that hold the truth", percent(summary["coverage_95"])),
         *(
@@ -115,6 +125,7 @@ _NOTHING = {
     "none": "nothing hidden",
     "torque_noise": "random torque",
     "absorbed": "what θ takes in (back-EMF, gain)",
+    "rounding": "rounding alone, in a second simulator",
 }
 
 

@@ -22,7 +22,7 @@ from furuta_gym.processes import temporary_folder
 
 from . import seal as laboratory
 from .decide import decide
-from .plan import Trial
+from .trial import Trial
 
 SEALED, ANSWERS = "sealed.jsonl", "answers.jsonl"
 

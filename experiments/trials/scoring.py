@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from .trial import NOTHING
+
 RIGHT = ("right", "pair")
 """Outcomes that count as named right: alone, or within a set of two equals."""
 
@@ -19,11 +21,12 @@ _TURN = 2.0 * math.pi
 class Outcome:
     """What an answer is worth.
 
-    result, where something is to be named ("library", "two", "hard"): right (alone), pair (in a set of two), inside (in
-    a larger set), extra (right, and a false one beside it), half (one of two), wrong, missed (none), unknown,
-    insufficient, error. Where nothing is ("none", "torque_noise", "absorbed"): right (none), false_alarm, unknown,
+    result, where something is to be named ("library", "strong", "two", "composite", "hard"): right (alone), pair (in a
+    set of two), inside (in a larger set), extra (right, and a false one beside it), half (some of several), wrong,
+    missed (none), unknown, insufficient, error. Where nothing is (NOTHING): right (none), false_alarm, unknown,
     insufficient, error. "outside": right (unknown, or leftover structure reported), wrong, missed, insufficient, error.
-    named: the names given first, in order. inside: every hidden name is in a stated set. covered: parameter → its 95 %
+    named: the names given first, in order. found: hidden effects that a set of at most two equals names. false: sets
+    that hold nothing hidden. inside: every hidden name is in a stated set. covered: parameter → its 95 %
     interval holds the truth, for table forms that were named right. leftover: the answer says that structure is left.
     """
 
@@ -35,6 +38,8 @@ class Outcome:
     ratio: float | None
     result: str
     named: tuple[str, ...]
+    found: int
+    false: int
     inside: bool
     covered: Mapping[str, bool]
     leftover: bool
@@ -55,6 +60,8 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
     hidden = [h["name"] for h in trial["hidden"]]
     sets = stated_sets(answer)
     result = _result(trial["kind"], hidden, trial["friction"] == "hard", sets, answer)
+    true = _true_sets(hidden, trial["friction"] == "hard", sets)
+    matched = [s for s in _matched(hidden, true) if s is not None]
     ratios = [r for r in sealed["ratios"] if r is not None] or [sealed.get("hard_ratio")]
     return Outcome(
         id=trial["id"],
@@ -65,8 +72,12 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
         ratio=min(ratios) if None not in ratios else None,
         result=result,
         named=tuple(s[0] for s in sets),
+        found=sum(len(s) <= 2 for s in matched),
+        false=len(true) - len(matched),
         inside=bool(hidden) and set(hidden) <= {name for s in sets for name in s},
-        covered=_covered(sealed["truth"], answer) if trial["kind"] in ("library", "two") and result in RIGHT else {},
+        covered=_covered(sealed["truth"], answer)
+        if trial["kind"] in ("library", "strong", "two", "composite") and result in RIGHT
+        else {},
         leftover=bool(answer.get("leftover")),
         reported_absorbed=any(name in answer.get("absorbed", ()) for name in hidden),
         closed_fraction=_gap_number(answer, "closed_fraction"),
@@ -94,13 +105,18 @@ def _result(kind: str, hidden: list[str], hard: bool, sets: list[tuple[str, ...]
         return "wrong" if sets else "missed"
     if verdict == "unknown":
         return "unknown"
-    if kind in ("none", "torque_noise", "absorbed"):
+    if kind in NOTHING:
         return "false_alarm" if sets else "right"
     if kind == "hard":
         return _compared([_SHARPNESS], sets)
-    if hard and _SHARPNESS not in hidden:  # true as well: hard friction is a very large r
-        sets = [s for s in sets if s[0] != _SHARPNESS]
-    return _compared(hidden, sets)
+    return _compared(hidden, _true_sets(hidden, hard, sets))
+
+
+def _true_sets(hidden: list[str], hard: bool, sets: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """The sets that are marked: on a rig with hard friction, which is a very large r, its sharpness is true as well."""
+    if hard and _SHARPNESS not in hidden:
+        return [s for s in sets if s[0] != _SHARPNESS]
+    return sets
 
 
 def _compared(hidden: list[str], sets: list[tuple[str, ...]]) -> str:

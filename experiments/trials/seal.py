@@ -14,7 +14,8 @@ from typing import Any
 from experiments.bench import HiddenEffect, PendulumLost, Rig, effect_size, record
 
 from . import sizes
-from .plan import DURATION, Hidden, Trial
+from .rounding import seal_plain, write_plain
+from .trial import DURATION, Hidden, Trial
 
 FIT_LOG, HELD_OUT_LOG = "fit.csv", "held_out.csv"
 _ROUNDS = 3
@@ -29,6 +30,8 @@ def seal(trial: Trial) -> dict[str, Any]:
     `trial.hidden`; `hard_ratio`, that of hard friction where it is the subject; `held_out` [experiment, seed]; `truth`
     as the bench tells it. If the pendulum falls whatever is tried, `problem` says so, and there is no truth.
     """
+    if trial.kind == "rounding":
+        return seal_plain(trial)
     found = [_sized(trial, hidden) for hidden in trial.hidden]
     strengths = [strength for strength, _ in found]
     ratios = [ratio for _, ratio in found]
@@ -54,17 +57,27 @@ def seal(trial: Trial) -> dict[str, Any]:
 
 def write_logs(sealed: Mapping[str, Any], folder: Path) -> None:
     """Record the two logs of a sealed trial into a folder: what a laboratory would hand over, and nothing else."""
+    if sealed["trial"]["kind"] == "rounding":
+        write_plain(sealed, folder / FIT_LOG, folder / HELD_OUT_LOG)
+        return
     trial, rig = rig_of(sealed)
     experiment, seed = sealed["held_out"]
     record(rig, trial.experiment, trial.seed, DURATION).write(folder / FIT_LOG)
-    record(rig, experiment, seed, DURATION).write(folder / HELD_OUT_LOG)
+    record(_shifted(rig, trial), experiment, seed, DURATION).write(folder / HELD_OUT_LOG)
 
 
 def rig_of(sealed: Mapping[str, Any]) -> tuple[Trial, Rig]:
     """The trial and the rig of a sealed truth that has no `problem`."""
     about = sealed["trial"]
-    trial = Trial(**{**about, "hidden": tuple(Hidden(**h) for h in about["hidden"])})
+    zeros = tuple(about.get("zeros", (0.0, 0.0)))
+    trial = Trial(**{**about, "hidden": tuple(Hidden(**h) for h in about["hidden"]), "zeros": zeros})
     return trial, _rig(trial, sealed["strengths"])
+
+
+def _shifted(rig: Rig, trial: Trial) -> Rig:
+    """The rig when the held-out log is taken: its encoders may count from elsewhere."""
+    arm, pendulum = rig.encoder_offset
+    return replace(rig, encoder_offset=(arm + trial.zeros[0], pendulum + trial.zeros[1]))
 
 
 def _bare(trial: Trial) -> Rig:
@@ -99,7 +112,8 @@ def _sized(trial: Trial, hidden: Hidden) -> tuple[float, float | None]:
     if hidden.ratio is None:
         assert hidden.strength is not None
         return hidden.strength, None
-    strength = sizes.first_guess(hidden.name, trial.rig, trial.experiment, hidden.ratio)
+    largest = sizes.STRONGEST if trial.kind == "strong" else sizes.LARGEST
+    strength = sizes.first_guess(hidden.name, trial.rig, trial.experiment, hidden.ratio, largest)
     best: tuple[float, float, float] | None = None
     for _ in range(_ROUNDS):
         try:
@@ -109,7 +123,7 @@ def _sized(trial: Trial, hidden: Hidden) -> tuple[float, float | None]:
             continue
         miss = abs(math.log(max(ratio - 1.0, 1e-6) / (hidden.ratio - 1.0)))
         best = min(best or (math.inf, 0.0, 0.0), (miss, strength, ratio))
-        other = min(sizes.LARGEST, sizes.scaled(strength, ratio, hidden.ratio))
+        other = min(largest, sizes.scaled(strength, ratio, hidden.ratio))
         if miss < _CLOSE or other == strength:
             break
         strength = other
@@ -124,9 +138,9 @@ def _held_out(rig: Rig, trial: Trial) -> tuple[str, int]:
     choices = [(name, trial.seed + shift) for name in (trial.held_out, trial.experiment) for shift in (1, 2)]
     for experiment, seed in choices[:-1]:
         try:
-            record(rig, experiment, seed, DURATION)
+            record(_shifted(rig, trial), experiment, seed, DURATION)
         except PendulumLost:
             continue
         return experiment, seed
-    record(rig, *choices[-1], DURATION)
+    record(_shifted(rig, trial), *choices[-1], DURATION)
     return choices[-1]

@@ -20,7 +20,10 @@ COUNTS = 4096
 """Encoder counts per turn of every rig of the trials."""
 
 LARGEST = 4.0
-"""Strength above which an effect is no longer the mechanism that it is named after."""
+"""Strength up to which an effect is of the usual size."""
+
+STRONGEST = 30.0
+"""The same of trials with a strong effect."""
 
 EXPERIMENTS = {
     **dict.fromkeys(
@@ -50,13 +53,13 @@ def _table() -> dict[str, dict[str, dict[str, list[float] | None]]]:
     return json.loads(_FILE.read_text(encoding="utf-8"))
 
 
-def first_guess(effect: str, kind: str, experiment: str, ratio: float) -> float:
-    """Strength at which `effect` has about this gap ratio on a rig of this kind, at most LARGEST.
+def first_guess(effect: str, kind: str, experiment: str, ratio: float, largest: float = LARGEST) -> float:
+    """Strength at which `effect` has about this gap ratio on a rig of this kind, at most `largest`.
 
     1 where the table has no point.
     """
     strength, seen = _table().get(effect, {}).get(experiment, {}).get(kind) or (1.0, 1.0)
-    return min(LARGEST, scaled(strength, seen, ratio))
+    return min(largest, scaled(strength, seen, ratio))
 
 
 def gaps(effect: str, kind: str) -> dict[str, float]:
@@ -65,10 +68,10 @@ def gaps(effect: str, kind: str) -> dict[str, float]:
     return {name: math.sqrt(p[1] ** 2 - 1.0) / p[0] if p else 0.0 for name, p in points.items()}
 
 
-def reach(effect: str, kind: str, experiment: str) -> float:
-    """Largest gap ratio to ask for: that of strength LARGEST, by proportion; infinite where the table has no point."""
+def reach(effect: str, kind: str, experiment: str, largest: float = LARGEST) -> float:
+    """Largest gap ratio to ask for: that of strength `largest`, by proportion; infinite where no point was measured."""
     gap = gaps(effect, kind).get(experiment, 0.0)
-    return math.sqrt(1.0 + (LARGEST * gap) ** 2) if gap else math.inf
+    return math.sqrt(1.0 + (largest * gap) ** 2) if gap else math.inf
 
 
 def scaled(strength: float, seen: float, wanted: float) -> float:

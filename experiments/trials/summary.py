@@ -11,9 +11,9 @@ from scipy.stats import binomtest
 
 from experiments.bench import SETS
 
-from .plan import KINDS
 from .power import PowerCurve, fit_power
 from .scoring import RIGHT, Outcome
+from .trial import KINDS, NOTHING
 
 SCHEMA = "furuta-trials/1"
 VISIBLE = 1.1
@@ -39,8 +39,9 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """All rates: {kind: {result: rate}} and the breakdowns of the visible library trials."""
     by_kind = {kind: [o for o in outcomes if o.kind == kind] for kind in KINDS}
     library = [o for o in by_kind["library"] if o.ratio is not None and o.ratio >= VISIBLE]
-    nothing = by_kind["none"] + by_kind["torque_noise"] + by_kind["absorbed"]
-    right = [o for o in outcomes if o.right and o.kind in ("library", "two")]
+    nothing = [o for kind in NOTHING for o in by_kind[kind]]
+    right = [o for o in outcomes if o.right and o.kind in ("library", "strong", "two")]
+    strong = [o for o in by_kind["strong"] if o.ratio is not None and o.ratio >= VISIBLE]
     return {
         "schema": SCHEMA,
         "trials": {kind: len(some) for kind, some in by_kind.items()},
@@ -48,9 +49,11 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "library_by_rig": {rig: _library([o for o in library if o.rig == rig]) for rig in SETS},
         "library_by_form": {form: _library([o for o in library if o.form == form]) for form in ("table", "bench")},
         "library_by_effect": {s: _library([o for o in library if o.subject == s]) for s in _subjects(library)},
+        "strong": _library(strong),
+        "composite": _composite(by_kind["composite"]),
         "false_alarms": rate(o.result == "false_alarm" for o in nothing),
         "absorbed_reported": rate(o.reported_absorbed for o in by_kind["absorbed"]),
-        **{kind: _results(by_kind[kind]) for kind in KINDS if kind != "library"},
+        **{kind: _results(by_kind[kind]) for kind in KINDS if kind not in ("library", "strong", "composite")},
         "outside_answers": {
             "no name": rate(o.right and not o.named for o in by_kind["outside"]),
             "a name for a part, and something left": rate(o.right and bool(o.named) for o in by_kind["outside"]),
@@ -73,10 +76,11 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def confusion(outcomes: Iterable[Outcome]) -> pd.DataFrame:
-    """Trials counted by what was hidden (rows) and what was named first (columns); pairs of effects are left out.
+    """Trials counted by what was hidden (rows) and what was named first (columns); rigs with several effects are left
+    out.
 
     Library effects first, then what is outside it, then the trials with nothing to name."""
-    shown = [o for o in outcomes if o.kind != "two"]
+    shown = [o for o in outcomes if o.kind not in ("two", "composite")]
     outside = {o.subject for o in shown if o.kind == "outside"}
     table = pd.crosstab(
         pd.Series([_row(o) for o in shown], name="hidden", dtype=object),
@@ -126,6 +130,17 @@ def _library(some: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
+def _composite(some: Sequence[Outcome]) -> dict[str, Any]:
+    """Of rigs with several effects: effects named (in sets of at most two), rigs with a false name, what is left."""
+    named = [i < o.found for o in some for i in range(len(o.subject.split("+")))]
+    return {
+        "effects_named": rate(named),
+        "rigs_with_a_false_name": rate(o.false > 0 for o in some),
+        "after_over_floor": _quantiles(o.after_over_floor for o in some),
+        "results": _results(some),
+    }
+
+
 def _results(some: Sequence[Outcome]) -> dict[str, Any]:
     return {result: rate(o.result == result for o in some) for result in sorted({o.result for o in some})}
 
@@ -139,7 +154,9 @@ def _simple(outcome: Outcome) -> bool:
 
 
 def _row(outcome: Outcome) -> str:
-    return outcome.subject if outcome.kind in ("library", "outside") else f"({outcome.kind.replace('_', ' ')})"
+    return (
+        outcome.subject if outcome.kind in ("library", "strong", "outside") else f"({outcome.kind.replace('_', ' ')})"
+    )
 
 
 def _answered(outcome: Outcome) -> str:

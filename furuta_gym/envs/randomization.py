@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.compiled import compiled
-from ..plant.effects import EFFECTS, Effect
+from ..plant.effects import Effect
 from ..plant.effects.declaration import Parameter
 from ..plant.layout import FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from ..plant.plant import Plant
@@ -122,7 +122,7 @@ def randomization(
     switches = []
     for effect in whole.effects:
         own = whole.layout.rows_of(effect.name)
-        for row, parameter in zip(own, EFFECTS[effect.name].parameters, strict=True):
+        for row, parameter in zip(own, effect.type.parameters, strict=True):
             table[_LOWER, row], table[_UPPER, row] = parameter.lower, parameter.upper
             table[_OFF, row] = parameter.neutral if parameter.role == "size" else packed.p[row]
             if effect.name not in carried and parameter.role == "size":

@@ -19,8 +19,10 @@ from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
+from . import sentences
 from .equals import interchangeable
 from .held_out import HeldOut
+from .learning import with_learned
 from .locate.locate import locate, long_enough
 from .locate.location import Where
 from .naming.fits import Fit, Fitter, fit
@@ -75,6 +77,9 @@ def diagnose(
     if found.still_off > 1.0:
         say("asking a second witness: multiple shooting")
         found = with_second_witness(found, held)
+    if found.leftover:
+        say("learning what no name explains")
+        found = with_learned(found, held)
     return replace(found, runtime_s=time.monotonic() - began)
 
 
@@ -93,7 +98,7 @@ def searched(
     try:
         before = identify(logs, start)
     except NotIdentifiable as error:
-        text = f"{error} — nothing can be said about missing effects"
+        text = f"{error}. Nothing can be said about missing effects."
         return Diagnosis("insufficient_excitation", text, None, None, None, None, math.nan, rms, 0.0, policy)
     long_enough(logs, policy)  # or nothing could be said after the search
     anchor = _anchor(before.plant, policy)
@@ -191,43 +196,18 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
 
 
 def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, str]:
-    """The verdict and its sentence."""
-    explained = sum(suspect.net for suspect in naming.accepted)
-    names = " and ".join(_told(naming, i) for i in range(len(naming.accepted)))
-    remains = ""
+    """The verdict, and what it says in sentences."""
+    names = [suspect.name for suspect in naming.accepted]
+    remains = []
     if rest.matters:
-        remains = f"what remains {_against(rest)}, which no effect of the library explains"
+        remains = [sentences.left(rest)]
     elif structured(rest, policy):
-        remains = "what remains changes along the log: the parameters are not the same all the time"
+        remains = [sentences.UNCHANGING]
     elif naming.refused is not None:
-        remains = (
-            f"{naming.refused.name} would take up a little more ({naming.refused.gain:.0f} nats), too little to be "
-            "told from another form of what was found"
-        )
-    if not naming.accepted:
-        if remains:
-            return "unknown", remains
-        sentence = "no effect of the library improves on model (5) by more than chance would"
-        if rest.found:
-            sentence += f"; what is left changes a prediction by {rest.counts.max():.2g} counts, which is negligible"
-        return "none", sentence
-    if rest.matters and rest.evidence > explained:
-        return "unknown", f"{remains}; {names} comes nearest, but explains less than it leaves"
-    equals = any(naming.apart)
-    taken_back = " and ".join(s.name for s in naming.taken_back)
-    sentence = f"the model misses {names}" + (" or a look-alike that these logs cannot tell from it" if equals else "")
-    if taken_back:
-        sentence += f"; {taken_back} would explain more of these logs, but brings nothing on data that no fit saw"
-    return "ambiguous" if equals else "named", sentence + (f"; {remains}" if remains else "")
-
-
-def _told(naming: Naming, i: int) -> str:
-    """The name of an effect found, with those that might stand in its place."""
-    name = naming.accepted[i].name
-    same = naming.same[i] if naming.same else ()
-    return f"{name} ({' or '.join(same)} would predict the same)" if same else name
-
-
-def _against(rest: Where) -> str:
-    place = {"arm": "on the arm", "pendulum": "on the pendulum", "input": "at the command", "sensor": "in a reading"}
-    return f"{place.get(rest.channel or '', 'somewhere')} goes with {rest.variable} ({rest.evidence:.0f} nats)"
+        remains = [sentences.refused(naming.refused.name, naming.refused.gain)]
+    if not names:
+        return ("unknown", remains[0]) if remains else ("none", sentences.nothing(rest))
+    if rest.matters and rest.evidence > sum(suspect.net for suspect in naming.accepted):
+        return "unknown", f"{remains[0]} {sentences.nearest(names)}"
+    verdict = "ambiguous" if any(naming.apart) else "named"
+    return verdict, " ".join([sentences.misses(naming), *remains])

@@ -8,7 +8,9 @@ from typing import Any
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
+from . import sentences
 from .gap_change import GapChange
+from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
 from .naming.suspects import Suspect, follows_clock
@@ -49,7 +51,7 @@ class SecondWitness:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in a sentence.
+    """verdict: named, ambiguous, none, unknown or insufficient_excitation; `summary` says it in sentences.
 
     before, after: estimates without and with the effects found (after is before where none was). naming: the search.
     rest: where the final model fails. left_over: rms of the torque [{u}] that it does not explain, over a tenth of a
@@ -58,7 +60,8 @@ class Diagnosis:
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
     error over the noise floor that the effects leave on such data, where that is much; 1 otherwise. second: what
-    multiple shooting makes of the same structure, where much is left.
+    multiple shooting makes of the same structure, where much is left. learned: a torque without a name that was learned
+    from what is left, and whether it was added.
     """
 
     verdict: str
@@ -76,6 +79,7 @@ class Diagnosis:
     confirmed: bool = True
     still_off: float = 1.0
     second: SecondWitness | None = field(default=None, repr=False)
+    learned: Learned | None = field(default=None, repr=False)
 
     @property
     def leftover(self) -> bool:
@@ -93,7 +97,9 @@ class Diagnosis:
     @property
     def plant(self) -> Plant | None:
         """The plant to use: with the effects found, unless held-out data speak against them; that of the second
-        witness where it is better."""
+        witness where it is better; with what was learned, where it was added."""
+        if self.learned is not None and self.learned.added:
+            return self.learned.plant
         if self.confirmed and self.second is not None and self.second.better:
             return self.second.plant
         best = self.after if self.confirmed else self.before
@@ -125,16 +131,21 @@ class Diagnosis:
 
     def vetoed(self) -> Diagnosis:
         """The same once held-out data have shown no gain from the effects: what is missing is something else."""
-        names = " and ".join(suspect.name for suspect in self.found)
-        one = len(self.found) == 1
-        brings, is_not = ("brings", "it is not the name") if one else ("bring", "they are not the names")
-        summary = f"{names} would explain these logs, but {brings} nothing on data that no fit saw: {is_not}"
+        summary = sentences.vetoed([suspect.name for suspect in self.found])
         return replace(self, verdict="unknown", summary=summary, confirmed=False)
 
     def falling_short(self, ratio: float) -> Diagnosis:
         """The same once data that no fit saw are still predicted with `ratio` times the error that noise leaves."""
-        summary = f"{self.summary}; data that no fit saw are still {ratio:.1f} times as far off as noise alone would be"
-        return replace(self, summary=summary, still_off=ratio)
+        return replace(self, summary=f"{self.summary} {sentences.still_off(ratio)}", still_off=ratio)
+
+    @property
+    def _left(self) -> str:
+        """Where what is left over shows; never that nothing is, beside a summary that says that something is."""
+        assert self.rest is not None
+        if self.rest.found:
+            return self.rest.sentence
+        where = "on data that no fit saw alone" if self.still_off > 1.0 else "in other tests"
+        return f"no torque stands out of the noise on the searched logs; what remains shows {where}"
 
     def to_dict(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
@@ -155,6 +166,7 @@ class Diagnosis:
             "command_rms": self.command_rms,
             "gap": self.gap.to_dict() if self.gap else None,
             "second_witness": self.second.to_dict() if self.second else None,
+            "learned": self.learned.to_dict() if self.learned else None,
             "policy": self.policy.to_dict(),
             "runtime_s": self.runtime_s,
         }
@@ -185,16 +197,17 @@ class Diagnosis:
                 if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:
-                    lines.append(f"    cannot be told on these logs from: {', '.join(equals)}")
+                    lines.append(f"    equally likely on these logs: {', '.join(equals)}")
         if self.leftover and self.rest:
-            lines.append(f"  left over: {self.rest.sentence}")
+            lines.append(f"  unexplained structure: {self._left}")
             if self.found:
-                lines.append("  the standard deviations above hold where nothing is left: here they are too small")
-        lines.append(
-            f"  unknown torque, taken as noise: {self.left_over:.2g} against a command of {self.command_rms:.2g} rms"
-        )
+                lines.append("  the error bars above assume that nothing is left: here they are too small")
+        if self.learned:
+            lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
+        if self.plant is not None:
+            lines.append(f"  {sentences.unexplained(self.left_over, self.command_rms, self.plant.unit)}")
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
-        lines.append(f"  no log can tell from θ: {taken}")
+        lines.append(f"  never named, as θ takes them in: {taken}")
         return "\n".join(lines)
 
 

@@ -38,9 +38,9 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     summary = diagnosis.summary
     if second.disagreeing:
         told = ", ".join(second.disagreeing)
-        summary += f"; a fit by multiple shooting disagrees about {told}: torque noise hides structure here"
+        summary += f" A second fit, by multiple shooting, disagrees about {told}: torque noise hides structure here."
     if second.better:
-        summary += "; it predicts data that no fit saw better for certain, and is the plant written"
+        summary += " The plant written is that of multiple shooting, which predicts held-out data better for certain."
     return replace(diagnosis, second=second, summary=summary)
 
 

@@ -69,10 +69,18 @@ def solve(normal: Normal) -> Solution:
     scaled = ScaledGram.of(normal.gram)
     g = np.maximum(scaled.values, 0.0)
     along = scaled.along(normal.right)
-    evidence = [0.5 * float(np.sum(along**2 / (g + p) - np.log1p(g / p))) for p in _PRIORS * len(g)]
+    precision, evidence = most_likely_precision(g, along, _PRIORS * len(g))
+    return Solution(scaled.back(along / (g + precision)), evidence, scaled.vectors**2 @ (g / (g + precision)))
+
+
+def most_likely_precision(g: Array, along: Array, tried: Array) -> tuple[float, float]:
+    """The precision of a common prior, of those tried, that makes the data most likely, and its evidence [nats].
+
+    g, along (m,): eigenvalues of the normal equations, and the right-hand side along their eigenvectors.
+    """
+    evidence = [0.5 * float(np.sum(along**2 / (g + p) - np.log1p(g / p))) for p in tried]
     best = int(np.argmax(evidence))
-    precision = _PRIORS[best] * len(g)
-    return Solution(scaled.back(along / (g + precision)), evidence[best], scaled.vectors**2 @ (g / (g + precision)))
+    return float(tried[best]), evidence[best]
 
 
 @compiled(nogil=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.effects.words import number
 from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
 from ..kalman.coordinates import Zeros
@@ -136,7 +137,7 @@ class Estimate:
         lines = [f"Estimate ({self.method}, {self.samples} samples): {self.message}"]
         width = max(len(n) for n in (*self.names, *self.fixed))
         for n, v, s in zip(self.names, self.values, self.std, strict=True):
-            relative = f"{100 * s / abs(v):6.2g} %" if v and math.isfinite(s) else ""
+            relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and math.isfinite(s) else ""
             remark = "at its bound" if n in self.at_bound else ""
             if n in self.identifiability.unidentified:
                 remark = "NOT IDENTIFIED"

@@ -196,21 +196,27 @@ def _references(names: Sequence[str], values: NDArray[np.float64], motion: Motio
     return np.array([max(value[n], floor.get(n, 0.0), 1e-12) for n in names])
 
 
+def _shown(name: str, relative: Mapping[str, float]) -> str:
+    shown = f"{spoken([name])} is {'not identified' if not relative[name] < LOST else 'weak'}"
+    return shown + (f" (± {100 * relative[name]:.0f} %)" if relative[name] < 10.0 else "")
+
+
 def _advice(names: Sequence[str], relative: Mapping[str, float], m: Motion) -> Iterable[str]:
     scale = [n for n in ("theta3", "theta4", "theta5", "theta7", "theta9") if n in names]
+    arm = [n for n in names if n in ("theta1", "theta6", "theta8")]
     for name in names:
-        shown = f"{spoken([name])} is {'not identified' if not relative[name] < LOST else 'weak'}"
-        shown += f" (± {100 * relative[name]:.0f} %)" if math.isfinite(relative[name]) else ""
+        shown = _shown(name, relative)
         if name == "theta2":
             yield (
                 f"{shown}: |sin q2| stays below {math.sin(min(m.largest_q2, math.pi / 2)):.2g}; swing the pendulum "
                 "further (a hanging log at large amplitude, used jointly), or give its value: --fix theta2=VALUE"
             )
-        elif name in ("theta1", "theta6", "theta8"):
-            yield (
-                f"{shown}: the arm's rms speed is {m.arm_speed:.2g} rad/s; drive it harder, fast and slow, or give its "
-                f"value: --fix {name}=VALUE"
-            )
+        elif name in arm:
+            if name == arm[0]:
+                yield (
+                    f"{', '.join(_shown(n, relative) for n in arm)}: the arm's rms speed is {m.arm_speed:.2g} rad/s; "
+                    f"drive it harder, fast and slow, or give its value: --fix {name}=VALUE"
+                )
         elif name in scale and len(scale) < 3:
             yield (
                 f"{shown}: the pendulum's rms speed is {m.pendulum_speed:.2g} rad/s; let it swing more, for example "

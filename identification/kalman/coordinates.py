@@ -89,7 +89,8 @@ def plant_coordinates(
 
     θ1 … θ5 and r are positive: their logarithms (one that starts negative or zero is linear and keeps no sign).
     Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters, infinite
-    ones (an effect switched off) and an optional size that is neutral, with its shapes, stay as they are. Names are
+    ones (an effect switched off), what was learned, and an optional size that is neutral, with its shapes, stay as they
+    are. Names are
     theta1 … theta9, r (or r1, r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a log-normal prior
     of this width around the plant's values on every log coordinate. Raises ValueError for an unknown name or an
     impossible prior.
@@ -103,6 +104,8 @@ def plant_coordinates(
             Coordinate(name, row, log=True, low=1.0, high=1e4, step=1e-3) for name, row in zip(names, rows, strict=True)
         ]
     for effect in plant.effects:
+        if effect.type.learned:
+            continue
         defaults = plant.default_effect(effect.name).parameters
         for p in effect.type.parameters:
             value = effect.parameters[p.name]

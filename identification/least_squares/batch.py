@@ -102,7 +102,10 @@ def solve(models: Sequence[FilteredModel], input_unit: str = "V") -> LeastSquare
         )
     weak: np.ndarray = ~undetermined & (np.sqrt(np.diag(covariance)) > 0.3 * np.abs(theta))
     if weak.any():
-        notes.append(f"{_names(weak)} hardly excited (classical error above 30 %): excite more, or fix them.")
+        notes.append(
+            f"{_names(weak)} hardly excited (classical error above 30 %): excite more, or give what you know to the "
+            "method prediction-error."
+        )
     negative: np.ndarray = ~undetermined & (theta < 0)
     if negative.any():
         notes.append(f"{_names(negative)} negative, which no rig is: bias, a wrong sign (flip) or a missing effect.")

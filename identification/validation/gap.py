@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.effects.words import number
 
 from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import aligned
@@ -113,13 +114,20 @@ class Gap:
         for axis, name in enumerate(("q1", "q2")):
             count = self.counts[axis]
             inside = f" = {self.rms[axis] / count:.1f} counts" if count > 0 else ""
+            rms, floor, readings = (number(1e3 * float(x[axis])) for x in (self.rms, self.floor, self.reading_floor))
             rows.append(
-                f"  {name}  rms {1e3 * self.rms[axis]:.3g} mrad{inside}, floor {1e3 * self.floor[axis]:.3g} mrad "
-                f"(readings alone {1e3 * self.reading_floor[axis]:.3g}), fit {self.fit_percent[axis]:.1f} %"
+                f"  {name}  rms {rms} mrad{inside}, floor {floor} mrad "
+                f"(readings alone {readings}), fit {self.fits[axis]} %"
             )
         floor = "the spread of the repeated runs" if self.repeats else "noise alone"
         rows.append(f"  {self.ratio_to_floor:.2f} times what {floor} would leave: {self.verdict}")
         return "\n".join(rows)
+
+    @property
+    def fits(self) -> tuple[str, str]:
+        """The fit of q1 and q2 [%] as it is printed; how far below −100 % says nothing."""
+        arm, pendulum = (f"{p:.1f}" if p > -100 else "below -100" for p in self.fit_percent)
+        return arm, pendulum
 
     @property
     def judgement(self) -> Judgement:
@@ -130,8 +138,8 @@ class Gap:
     def verdict(self) -> str:
         """What the ratio to the floor means, and what to do next."""
         judged = self.judgement
-        if judged.mostly_torque:
-            axis = int(np.argmax(self.torque_share))
+        axis = int(np.argmax(self.torque_share))
+        if judged.mostly_torque and self.rms[axis] > self.reading_floor[axis]:
             doubt = (
                 f"{100 * self.torque_share[axis]:.0f} % of q{axis + 1}'s floor is torque noise fitted to these logs, "
                 "and torques that the plant misses raise it too; against the readings alone the error is "

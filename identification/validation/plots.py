@@ -46,7 +46,7 @@ def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int | None = None
             t[shown], predicted, ".", ms=3, color=_PREDICTED, label=f"predicted {1e3 * gap.horizon:.0f} ms before"
         )
         axis.set_ylabel(f"{_NAMES[a]} [rad]")
-        axis.set_title(f"rms {gap.rms[a] / gap.floor[a]:.2f} × floor, fit {gap.fit_percent[a]:.1f} %", fontsize=9)
+        axis.set_title(f"rms {gap.rms[a] / gap.floor[a]:.2f} × floor, fit {gap.fits[a]} %", fontsize=9)
     axes[0].legend(loc="upper right", fontsize=8)
     axes[1].set_xlabel("t [s]")
     return figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,8 @@ def test_adequacy_comes_before_the_parameters(file: Path, tmp_path: Path) -> Non
     assert good.exit_code == 0, good.output
     assert picture.read_bytes().startswith(b"\x89PNG")
     said = good.stdout
+    assert re.search(r"u_max = [\d.]+ V \(largest command [\d.]+, plus margin\); set it with --u-max", said)
+    assert "Next: furuta validate" in said
     assert said.index("nothing of size is missing") < said.index("Estimate (")
     hidden = tmp_path / "cable.csv"
     write_log(hidden, loop_log("arm_spring", duration=5.0, T=0.004)[0])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from experiments.cli import app
@@ -54,6 +56,7 @@ def test_the_german_log_is_read_without_a_question(german: Path) -> None:
     )
     text = Path("rig.toml").read_text(encoding="utf-8")
     assert "# the pendulum falls towards 0" in text
+    assert "not in UTF-8; read as Windows-1252" in result.stdout
     log = read_log("versuch1.csv", **found.arguments())
     assert abs(abs(log.q2[0]) - np.pi) < 0.01  # it hangs at first
 
@@ -80,6 +83,14 @@ def test_every_command_takes_it_and_says_so(german: Path) -> None:
         assert result.exit_code == 0, result.output
         assert "Read as rig.toml says: --columns" in result.stderr
         assert "times what" in result.stdout
+
+
+def test_every_command_that_reads_logs_takes_a_mapping() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    takes = {name: {p.name for p in command.params} for name, command in commands.items()}
+    reading = {name for name, params in takes.items() if "logs" in params and name not in ("init", "studio")}
+    assert reading == {"identify", "validate", "diagnose", "residuals"}
+    assert all({"mapping", "columns", "as_given"} <= takes[name] for name in reading)
 
 
 def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
@@ -111,8 +122,10 @@ def test_an_identified_plant_carries_it(german: Path) -> None:
     furuta("init", "versuch1.csv")
     result = furuta("identify", "versuch1.csv", "-o", "rig.json", "--method", "filtered-ls")
     assert result.exit_code == 0, result.output
-    assert "(largest command " in result.stdout
-    assert "set it with --u-max" in result.stdout
+    assert "u_max = 1.2 V (largest command 1.2, where the commands stop); set it with --u-max" in result.stdout
+    assert "or give its value: --fix theta" in result.stdout
+    assert "fix it" not in result.stdout
+    assert "fix them" not in result.stdout
     Path("rig.toml").unlink()
     assert furuta("validate", "rig.json", "versuch2.csv").exit_code == 0
 
@@ -294,6 +307,16 @@ def test_a_wrong_sign_refuses_the_fit_unless_it_is_meant(tmp_path: Path) -> None
     result = furuta("validate", "qube", log)
     refused(result, "do not move as those of one rig", "--flip q2", "--as-given")
     assert furuta("validate", "qube", log, "--as-given").exit_code == 0
+
+
+def test_hanging_read_without_the_flip_makes_no_plant(german: Path) -> None:
+    """The mapping but for the sign of q2: a fit of it would look like a result."""
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    save_mapping("rig.toml", replace(mapping, flip=()), {}, "without the flip")
+    result = furuta("identify", "versuch1.csv", "-o", "rig.json", "--method", "filtered-ls")
+    refused(result, "do not move as those of one rig", "--pendulum-zero hanging --flip q2", "--as-given")
+    assert sorted(path.name for path in german.iterdir()) == ["rig.toml", "versuch1.csv", "versuch2.csv"]
 
 
 def test_all_that_is_wrong_is_one_message(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ import pytest
 from experiments.bench import catalogue
 from experiments.lab import rigs, vault
 from experiments.lab.marking import marked
-from experiments.trials.plan import Hidden, Trial
 from experiments.trials.seal import rig_of, seal
+from experiments.trials.trial import Hidden, Trial
 from tests.commands import furuta, refused
 
 KEY = "correct horse battery"

@@ -25,11 +25,13 @@ from experiments.report.diagnosis_page import diagnosis_page
 from experiments.report.drawing import MOST_POINTS
 from experiments.report.estimate_page import estimate_page
 from experiments.report.page import plotly_js
+from experiments.report.search_figures import rankings
 from experiments.report.validation_page import adequacy, validation_page
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import GapChange, rms_interval
 from identification.diagnosis.held_out import HeldOut
+from identification.diagnosis.learned import Learned
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
@@ -191,6 +193,29 @@ def test_the_law_is_drawn_through_what_the_log_asks_for(examined, page):
     assert [trace["name"] for trace in figure["data"]] == ["fitted law", "asked for by the log"]
 
 
+def test_bars_show_the_contenders(examined):
+    """Lengths are shares of the leader's; what lost thousands of nats has no bar, and so squeezes no other."""
+    naming = examined.diagnosis.naming
+    leader, other = naming.rankings[0][0], naming.rankings[0][-1]
+    far_off = replace(other, name="base_tilt", gain=-4558.0, net=-4565.0)
+    (bars, *_) = rankings(replace(naming, rankings=((leader, other, far_off), *naming.rankings[1:])))
+    shares = {bar.identifier: bar.share for bar in bars.bars}
+    assert shares["arm_spring"] == 1.0
+    assert shares["base_tilt"] == 0.0
+    assert all(0.0 <= share <= 1.0 for share in shares.values())
+
+
+def test_every_number_of_nats_says_what_it_counts(examined, page):
+    """Those of the bars are net gains on the searched logs, one is of the next readings of new data; no others."""
+    ranked = {f"{s.net:+.0f}".replace("-", "−") for step in examined.diagnosis.naming.rankings for s in step}
+    text = text_of(page)
+    for said in re.findall(r"([+−]\d+) nats", text):
+        assert said in ranked
+    likelier = f"One reading ahead, the addition makes new data likelier by {examined.gap.likelier:.0f} nats"
+    assert likelier in text
+    assert "nats" not in text_of(page[page.index("<h1>") : page.index("</header>")])
+
+
 def test_the_gap_is_that_of_the_validation(examined, logs):
     change = examined.gap
     before, after = (validate(e.plant, [logs[1]]) for e in (examined.diagnosis.before, examined.diagnosis.after))
@@ -233,6 +258,7 @@ def test_the_page_stands_alone_and_reads_from_top_to_bottom(page, checked):
         assert len(found.addresses) == sections
         assert not {"link", "iframe", "img", "object"} & set(found.tags)
         assert "default-src 'none'" in html
+        assert "@media print" in html
         assert "://" not in html.replace(plotly_js(), "")
         assert len(html.encode()) < 2e6
         assert not found.unlabelled
@@ -277,6 +303,7 @@ def test_the_first_screen_of_identify_and_validate(examined, checked):
         assert f"{gap.ratio_to_floor:.1f} times what noise alone leaves" in first
         assert f"{gap.fit_percent[0]:.1f} and".replace("-", "−") in first
         assert "Next: Find what is missing: furuta diagnose" in first
+        assert "-o diagnosis" in first
     before = examined.diagnosis.before
     assert rounded(before.value("theta1"), float(before.std[0])) in text_of(checked[0])
     fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", ["a.csv"]))
@@ -330,6 +357,20 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
         assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
 
 
+@pytest.mark.parametrize("added", [True, False])
+def test_what_was_learned_is_drawn_with_what_became_of_it(examined, added):
+    plant = TABLE_3.with_effects(Effect("arm_learned", {"c00": 0.1, "c33": -0.2}))
+    learned = Learned(plant, 60.0, examined.gap, added, "so said the held-out logs")
+    with_it = replace(examined, diagnosis=replace(examined.diagnosis, learned=learned))
+    html = build(with_it)
+    text = text_of(html)
+    assert ("It is part of the plant: so said the held-out logs" in text) is added
+    assert ("It is not part of the plant: so said the held-out logs" in text) is not added
+    assert "learned torque [V]" in html or f"learned torque [{plant.unit}]" in html
+    assert "What no name explains" not in text_of(build(examined))
+    assert with_it.to_dict()["learned"]["added"] is added
+
+
 def test_a_file_name_cannot_write_into_the_page(examined):
     evil = '</script><img src=x onerror="alert(1)">.csv'
     log = replace(examined.logs[0], source=evil)
@@ -357,7 +398,41 @@ def test_what_could_not_be_measured_is_said(examined):
     assert {"where", "gap", "closed loop"} <= set(x.remarks)
     html = build(x)
     assert "Not available" in html
-    assert "controller_gain" in html
+    folded = text_of("".join(re.findall(r"<details>.*?</details>", html, flags=re.S)))
+    assert "controller_gain" in folded, "no warning: the log need not say it"
+    assert "controller_gain" not in text_of(re.sub(r"<details>.*?</details>", "", html, flags=re.S))
+
+
+SCREENS = [(1200, 800), (400, 800)]
+
+
+@pytest.mark.parametrize(("width", "height"), SCREENS, ids=["desk", "telephone"])
+def test_verdict_size_and_next_step_are_on_the_first_screen(page, checked, examined, tmp_path, width, height):
+    """And nothing is asked of any network, nor is the page wider than the screen."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright")
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("no Chromium on PATH")
+    left = build(replace(examined, diagnosis=examined.diagnosis.falling_short(2.4)))
+    asked: list[str] = []
+    with playwright.sync_playwright() as p:
+        opened = p.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        tab = opened.new_page(viewport={"width": width, "height": height})
+        tab.on("request", lambda request: asked.append(request.url))
+        for number, html in enumerate((page, left, *checked)):
+            path = tmp_path / f"{number}.html"
+            path.write_text(html, encoding="utf-8")
+            tab.goto(path.as_uri())
+            for part in (".badge", "h1", ".facts", ".next"):
+                box = tab.locator(f"header.verdict {part}").first.bounding_box()
+                assert box is not None
+                assert box["y"] + box["height"] <= height, (number, part)
+            assert "times" in tab.locator("h1").inner_text()
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width
+            assert tab.locator("nav a").count() >= 3
+        opened.close()
+    assert [url for url in asked if not url.startswith(("file://" + str(tmp_path), "data:", "blob:"))] == []
+    assert len(asked) >= 4
 
 
 @pytest.mark.timeout(400)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
+from experiments.cli import app, output
 from experiments.cli import steps as steps_module
 from experiments.cli.logbook import own_version
 from experiments.cli.steps import steps
@@ -25,6 +27,13 @@ def test_version() -> None:
 
 def test_completion_is_offered() -> None:
     assert "--install-completion" in furuta("--help").stdout
+
+
+@pytest.mark.parametrize(("typed", "offered"), [("furuta dia", {"diagnose"}), ("furuta ex", {"excite", "export"})])
+def test_completion_knows_the_commands(typed: str, offered: set[str]) -> None:
+    shell = {"_FURUTA_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": "1"}
+    result = CliRunner().invoke(app, [], prog_name="furuta", env=shell)
+    assert set(result.stdout.split()) == offered
 
 
 def test_the_library_in_words() -> None:
@@ -98,6 +107,29 @@ def test_steps_are_one_line_with_the_time_on_a_terminal(notebook: Path) -> None:
     assert "fitting …  0 s of about 2 min 10 s" in out.getvalue()
 
 
+def test_counted_work_is_lines_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.StringIO()
+    clock = iter(range(0, 1000, 2))
+    monkeypatch.setattr(output, "errors", Console(file=out))
+    monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
+    with output.counted("trials") as tell:
+        for done in range(1, 21):
+            tell(done, 20)
+    lines = out.getvalue().splitlines()
+    assert lines[0] == "[4 s] trials: 2 of 20"
+    assert lines[-1] == "[40 s] trials: 20 of 20"
+    assert 5 <= len(lines) <= 10
+
+
+def test_counted_work_of_seconds_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.StringIO()
+    monkeypatch.setattr(output, "errors", Console(file=out))
+    with output.counted("trials") as tell:
+        for done in range(1, 21):
+            tell(done, 20)
+    assert out.getvalue() == ""
+
+
 @pytest.mark.parametrize("content", ["", "[]", '{"diagnose": "x"}', '{"diagnose": -1}', "{"])
 def test_a_spoilt_notebook_does_not_matter(notebook: Path, content: str) -> None:
     notebook.write_text(content)
@@ -115,4 +147,4 @@ def test_work_that_fails_is_not_remembered(notebook: Path) -> None:
 
 @pytest.mark.parametrize(("seconds", "said"), [(8, "8 s"), (130, "2 min 10 s"), (120, "2 min"), (3900, "1 h 5 min")])
 def test_times_as_people_say_them(seconds: float, said: str) -> None:
-    assert steps_module._short(seconds) == said
+    assert steps_module.short(seconds) == said

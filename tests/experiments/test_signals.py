@@ -1,6 +1,9 @@
 """SIGINT, SIGTERM and SIGKILL leave no worker, and no temporary folder once the next run has started."""
 
+import json
 import os
+import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +14,10 @@ from pathlib import Path
 import pytest
 
 from furuta_gym.processes import temporary_folder
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "tests" / "data"
+STOPS = 10 if os.environ.get("FURUTA_STUDIES") else int(os.environ.get("FURUTA_STOPS", "0"))
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="these signals are POSIX's")
 
@@ -121,3 +128,56 @@ def test_a_stopped_diagnosis_keeps_its_search_and_no_result(tmp_path: Path, monk
     assert furuta("diagnose", tmp_path / "log.csv", "-o", tmp_path / "found").exit_code == 2
     assert seen == [False, True]
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.skipif(not STOPS, reason="takes minutes: run it with FURUTA_STUDIES=1, or FURUTA_STOPS=3 for three stops")
+@pytest.mark.timeout(3600)
+def test_a_diagnosis_stopped_at_any_moment_goes_on_to_the_same_answer(tmp_path: Path) -> None:
+    """The command itself, on a stranger's log: stopped by Ctrl-C or killed, and given again."""
+    for name in ("versuch1.csv", "versuch2.csv"):
+        shutil.copy(DATA / name, tmp_path / name)
+
+    def started(*words: str) -> subprocess.Popen[bytes]:
+        quiet = subprocess.DEVNULL
+        return subprocess.Popen(
+            [sys.executable, "-m", "furuta_command", *words],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdout=quiet,
+            stderr=quiet,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+
+    def diagnose(out: str) -> subprocess.Popen[bytes]:
+        return started("diagnose", "versuch1.csv", "--held-out", "versuch2.csv", "-o", out)
+
+    def answer(out: str) -> dict[str, object]:
+        found = json.loads((tmp_path / out / "diagnosis.json").read_text(encoding="utf-8"))
+        found.pop("runtime_s")
+        return found
+
+    assert started("init", "versuch1.csv").wait() == 0
+    began = time.monotonic()
+    assert diagnose("whole").wait() == 0
+    whole, expected = time.monotonic() - began, answer("whole")
+    draw = random.Random(18)
+    for number in range(STOPS):
+        moment, process = draw.uniform(0.1, 0.9) * whole, diagnose(f"stopped{number}")
+        while _ended(process, moment):  # a machine may be faster than it was a minute ago
+            shutil.rmtree(tmp_path / f"stopped{number}")
+            moment, process = 0.5 * moment, diagnose(f"stopped{number}")
+        process.send_signal(signal.SIGINT if number % 2 else signal.SIGKILL)
+        assert process.wait() != 0
+        assert not (tmp_path / f"stopped{number}").exists()
+        assert diagnose(f"stopped{number}").wait() == 0
+        assert answer(f"stopped{number}") == expected
+        assert not (tmp_path / f"stopped{number}.search.jsonl").exists()
+
+
+def _ended(process: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Whether a process ends within some time."""
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True

@@ -19,12 +19,15 @@ from experiments.bench import catalogue, effect_size
 from experiments.cli import app
 from experiments.report import Examination
 from experiments.trials import decide as examinee
+from experiments.trials import rounding as plain
 from experiments.trials import run as running
 from experiments.trials import seal as laboratory
-from experiments.trials.plan import SPLITS, TWINS, Trial, make_plan
+from experiments.trials.draws import COMPOSITE, TWINS
+from experiments.trials.plan import make_plan
 from experiments.trials.report import FILES
 from experiments.trials.run import ANSWERS, SEALED, read_results, run_trials
 from experiments.trials.sizes import reach
+from experiments.trials.trial import SPLITS, Trial
 from furuta_gym.files import locked
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.diagnose import diagnose
@@ -109,8 +112,8 @@ def test_another_seed_is_another_world_of_the_same_split():
     assert [len(p) for p in plans] == [len(make_plan(seeds=1))] * 2
     assert plans[0] == make_plan(seeds=1)
     assert not {t.seed for t in plans[0]} & {t.seed for t in plans[1]}
-    assert Counter(t.subject for t in plans[0] if t.kind != "two") == Counter(
-        t.subject for t in plans[1] if t.kind != "two"
+    assert Counter(t.subject for t in plans[0] if t.kind not in ("two", "composite")) == Counter(
+        t.subject for t in plans[1] if t.kind not in ("two", "composite")
     )
     with pytest.raises(ValueError, match="seed -1"):
         make_plan(seed=-1)
@@ -131,7 +134,58 @@ def test_a_share_takes_evenly():
     rigs = {name: {t.rig for t in part if t.kind == "library" and t.subject == name} for name in LIBRARY}
     assert all(len(seen) == 4 for seen in rigs.values())
     for kind, count in Counter(t.kind for t in whole).items():
-        assert sum(t.kind == kind for t in part) == pytest.approx(0.2 * count, abs=4)
+        strata = len({t.subject for t in whole if t.kind == kind})
+        assert 0.2 * count <= sum(t.kind == kind for t in part) < 0.2 * count + strata, "rounded up in each"
+
+
+def test_strong_effects_are_as_large_as_promised_and_the_held_out_log_counts_from_elsewhere():
+    trials = [t for t in make_plan("final") if t.kind == "strong"]
+    ratios = np.array([t.hidden[0].ratio for t in trials])
+    assert len(trials) >= 60
+    assert len({t.subject for t in trials}) >= 20
+    assert ratios.min() >= 10.0
+    assert 150.0 < ratios.max() <= 300.0
+    arm, pendulum = np.array([t.zeros for t in trials]).T
+    assert np.abs(arm).max() <= 0.5 < 2.2 * np.abs(arm).mean()
+    assert 0.0 < np.abs(pendulum).max() <= 2.0 * math.pi / 4096
+
+
+def test_composite_rigs_hide_three_to_five_effects():
+    trials = [t for t in make_plan("final") if t.kind == "composite"]
+    assert len(trials) >= 60
+    assert {len(t.hidden) for t in trials} == {3, 4, 5}
+    assert {h.name for t in trials for h in t.hidden} == set(COMPOSITE)
+    assert all(t.zeros != (0.0, 0.0) for t in trials)
+    assert not [t for t in make_plan(effects=["arm_spring"]) if t.kind == "composite"]
+
+
+def test_the_zeros_of_a_held_out_log_are_those_of_the_trial(short, tmp_path):
+    trial = next(t for t in make_plan(rigs=["servo"], effects=["arm_spring"]) if t.kind == "strong")
+    trial = replace(trial, hidden=(), held_out="free-decay")  # no command: the encoder is all that differs
+    files = []
+    for zeros in ((0.0, 0.0), (0.25, 0.0)):
+        sealed = json.loads(json.dumps(laboratory.seal(replace(trial, zeros=zeros))))
+        (folder := tmp_path / str(zeros[0])).mkdir()
+        laboratory.write_logs(sealed, folder)
+        files.append([np.loadtxt(folder / name, delimiter=",", skiprows=5) for name in ("fit.csv", "held_out.csv")])
+    assert np.array_equal(files[0][0], files[1][0])
+    away = files[1][1][:, 1] - files[0][1][:, 1]
+    assert away == pytest.approx(np.full(len(away), 0.25), abs=2.1 * math.pi / 4096)
+
+
+def test_rounding_is_all_that_the_plain_laboratory_adds(tmp_path, monkeypatch):
+    monkeypatch.setattr(plain, "DURATION", 2.0)
+    plan = make_plan("final", seeds=1, kinds=["rounding"])
+    assert len(plan) == 24
+    assert {t.experiment for t in plan} == {"hanging", "upright"}
+    sealed = json.loads(json.dumps(laboratory.seal(plan[0])))
+    laboratory.write_logs(sealed, tmp_path)
+    for name in ("fit.csv", "held_out.csv"):
+        log = np.loadtxt(tmp_path / name, delimiter=",", skiprows=5)
+        counts = log[:, 1:3] * sealed["plain"]["counts"] / (2.0 * math.pi)
+        assert np.abs(counts - np.round(counts)).max() < 1e-3
+        assert np.ptp(log[:, 2]) > 0.01
+    assert sealed["truth"]["effects"] == []
 
 
 def test_pairs_can_be_told_apart():

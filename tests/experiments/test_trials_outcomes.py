@@ -31,6 +31,8 @@ outcomes = st.builds(
     ratio=numbers,
     result=names,
     named=st.lists(names, max_size=3).map(tuple),
+    found=st.integers(0, 5),
+    false=st.integers(0, 5),
     inside=st.booleans(),
     covered=st.dictionaries(names, st.booleans(), max_size=3),
     leftover=st.booleans(),
@@ -59,7 +61,7 @@ def test_what_is_written_is_read_again(some, tmp_path_factory):
     ],
 )
 def test_what_cannot_be_read_is_said(change, message, tmp_path):
-    one = Outcome("a", "none", "none", "servo", "", None, "right", (), True, {}, False, False, None, None, 1.0)
+    one = Outcome("a", "none", "none", "servo", "", None, "right", (), 0, 0, True, {}, False, False, None, None, 1.0)
     file = tmp_path / "outcomes.csv"
     outcomes_table([one]).to_csv(file, index=False)
     file.write_text(change(file.read_text(encoding="utf-8")), encoding="utf-8")
@@ -97,7 +99,7 @@ def test_trials_of_other_sizes_count_for_the_curves_only(tmp_path):
 
     pytest.importorskip("plotly")
     small = Outcome(
-        "a", "library", "arm_spring", "servo", "table", 1.2, "missed", (), False, {}, False, False, *[None] * 3
+        "a", "library", "arm_spring", "servo", "table", 1.2, "missed", (), 0, 0, False, {}, False, False, *[None] * 3
     )
     plain = replace(small, id="b", ratio=2.0, result="right", named=("arm_spring",), inside=True)
     for name, some in (("draw.csv", [plain]), ("power.csv", [small])):

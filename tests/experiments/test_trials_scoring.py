@@ -15,6 +15,7 @@ from experiments.trials.power import fit_power
 from experiments.trials.report import headline
 from experiments.trials.scoring import Outcome, score
 from experiments.trials.summary import confusion, power_curves, rate, summarize
+from experiments.trials.trial import NOTHING
 
 
 def hidden(*names: str, kind: str = "library", form: str = "table", friction: str = "smooth", **parameters: float):
@@ -89,7 +90,7 @@ def test_hard_friction_may_be_named_as_sharpness():
     assert marked(alone, said(SPRING)) == "wrong"
 
 
-@pytest.mark.parametrize("kind", ["none", "torque_noise", "absorbed"])
+@pytest.mark.parametrize("kind", NOTHING)
 def test_nothing_to_name(kind):
     truth = hidden(*(["back_emf"] if kind == "absorbed" else []), kind=kind)
     assert marked(truth, said()) == "right"
@@ -128,6 +129,27 @@ def test_two_effects_in_any_order_and_each_set_used_once():
     assert marked(truth, said(SPRING, ("actuator_lag",), ("arm_ripple",))) == "extra"
     assert marked(truth, said(("arm_ripple",))) == "wrong"
     assert marked(truth, said()) == "missed"
+
+
+def test_of_several_effects_those_named_and_the_false_ones_are_counted():
+    truth = hidden("arm_cable", "input_delay", "base_tilt", kind="composite", form="bench")
+
+    def counts(*sets: tuple[str, ...]) -> tuple[str, int, int]:
+        outcome = score(truth, said(*sets))
+        return outcome.result, outcome.found, outcome.false
+
+    cable, tilt, spring = ("arm_cable",), ("base_tilt",), ("arm_spring",)
+    assert counts(cable, LAG_OR_DELAY, tilt) == ("pair", 3, 0)
+    assert counts(cable, tilt) == ("half", 2, 0)
+    assert counts(cable, spring, tilt) == ("half", 2, 1)
+    assert counts((*LAG_OR_DELAY, "arm_backlash"), cable) == ("half", 1, 0), "a set of three names nothing"
+    assert counts(spring) == ("wrong", 0, 1)
+    assert counts() == ("missed", 0, 0)
+    rigs = [replace(score(truth, said(cable, spring)), after_over_floor=x) for x in (1.0, 3.0)]
+    lines = dict(headline(summarize([*rigs, score(truth, said(cable, LAG_OR_DELAY, tilt))])))
+    assert lines["three to five effects: effects named, alone or in sets of two"].startswith("5 of 9 = 56 %")
+    assert lines["… rigs with a false name"].startswith("2 of 3 = 67 %")
+    assert lines["… held-out error over the noise floor, median"] == "2.00 (of 2)"
 
 
 def sized(name: str, **parameters: tuple[float, float | None]) -> dict[str, Any]:
@@ -239,7 +261,7 @@ def test_power_curve_stays_finite_where_all_or_none_are_named():
 
 def outcome(subject: str, result: str, *named: str, kind: str = "library", ratio: float | None = 1.5) -> Outcome:
     return Outcome(
-        *("x", kind, subject, "servo", "table", ratio, result, named, False, {}, False, False, None, None, 12.0)
+        *("x", kind, subject, "servo", "table", ratio, result, named, 0, 0, False, {}, False, False, None, None, 12.0)
     )
 
 

@@ -77,7 +77,8 @@ class EffectType:
     The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
     entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
-    shapes that have a grid stay as they are.
+    shapes that have a grid stay as they are. `learned` marks what is no name: no search proposes it, and no descent
+    moves its parameters.
     """
 
     name: str
@@ -92,6 +93,7 @@ class EffectType:
     memory: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
     dissipative: bool = False
+    learned: bool = False
     linear: Callable[..., tuple[float, ...]] | None = None
     arguments: dict[str, tuple[str, ...]] = field(init=False, repr=False)
 

@@ -10,7 +10,7 @@ from typing import Any
 from ..compiled import compiled
 from ..layout import BASE_NAMES
 from .declaration import EffectType
-from .library import EFFECTS, NUMBERS
+from .library import CARRIED, NUMBERS
 
 _STATES = {"q1": 0, "q2": 1, "v1": 2, "v2": 3}
 _SUMS = {"torque": "F", "sensor": "Y"}  # hooks whose results are added up
@@ -45,7 +45,7 @@ def _targets(effect: EffectType, hook: str) -> str:
 def _source(function: str, hook: str, arguments: str) -> str:
     lines = [f"def {function}({arguments}):", "    found = False"]
     lines += ["    for i in range(codes.shape[0]):", "        c, o, z = codes[i, 0], codes[i, 1], codes[i, 2]"]
-    for effect in EFFECTS.values():
+    for effect in CARRIED.values():
         if hook not in effect.kernels:
             continue
         call = f"{effect.name}_{hook}({', '.join(_place_of(effect, a) for a in effect.arguments[hook])})"
@@ -61,7 +61,7 @@ def _source(function: str, hook: str, arguments: str) -> str:
 
 def _entry(function: str, hook: str, arguments: str) -> Any:
     names: dict[str, Any] = {"__name__": __name__} | {
-        f"{effect.name}_{hook}": effect.kernels[hook] for effect in EFFECTS.values() if hook in effect.kernels
+        f"{effect.name}_{hook}": effect.kernels[hook] for effect in CARRIED.values() if hook in effect.kernels
     }
     exec(compile(_source(function, hook, arguments), __file__, "exec"), names)
     return compiled(names[function])
@@ -76,7 +76,7 @@ memory_rates = _entry("memory_rates", "rate", "t, X, tau, P, codes, TH, K")
 update_memory = _entry("update_memory", "update", "X, P, codes")
 read_sensors = _entry("read_sensors", "sensor", "X, P, codes, Y")
 
-_FILTERS = frozenset(NUMBERS[e.name] for e in EFFECTS.values() if "filter" in e.kernels)
+_FILTERS = frozenset(NUMBERS[e.name] for e in CARRIED.values() if "filter" in e.kernels)
 (_LAG,) = _FILTERS
 
 

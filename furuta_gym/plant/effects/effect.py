@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .declaration import EffectType
-from .library import EFFECTS
+from .library import CARRIED
 
 # Names as the equations have them; a keyboard without Greek letters may use these.
 _PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "alphax": "αx", "alphay": "αy"}
@@ -38,10 +38,10 @@ class Effect:
     std: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or self.name not in EFFECTS:
-            near = difflib.get_close_matches(str(self.name), EFFECTS, n=1)
+        if not isinstance(self.name, str) or self.name not in CARRIED:
+            near = difflib.get_close_matches(str(self.name), CARRIED, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
-            raise ValueError(f"unknown effect {self.name!r}; {hint}the library has: {', '.join(EFFECTS)}")
+            raise ValueError(f"unknown effect {self.name!r}; {hint}the library has: {', '.join(CARRIED)}")
         values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
         values.update(self._checked(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(values))
@@ -84,7 +84,7 @@ class Effect:
 
     @property
     def type(self) -> EffectType:
-        return EFFECTS[self.name]
+        return CARRIED[self.name]
 
     @classmethod
     def parse(cls, text: str, left_out: Callable[[str], "Effect"] | None = None) -> "Effect":
@@ -140,4 +140,8 @@ class Effect:
         def show(name: str, value: float) -> str:
             return f"{name} = {value:.4g}" + (f" ± {self.std[name]:.1g}" if name in self.std else "")
 
-        return f"{self.name}({', '.join(show(k, v) for k, v in self.parameters.items())})"
+        shown = list(self.parameters.items())
+        if self.type.learned:
+            sizes = [abs(v) for k, v in shown if k.startswith("c")]
+            return f"{self.name}({len(sizes)} coefficients up to {max(sizes):.4g})"
+        return f"{self.name}({', '.join(show(k, v) for k, v in shown)})"

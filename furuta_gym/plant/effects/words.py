@@ -31,7 +31,7 @@ class Quantity(float):
 
 def percent(share: float) -> str:
     """The size of a share: 0.08 and −0.08 are "8 %"."""
-    return f"{_number(abs(_PERCENT * share), 2)} %"
+    return f"{number(abs(_PERCENT * share), 2)} %"
 
 
 def either(value: float, positive: str, negative: str) -> str:
@@ -61,16 +61,16 @@ def _spoken(value: float, unit: str) -> str:
     if math.isinf(value):
         return "nothing" if value < 0 else "no limit"
     if unit == "rad":
-        return f"{_number(math.degrees(value), 2)}°"
+        return f"{number(math.degrees(value), 2)}°"
     if unit == "s" and abs(value) < 0.2:
-        return f"{_number(1e3 * value)} ms"
-    return f"{_number(value)} {unit}" if unit not in ("", "1") else _number(value)
+        return f"{number(1e3 * value)} ms"
+    return f"{number(value)} {unit}" if unit not in ("", "1") else number(value)
 
 
-def _number(value: float, digits: int = 3) -> str:
+def number(value: float, digits: int = 3) -> str:
     """With so many digits, without an exponent unless it is very small or large, and with a real minus sign."""
-    if value == 0:
-        return "0"
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
     before = math.floor(math.log10(abs(value))) + 1
     plain = -4 < before <= 6
     text = f"{round(value, digits - before):.{max(digits - before, 0)}f}" if plain else f"{value:.{digits}g}"

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import THETA_NAMES, Plant
+from furuta_gym.plant.effects.words import number
 
 from ...discrepancy.basis import ZEROS, Knots, Signals, families
 from ...discrepancy.correction import flexible
@@ -211,6 +212,6 @@ def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, cou
     return (
         f"The model fails {place}: what is missing {against} ({100 * best.share:.0f} % of what any function could "
         f"explain), {when}; smoothed, it is {rms[row]:.2g} {unit} rms, "
-        f"which changes a prediction {HORIZON:g} s ahead by {counts.max():.2g} counts of the encoder "
+        f"which changes a prediction {HORIZON:g} s ahead by {number(float(counts.max()), 2)} counts of the encoder "
         f"(evidence {evidence:.0f} nats)."
     )

@@ -17,6 +17,11 @@ def test_the_next_command_is_the_one_that_is_said() -> None:
     step = said("Written: rig.json\nNext: furuta validate rig.json LOG   (a log that was not fitted)\n")
     assert following(step, ["two.csv"]) == "furuta validate rig.json two.csv"
     assert following(said("nothing"), ["two.csv"]) is None
+    held = said("Next: furuta diagnose one.csv --held-out LOG -o diagnosis   (LOG: not fitted)\n")
+    assert (
+        following(held, ["two.csv", "x y.csv"]) == "furuta diagnose one.csv --held-out two.csv 'x y.csv' -o diagnosis"
+    )
+    assert following(held, []) == "furuta diagnose one.csv -o diagnosis"
     assert step.reading == 30.0
 
 

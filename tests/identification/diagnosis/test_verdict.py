@@ -18,7 +18,15 @@ from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_diagnosis, a_fit, naming, rest, search, suspect
 
 POLICY = DecisionPolicy()
+AFTER = SimpleNamespace(plant=TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")))
 SPRING, DELAY = suspect("arm_spring", 200.0), suspect("input_delay", 200.0)
+
+
+def nothing_left(p: float = 0.5) -> Any:
+    """As `locate` says it where no torque is found."""
+    left = rest(p=p)
+    left.sentence = "Nothing is left: no torque makes these logs likelier."
+    return left
 
 
 @pytest.mark.parametrize(
@@ -51,7 +59,7 @@ def test_what_is_refused_is_left_over_and_told() -> None:
     found = naming(suspect("arm_spring", 900.0), refused=suspect("input_delay", 40.0))
     said, sentence = _verdict(found, rest(), POLICY)
     assert said == "named"
-    assert "input_delay would take up a little more (40 nats)" in sentence
+    assert "a delay of the command (input_delay) explains a little more (40 nats)" in sentence
     assert a_diagnosis("arm_spring", naming=found).leftover
     assert not a_diagnosis("arm_spring").leftover
     assert a_diagnosis("arm_spring", rest=rest(evidence=50.0)).leftover
@@ -64,15 +72,34 @@ def test_a_veto_takes_the_name_and_the_plant_back() -> None:
     vetoed = found.vetoed()
     assert (vetoed.verdict, vetoed.confirmed) == ("unknown", False)
     assert vetoed.plant is TABLE_3
-    assert "arm_spring" in vetoed.summary
+    assert vetoed.summary.startswith("A cable that pulls at the arm (arm_spring) explains the fitted logs, but")
     assert [s.name for s in vetoed.found] == ["arm_spring"], "still told"
 
 
 def test_what_names_leave_is_told() -> None:
-    short = a_diagnosis("arm_spring").falling_short(1.84)
+    short = a_diagnosis("arm_spring", after=AFTER, rest=nothing_left()).falling_short(1.84)
     assert short.verdict == "named"
     assert short.leftover
     assert "still 1.8 times" in short.summary
+    assert "what remains shows on data that no fit saw alone" in str(short)
+
+
+def test_nothing_is_left_is_not_said_beside_what_is_left() -> None:
+    """One verdict: no later line contradicts the first."""
+    refused = naming(suspect("arm_spring", 900.0), refused=suspect("input_delay", 40.0))
+    for found in (
+        a_diagnosis("arm_spring", after=AFTER, rest=nothing_left()).falling_short(1.84),
+        a_diagnosis("arm_spring", after=AFTER, rest=nothing_left(), naming=refused),
+        a_diagnosis("arm_spring", after=AFTER, rest=nothing_left(p=0.7e-3)),
+    ):
+        assert (
+            "unexplained structure: no torque stands out of the noise on the searched logs; what remains shows"
+            in str(found)
+        )
+        assert "Nothing is left" not in str(found)
+    seen = a_diagnosis("arm_spring", after=AFTER, rest=rest(evidence=50.0))
+    assert "unexplained structure: left" in str(seen)
+    assert "unexplained structure" not in str(a_diagnosis("arm_spring", after=AFTER, rest=nothing_left()))
 
 
 @pytest.mark.parametrize(
@@ -170,7 +197,9 @@ def test_a_name_taken_back_is_told() -> None:
     found = naming(SPRING, taken_back=(DELAY,))
     verdict, sentence = _verdict(found, rest(), POLICY)
     assert verdict == "named"
-    assert f"{DELAY.name} would explain more of these logs, but brings nothing on data that no fit saw" in sentence
+    assert (
+        "A delay of the command (input_delay) would explain more of these logs, but predictions of held-out" in sentence
+    )
 
 
 def test_equals_that_predict_the_same_ask_for_no_experiment() -> None:
@@ -180,7 +209,7 @@ def test_equals_that_predict_the_same_ask_for_no_experiment() -> None:
     assert _verdict(apart, rest(), POLICY)[0] == "ambiguous"
     verdict, sentence = _verdict(replace(apart, same=(("input_delay",),)), rest(), POLICY)
     assert verdict == "named"
-    assert "actuator_lag (input_delay would predict the same)" in sentence
+    assert "(actuator_lag; input_delay would predict the same)" in sentence
 
 
 @pytest.mark.parametrize(("n", "told"), [(1.0, True), (7.0, False)])

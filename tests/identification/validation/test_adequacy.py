@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from identification.validation.adequacy import Adequacy, Judgement
+from tests.identification.diagnosis.fits import a_gap
 
 
 @pytest.mark.parametrize(
@@ -29,3 +33,19 @@ def test_a_plant_is_judged_by_its_error_and_by_its_floor(
     judged = Judgement.of(ratio, torque)
     assert judged.adequacy is adequacy
     assert judged.floor_in_doubt is in_doubt
+
+
+def test_a_floor_far_above_the_errors_is_no_measure() -> None:
+    """As of a plant that the filter hardly follows: its floor says nothing, and neither does a ratio to it."""
+    gap = replace(a_gap(), rms=np.array([0.9, 1.7]), floor=np.array([1e5, 1e5]), reading_floor=np.array([3e2, 3e2]))
+    assert gap.verdict.startswith("below the floor")
+    assert "too large" not in gap.verdict
+
+
+def test_large_errors_are_printed_as_people_write_them() -> None:
+    gap = replace(a_gap(), rms=np.array([1.61, 0.0123]), fit_percent=np.array([-13156.8, -51.7]))
+    said = str(gap)
+    assert "q1  rms 1610 mrad" in said
+    assert "fit below -100 %" in said
+    assert "q2  rms 12.3 mrad" in said
+    assert "fit -51.7 %" in said

@@ -1,0 +1,96 @@
+"""The last resort: a torque on the arm learned from what names leave, kept only if it holds in another experiment.
+
+Names come first, always: nothing is learned before every effect of the library has been tried, and what was learned
+changes no verdict.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from furuta_gym.plant import Plant
+
+from ..discrepancy.learned import most_likely_surface
+from ..estimation.identify import identify
+from ..estimation.zeros import moved
+from ..kalman.coordinates import Zeros
+from ..kalman.record import stretches
+from ..logs.kind import kind_of
+from .gap_change import GapChange
+from .held_out import HeldOut
+from .learned import Learned
+from .outcome import Diagnosis
+from .policy import DecisionPolicy
+
+
+def with_learned(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
+    """The diagnosis with a torque learned from what its plant leaves, where that matters: more than noise is left of
+    the fitted logs, or held-out data are predicted much worse than noise would.
+
+    A plant of the second witness keeps its θ."""
+    plant, rest = diagnosis.plant, diagnosis.rest
+    if plant is None or rest is None or not (rest.matters or diagnosis.still_off > 1.0):
+        return diagnosis
+    estimate = diagnosis.after if diagnosis.confirmed else diagnosis.before
+    assert estimate is not None
+    try:
+        learned = learned_from(plant, estimate.zeros, held, refitted=plant is estimate.plant)
+    except ValueError:  # the filter loses a log: nothing to learn from
+        return diagnosis
+    if learned is None:
+        return diagnosis
+    became = "is part of the plant written" if learned.added else "was refused"
+    summary = f"{diagnosis.summary} A torque learned over the arm's angle and speed {became}: {learned.reason}."
+    return replace(diagnosis, learned=learned, summary=summary)
+
+
+def learned_from(plant: Plant, zeros: Zeros, held: HeldOut, refitted: bool = True) -> Learned | None:
+    """The torque that a plant lacks on the arm, learned from the fitted logs and judged by the held-out ones.
+
+    zeros: of the fitted logs' encoders. refitted: whether θ is estimated again beside it. None where the logs ask for
+    no such torque. Raises ValueError if the filter loses a log.
+    """
+    records = [stretch.record for stretch in stretches(moved(held.logs, zeros))]
+    surface = most_likely_surface(plant, records, refitted)
+    if surface.evidence < held.policy.believed:
+        return None
+    found = plant.with_effects(surface.effect)
+    if refitted:
+        bare = found.replace(covariance=None, checks={}, provenance={})
+        found = identify(held.logs, bare, zeros=zeros).plant
+    change, reason = _judged(plant, found, held)
+    return Learned(found, surface.evidence, change, not reason, reason or _praise(change))
+
+
+def _judged(plant: Plant, found: Plant, held: HeldOut) -> tuple[GapChange | None, str]:
+    """How the gap changes, and why the torque is not added; an empty reason if it is."""
+    if not held.whole:
+        return None, "no other log was held out, and one log cannot tell whether it holds elsewhere"
+    try:
+        change = held.change(held.gap(plant), held.gap(found))
+    except ValueError as error:
+        return None, f"held-out data could not be predicted with it: {error}"
+    fitted = {kind_of(log) for log in held.logs}
+    others = [part for part in change.by_kind if part.name not in fitted]
+    if not others:
+        return change, "no held-out log is of another kind of experiment, and one kind cannot tell whether it holds"
+    if worse := [part.name for part in change.by_kind if part.closed.value < 0.0]:
+        return change, f"the error on held-out data grows: {', '.join(worse)}"
+    if not all(part.closed.interval[0] > 0.0 for part in others):
+        return change, f"it closes nothing for certain where the experiment is another: {others[0].name}"
+    if not _worth(change, held.policy):
+        return change, f"it closes {100 * change.closed.value:.2g} % of the gap, too little to be worth it"
+    return change, ""
+
+
+def _worth(change: GapChange, policy: DecisionPolicy) -> bool:
+    return change.closed.interval[0] > 0.0 and change.closed.value > policy.worth
+
+
+def _praise(change: GapChange | None) -> str:
+    assert change is not None
+    before, after = change.over_floor(change.before), change.over_floor(change.after)
+    return (
+        f"it holds on data of another kind of experiment that no fit saw: the error falls from {before:.2g} to "
+        f"{after:.2g} times the noise floor"
+    )

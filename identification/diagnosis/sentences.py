@@ -1,0 +1,97 @@
+"""What a diagnosis says, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from furuta_gym.plant import EFFECTS
+
+from .locate.location import Where
+from .naming.forward import Naming
+
+_PLACES = {
+    "arm": "a torque on the arm",
+    "pendulum": "a torque on the pendulum",
+    "input": "a torque that comes with the command",
+    "sensor": "an error of a reading",
+}
+UNCHANGING = "The parameters are not the same all along the logs: structure remains that changes with time."
+
+
+def effects(names: Sequence[str], same: Sequence[Sequence[str]] = ()) -> str:
+    """Effects in words with their identifiers; same: for each, what would predict the same in its place."""
+    told = []
+    for i, name in enumerate(names):
+        alike = f"; {' or '.join(same[i])} would predict the same" if same and same[i] else ""
+        told.append(f"{EFFECTS[name].title} ({name}{alike})")
+    return " and ".join(told)
+
+
+def misses(naming: Naming) -> str:
+    """What the model misses, and what of it was taken back."""
+    names = [suspect.name for suspect in naming.accepted]
+    either = ", or a look-alike that these logs cannot tell from it" if any(naming.apart) else ""
+    text = f"The model misses {effects(names, naming.same)}{either}."
+    if naming.taken_back:
+        back = capital(effects([suspect.name for suspect in naming.taken_back]))
+        text += f" {back} would explain more of these logs, but predictions of held-out data do not improve with it."
+    return text
+
+
+def nothing(rest: Where) -> str:
+    """That no effect is missing, and how little is left."""
+    text = "No effect of the library improves on model (5) by more than chance would."
+    if rest.found:
+        text += f" What is left changes a prediction by {rest.counts.max():.2g} counts, which is negligible."
+    return text
+
+
+def left(rest: Where) -> str:
+    """A torque or reading error that remains, with its size."""
+    what = capital(_PLACES.get(rest.channel or "", "something"))
+    counts = f"{rest.counts.max():.2g}"
+    return (
+        f"{what} remains that goes with {rest.variable}, and no effect of the library explains it. It changes a "
+        f"prediction 0.3 s ahead by {counts} count{'' if counts == '1' else 's'} ({rest.evidence:.0f} nats)."
+    )
+
+
+def refused(name: str, gain: float) -> str:
+    """That some structure remains, which another effect takes up a little of."""
+    return (
+        f"Some structure remains: {effects([name])} explains a little more ({gain:.0f} nats), too little to be told "
+        "from another form of what was found."
+    )
+
+
+def nearest(names: Sequence[str]) -> str:
+    """What comes nearest where more is left than explained."""
+    comes, explains, leaves = (
+        ("comes", "explains", "it leaves") if len(names) == 1 else ("come", "explain", "they leave")
+    )
+    return f"{capital(effects(names))} {comes} nearest, but {explains} less than {leaves}."
+
+
+def vetoed(names: Sequence[str]) -> str:
+    """That held-out data show no gain."""
+    explains = "explains" if len(names) == 1 else "explain"
+    return (
+        f"{capital(effects(names))} {explains} the fitted logs, but predictions of held-out data do not improve. No "
+        "name is given. Check that all logs are of one rig, with nothing changed in between."
+    )
+
+
+def still_off(ratio: float) -> str:
+    """How far off held-out data are predicted with everything found."""
+    return f"Predictions of held-out data are still {ratio:.1f} times as far off as noise alone would make them."
+
+
+def unexplained(torque: float, command: float, unit: str) -> str:
+    """The rms torque that the plant takes for noise, beside the command."""
+    share = f" ({100 * torque / command:.2g} % of the command)" if command > 0 else ""
+    return f"unexplained torque: {torque:.2g} {unit} rms{share}"
+
+
+def capital(text: str) -> str:
+    """With a capital letter."""
+    return text[:1].upper() + text[1:]

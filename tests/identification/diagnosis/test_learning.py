@@ -1,0 +1,104 @@
+"""What is learned where no name explains a torque, and when it is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect
+from furuta_gym.plant.effects.learned import COEFFICIENTS, surface_columns
+from identification.diagnosis import learning
+from identification.diagnosis.held_out import HeldOut
+from identification.diagnosis.learned import Learned
+from identification.discrepancy.learned import Surface, most_likely_surface
+from identification.kalman.record import stretches
+from tests.factories import hanging_log, loop_log
+from tests.identification.diagnosis.fits import POLICY, a_diagnosis, rest
+
+
+def test_the_surface_is_the_torque_that_was_hidden():
+    log, plant = loop_log("arm_spring", size=0.5, duration=10.0)
+    (spring,) = plant.effects
+    records = [s.record for s in stretches([log])]
+    found = most_likely_surface(plant.replace(effects=()), records, refitted=False)
+    assert found.evidence > 50.0
+    p = found.effect.parameters
+    run = records[0]
+    v1 = np.gradient(run.y[:, 0], run.t)
+    columns = surface_columns(run.y[:, 0], v1, p["low"], p["width"], p["w"])
+    torque = columns @ np.array([p[name] for name in COEFFICIENTS])
+    true = -spring.parameters["k"] * (run.y[:, 0] - spring.parameters["q1n"])
+    assert np.std(torque - true) < 0.25 * np.std(true)
+
+
+def test_nothing_is_learned_where_nothing_is_missing():
+    log, plant = loop_log(duration=10.0)
+    held = HeldOut((log,), (hanging_log(),), POLICY)
+    assert most_likely_surface(plant, held_records(held)).evidence < 3.0
+    assert learning.learned_from(plant, {}, held) is None
+
+
+def held_records(held: HeldOut) -> list[Any]:
+    return [s.record for s in stretches(held.logs)]
+
+
+def test_it_is_added_where_it_holds_in_another_experiment_and_the_gap_shrinks():
+    upright, rig = loop_log("arm_spring", size=0.5, duration=6.0)
+    held = HeldOut((hanging_log(rig),), (upright,), POLICY)
+    found = learning.learned_from(TABLE_3, {}, held)
+    assert found is not None
+    assert found.added, found.reason
+    assert found.change.over_floor(found.change.after) < 0.6 * found.change.over_floor(found.change.before)
+    assert found.plant.effect("arm_learned") is not None
+    assert found.to_dict()["added"] is True
+
+
+@pytest.mark.parametrize(
+    ("whole", "reason"),
+    [((), "no other log was held out"), ((loop_log(duration=4.0, seed=5)[0],), "another kind of experiment")],
+)
+def test_without_another_experiment_it_is_refused(monkeypatch, whole, reason):
+    surface = Surface(Effect("arm_learned", {"c00": 0.1}), 100.0)
+    monkeypatch.setattr(learning, "most_likely_surface", lambda *_: surface)
+    found = learning.learned_from(TABLE_3, {}, HeldOut((loop_log(duration=4.0)[0],), whole, POLICY), refitted=False)
+    assert found is not None
+    assert not found.added
+    assert reason in found.reason
+
+
+def test_what_harms_held_out_data_is_refused(monkeypatch):
+    """A torque that pushes the arm away, as a fit to one log may invent it."""
+    push = Effect("arm_learned", {"low": -1.0, "width": 2.0, **dict.fromkeys(COEFFICIENTS, 0.3)})
+    monkeypatch.setattr(learning, "most_likely_surface", lambda *_: Surface(push, 100.0))
+    logs = loop_log(duration=4.0)[0], loop_log(duration=4.0, seed=5)[0], hanging_log()
+    refused = learning.learned_from(TABLE_3, {}, HeldOut(logs[:1], logs[1:], POLICY), refitted=False)
+    assert refused is not None
+    assert not refused.added
+    assert "grows" in refused.reason
+
+
+@pytest.mark.parametrize("added", [True, False])
+def test_it_changes_the_plant_where_it_is_added_and_never_the_verdict(monkeypatch, added):
+    plant = TABLE_3.with_effects(Effect("arm_learned", {"c00": 0.1}))
+    asked: list[Any] = []
+
+    def learned_from(*arguments: Any, **more: Any) -> Learned:
+        asked.append((arguments, more))
+        return Learned(plant, 100.0, None, added, "so it is")
+
+    monkeypatch.setattr(learning, "learned_from", learned_from)
+    held = HeldOut((), (), POLICY)
+    estimate: Any = SimpleNamespace(plant=TABLE_3, zeros={0: (0.1, 0.0)})
+    before = a_diagnosis("arm_spring", after=estimate, rest=rest(40.0))
+    told = learning.with_learned(before, held)
+    assert (told.verdict, told.found) == (before.verdict, before.found)
+    assert told.summary.endswith("so it is.")
+    assert told.plant is (plant if added else TABLE_3)
+    assert asked == [((TABLE_3, {0: (0.1, 0.0)}, held), {"refitted": True})]
+    assert told.learned is not None
+    assert told.learned.to_dict()["added"] is added
+    assert learning.with_learned(replace(before, rest=rest()), held).learned is None, "nothing that matters"
