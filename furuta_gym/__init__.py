@@ -15,6 +15,7 @@ __all__ = [
     "Effect",
     "FurutaEnv",
     "FurutaVectorEnv",
+    "LivePlant",
     "Plant",
     "Sensors",
     "Simulation",
@@ -29,6 +30,7 @@ _WHERE = {
     "Effect": ".plant.effects",
     "FurutaEnv": ".envs.furuta",
     "FurutaVectorEnv": ".envs.vector",
+    "LivePlant": ".simulation",
     "Plant": ".plant.plant",
     "Sensors": ".sensors",
     "Simulation": ".simulation",
@@ -42,7 +44,7 @@ if TYPE_CHECKING:
     from .plant.effects import EFFECTS, Effect
     from .plant.plant import Plant
     from .sensors import Sensors
-    from .simulation import Simulation, open_loop, simulate
+    from .simulation import LivePlant, Simulation, open_loop, simulate
 else:
     from importlib import import_module
 

@@ -15,6 +15,8 @@ LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where the friction's sharp
 FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
 MOST_STEPS = 10_000  # of integration in one sample; no rig needs a hundred
+_KEPT = 4096  # samples whose commands are kept for delays, where the length of a run is not known
+_BOUND = 1e6  # rad and rad/s
 
 
 def integration_step(sharpest: float, longest_step: float, sample_time: float) -> float:
@@ -86,6 +88,93 @@ def check_clock(policy: Any, sample_time: float) -> None:
         )
 
 
+class LivePlant:
+    """One plant, its encoders and its clock. `read`, then `step`, once a sample.
+
+    sample_time [s]: default is the plant's, else 2 ms. x0: q1, q2, q̇1, q̇2 [rad, rad/s]. seed: of the sensors' noise.
+    samples: the length of the run where it is known. Raises ValueError where a sample takes too many steps.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        sample_time: float | None = None,
+        sensors: Sensors | None = None,
+        x0: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+        seed: int | np.random.Generator | None = 0,
+        longest_step: float = LONGEST_STEP,
+        samples: int = _KEPT,
+    ) -> None:
+        self.sample_time = float(sample_time or plant.sample_time or 0.002)
+        self.sensors = sensors or Sensors()
+        self.rng = np.random.default_rng(seed)
+        self.samples = 0
+        self._longest_step = longest_step
+        self._row = 0  # the newest row of the commands
+        self._U = np.zeros((samples + 1, 1))  # row 0: nothing is commanded before the run
+        self._given = np.concatenate([[-np.inf], np.arange(samples, dtype=float) * self.sample_time])
+        self._W = np.zeros((2, 1))
+        self._take(plant)
+        self._X = np.zeros((self._rows, 1))
+        self._X[:4, 0] = np.asarray(x0, dtype=float)
+
+    @property
+    def t(self) -> float:
+        """Time since the start [s]."""
+        return self.samples * self.sample_time
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """True q1, q2, q̇1, q̇2 (4,) [rad, rad/s]."""
+        return self._X[:4, 0].copy()
+
+    def read(self) -> NDArray[np.float64]:
+        """What the encoders read now, (2,) [rad]."""
+        return self.sensors.read(self._X, self._P, self._codes, self.rng)[:, 0]
+
+    def step(self, command: float, torque: Sequence[float] | NDArray[np.float64] = (0.0, 0.0)) -> None:
+        """Go on by one sample under a command [{u}], clipped to ±u_max, and torques (2,) [{u}] on the two rows.
+
+        Raises FloatingPointError where the motion leaves all bounds."""
+        if self._row + 1 >= len(self._U):
+            self._shift()
+        self._row += 1
+        t, T = self.t, self.sample_time
+        self._U[self._row, 0] = min(max(command, -self.plant.u_max), self.plant.u_max)
+        self._W[:, 0] = torque
+        advance(self._X, t, t + T, self._given, self._U, self._row, self._W, self._P, self._codes, self._h_max)
+        if not np.abs(self._X[:4, 0]).max() < _BOUND:
+            raise FloatingPointError(f"the simulated motion leaves all bounds at t = {t:.3f} s: {self.plant}")
+        self.samples += 1
+
+    @property
+    def command(self) -> float:
+        """The newest command [{u}], as it was clipped."""
+        return float(self._U[self._row, 0])
+
+    def exchange(self, plant: Plant) -> None:
+        """Go on as another plant from the same angles and speeds; effects that it has as well keep their memory."""
+        same = [e.name for e in plant.effects] == [e.name for e in self.plant.effects]
+        self._take(plant)
+        if not same:
+            X = np.zeros((self._rows, 1))
+            X[:4] = self._X[:4]
+            self._X = X
+
+    def _take(self, plant: Plant) -> None:
+        self._h_max = integration_step(plant.sharpest, self._longest_step, self.sample_time)
+        p, self._codes, self._rows = plant.packed()
+        self._P = p[:, None]
+        self.plant = plant
+
+    def _shift(self) -> None:
+        """Forget the older half of the commands."""
+        half = (len(self._U) - 1) // 2
+        self._U[1 : half + 1] = self._U[-half:]
+        self._row = half
+        self._given[1:] = (np.arange(len(self._U) - 1, dtype=float) + self.samples - half) * self.sample_time
+
+
 def simulate(
     plant: Plant,
     policy: Callable[[NDArray[np.float64]], float],
@@ -113,35 +202,25 @@ def simulate(
     n = round(duration / T)
     if not (np.isfinite(duration) and n >= 1):
         raise ValueError(f"duration must hold at least one sample of {T:g} s, got {duration!r}")
-    sensors = sensors or Sensors()
     rng = np.random.default_rng(seed)
     t = np.arange(n, dtype=float) * float(T)
     d = _excitation(excitation, t)
-    p, codes, rows = plant.packed()
-    P = p[:, None]
-    X = np.zeros((rows, 1))
-    X[:4, 0] = np.asarray(x0, dtype=float)
-    held, U = np.concatenate([[-np.inf], t]), np.zeros((n + 1, 1))  # nothing is commanded before the run
-    W = np.zeros((2, 1))
+    live = LivePlant(plant, T, sensors, x0, rng, longest_step, samples=n)
     noise_std = np.sqrt(np.asarray(torque_noise, dtype=float) / T)
-    state, measured = np.empty((n, 4)), np.empty((n, 2))
-    h_max = integration_step(plant.sharpest, longest_step, T)
+    state, measured, command = np.empty((n, 4)), np.empty((n, 2)), np.empty(n)
     reset = getattr(policy, "reset", None)
     if reset is not None:
         reset()
     end, fell = n, None
     for k in range(n):
-        state[k] = X[:4, 0]
-        if not abs(X[1, 0]) <= q2_limit:
+        state[k] = live.state
+        if not abs(state[k, 1]) <= q2_limit:
             end, fell = k, t[k]
             break
-        measured[k] = sensors.read(X, P, codes, rng)[:, 0]
-        U[k + 1, 0] = min(max(policy(measured[k]) + d[k], -plant.u_max), plant.u_max)
-        W[:, 0] = rng.standard_normal(2) * noise_std
-        advance(X, t[k], t[k] + T, held, U, k + 1, W, P, codes, h_max)
-        if not np.abs(X[:4, 0]).max() < 1e6:
-            raise FloatingPointError(f"the simulated motion leaves all bounds at t = {t[k]:.3f} s: {plant}")
-    return Simulation(t[:end], state[:end], measured[:end], U[1 : end + 1, 0], fell)
+        measured[k] = live.read()
+        live.step(policy(measured[k]) + d[k], rng.standard_normal(2) * noise_std)
+        command[k] = live.command
+    return Simulation(t[:end], state[:end], measured[:end], command[:end], fell)
 
 
 def _excitation(excitation: Any, t: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,14 +4,12 @@ runs the command."""
 from __future__ import annotations
 
 import asyncio
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from experiments.studio.drive import served
 
 
 def visit(
@@ -66,27 +64,6 @@ def texts(user: Any) -> str:
 
 @contextmanager
 def serving(folder: Path, *logs: Path) -> Iterator[str]:
-    """`furuta studio LOG… --no-browser` as a process in a folder; gives the address that it prints."""
-    root = Path(__file__).resolve().parent.parent
-    command = [sys.executable, str(root / "furuta_command.py"), "studio", *map(str, logs), "--no-browser"]
-    process = subprocess.Popen(
-        command,
-        cwd=folder,
-        env={k: v for k, v in os.environ.items() if not k.startswith("PYTEST")} | {"PYTHONPATH": str(root)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        address = process.stdout.readline().strip()
-        assert address.startswith("http://127.0.0.1:"), address
-        yield address
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(15)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()  # type: ignore[union-attr]
+    """The studio as a process; gives its address."""
+    with served(folder, *logs) as found:
+        yield found.address

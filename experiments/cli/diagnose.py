@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from identification.diagnosis.policy import MOST_EFFECTS
+
 from . import options as opt
 from .command import Command
 from .output import check_folder, print_json, write_json
@@ -87,7 +89,7 @@ def diagnose_command(
             "--policy", help="Print every threshold with its reason, and stop.", is_eager=True, callback=_show_policy
         ),
     ] = False,
-    max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = 6,
+    max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = MOST_EFFECTS,
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report.

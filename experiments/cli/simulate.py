@@ -32,6 +32,10 @@ def simulate_command(
             help="paper-lqr, lqr, dlqr, lqg, …, a policy *.zip, or none (the excitation is the whole command)."
         ),
     ] = "none",
+    design_plant: Annotated[
+        str | None,
+        typer.Option(help="Plant that the controller is designed for; default: the simulated one, its effects known."),
+    ] = None,
     printed_sign: Annotated[
         bool, typer.Option("--printed-sign", help="Play paper-lqr as printed, u = +K x; it falls.")
     ] = False,
@@ -78,7 +82,8 @@ def simulate_command(
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
     sensors = _sensors(rig, encoder_counts, noise)
-    policy = _controller(controller, rig, sample_time, sensors, printed_sign, trust)
+    known = rig if design_plant is None else Plant.resolve(design_plant)
+    policy = _controller(controller, known, sample_time, sensors, printed_sign, trust)
     torques = opt.numbers("--torque-noise", torque_noise)
     if min(torques) < 0:
         raise ValueError(f"--torque-noise {torque_noise}: expected intensities that are not negative")

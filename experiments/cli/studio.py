@@ -10,7 +10,10 @@ import typer
 
 def studio_command(
     logs: Annotated[
-        list[Path] | None, typer.Argument(help="Logs to open: .csv, .parquet, .mat, .mcap, ….", metavar="LOG…")
+        list[Path] | None,
+        typer.Argument(
+            help="Logs to open: .csv, .parquet, .mat, .mcap, …; or a saved session, .furuta.", metavar="LOG…"
+        ),
     ] = None,
     port: Annotated[
         int | None, typer.Option(help="Port on this machine; default: a free one.", min=1, max=65535)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-MEASURED, SIMULATED, SECOND, BEHIND = "#30363d", "#0b5cad", "#a63d00", "#b3bac1"
+MEASURED, SIMULATED, SECOND, BEHIND = "#30363d", "#0b5cad", "#a63d00", "#87909a"
 MOST_POINTS = 700
 Array = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from furuta_gym.plant import THETA_NAMES, Effect, Plant
 
+from .loop import Conditions
 from .session import Session
 
 
@@ -62,6 +63,18 @@ def simulate(plant: Plant, base: str = "rig.json") -> str:
     """The plant's effects on the command line; a changed θ goes by a plant file only."""
     effects = "".join(f" --effect {shlex.quote(effect_text(e))}" for e in plant.effects)
     return f"furuta simulate --plant {base}{effects} --excitation paper --duration 5 -o simulated.csv"
+
+
+def closed_loop(plant: str, controller: str, conditions: Conditions, trusted: bool = False) -> str:
+    """The closed loop of the view Play, without the pushes of the hand."""
+    late = (Effect("input_delay", {"d": conditions.delay}),) if conditions.delay > 0 else ()
+    effects = "".join(f" --effect {shlex.quote(effect_text(e))}" for e in (*conditions.effects, *late))
+    noise = f" --noise {conditions.noise:.3g}" if conditions.noise > 0 else ""
+    trust = " --trust" if trusted else ""
+    return (
+        f"furuta simulate --plant {plant} --design-plant {plant} --controller {shlex.quote(controller)}{trust}"
+        f"{effects}{noise} --duration 10 -o closed_loop.csv"
+    )
 
 
 def what_if(session: Session, plant: Plant) -> str:

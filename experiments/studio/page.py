@@ -23,6 +23,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
     from .views.log import add
 
     ui.add_css(Path(__file__).with_name("style.css"))
+    ui.add_head_html(f"<script>{Path(__file__).with_name('client.js').read_text(encoding='utf-8')}</script>")
     ui.colors(primary="#0b5cad")
     frame = Frame(Session(folder))
     ui.page_title("furuta studio")
@@ -40,7 +41,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
         pass
     with ui.footer().classes("footer"):
         frame.footer = ui.label("Nothing leaves this machine.").props("role=status")
-    context.client.on_delete(frame.session.close)
+    context.client.on_delete(lambda: frame.session.close())
     frame.show()
     if logs:
         await context.client.connected()

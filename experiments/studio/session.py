@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from experiments.report.contents import Verdict
 from furuta_gym.plant import Plant
 from identification import Log, LogError, RigMapping, load_mapping, propose, read_logs, read_table
 from identification.logs.rig_file import find_mapping
@@ -26,12 +27,24 @@ if TYPE_CHECKING:
 _reading = Lock()  # warnings are caught for the whole process, so one reader at a time
 
 
+@dataclass(frozen=True)
+class Found:
+    """A diagnosis as the page shows it. state: of its light. ranking: title and net gain [nats] of each effect alone.
+    plant: with the effects found."""
+
+    verdict: Verdict
+    state: str
+    ranking: tuple[tuple[str, float], ...]
+    plant: Plant | None
+
+
 @dataclass
 class Session:
     """folder: the working folder, the only place where files are written. given: what was said of how logs are read.
 
     estimate, gap: of model (5) on the logs. kept: the plant of the what-if view that was kept. examination: the
-    diagnosis and what its report measures."""
+    diagnosis and what its report measures; found: what the page shows of it, which a saved session keeps. policy: a
+    dropped policy file; trusted: whether somebody said that code in it may run."""
 
     folder: Path
     paths: list[Path] = field(default_factory=list)
@@ -47,21 +60,42 @@ class Session:
     gap_remark: str = ""
     kept: Plant | None = None
     examination: Examination | None = None
+    found: Found | None = None
+    policy: Path | None = None
+    trusted: bool = False
     _dropped: Path | None = None
+
+    @property
+    def private(self) -> Path:
+        """A folder of this tab alone, which goes with it."""
+        if self._dropped is None:
+            self._dropped = Path(tempfile.mkdtemp(prefix="furuta-studio-"))
+        return self._dropped
+
+    @property
+    def journal(self) -> Path:
+        """Where the search keeps its fits, from which it goes on."""
+        return self.private / "fits.jsonl"
 
     def drop(self, name: str, content: bytes) -> None:
         """Take in a dropped file. Raises LogError for one that no reader knows, or that is too large."""
-        if len(content) > LARGEST_FILE:
-            raise LogError(f"{name}: {len(content)} bytes. Expected at most {LARGEST_FILE}; cut it, or use the shell.")
-        if self._dropped is None:
-            self._dropped = Path(tempfile.mkdtemp(prefix="furuta-studio-"))
-        path = self._dropped / bare_name(name)
-        path.write_bytes(content)
+        path = self._kept(name, content)
         try:
             self.add(path)
         except LogError:
             path.unlink()
             raise
+
+    def take_policy(self, name: str, content: bytes) -> None:
+        """Take in a dropped policy file, which is not read yet. Raises LogError for one that is too large."""
+        self.policy, self.trusted = self._kept(name, content), False
+
+    def _kept(self, name: str, content: bytes) -> Path:
+        if len(content) > LARGEST_FILE:
+            raise LogError(f"{name}: {len(content)} bytes. Expected at most {LARGEST_FILE}; cut it, or use the shell.")
+        path = self.private / bare_name(name)
+        path.write_bytes(content)
+        return path
 
     def add(self, path: Path) -> None:
         """Take in a file, or read it again. Raises LogError."""
@@ -69,7 +103,7 @@ class Session:
         others = [(p, t) for p, t in zip(self.paths, self.tables, strict=True) if p.name != path.name]
         if len(others) >= MOST_FILES:
             raise LogError(f"{path.name}: there are {MOST_FILES} logs already. Remove one first.")
-        if not self.paths and (known := find_mapping(path)) is not None and self._dropped is None:
+        if not self.paths and (known := find_mapping(path)) is not None and path.parent != self._dropped:
             self.given = load_mapping(known)
         kept = [*others, (path, table)]
         before = self.paths, self.tables
@@ -102,8 +136,10 @@ class Session:
 
     def forget(self) -> None:
         """What was computed from logs that are read otherwise now."""
-        self.estimate = self.gap = self.kept = self.examination = None
+        self.estimate = self.gap = self.kept = self.examination = self.found = None
         self.gap_remark = ""
+        if self._dropped is not None:
+            self.journal.unlink(missing_ok=True)
 
     def say(self, item: Item, answer: str) -> None:
         """Say one part of the mapping; an empty answer takes it back. Raises LogError, and then changes nothing."""

@@ -1,62 +1,132 @@
-"""How long the what-if view takes from a slider to a picture, without the browser.
+"""How long a slider takes to become a picture.
 
-    python -m experiments.studio.speed [LOG]
+python -m experiments.studio.speed [LOG]            what is computed for one picture
+python -m experiments.studio.speed [LOG] --browser  the whole way, from the hand to the painted picture, in Chromium;
+                                                    a saved session in place of the log spares the fit
 
-The footer of the page shows the whole way, the browser included.
+The footer of the page shows the whole way too.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
+import os
 import statistics
-import sys
+import tempfile
 import time
+from dataclasses import dataclass
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from furuta_gym import Plant
 from identification import PredictionWindow, read_log
 
 from . import charts
+from .drive import browser, fit_in, served, start_what_if
 
 MOVES = 60
+LONGEST = 100.0
+"""Milliseconds from a slider to the picture, on a window of 5 s."""
+EFFECTS = ("arm_spring", "arm_stribeck", "actuator_lag")
 
 
-def measure(path: Path, plant: Plant, effects: int = 3) -> dict[str, float]:
-    """Milliseconds of MOVES slider movements on the first window of a log, with some effects acting."""
+@dataclass(frozen=True)
+class Computed:
+    """Medians in milliseconds, of a window of so many samples and seconds: picture and numbers by the clock,
+    picture_cpu and numbers_cpu of CPU time, which does not depend on what else the machine does, and to_json."""
+
+    samples: int
+    seconds: float
+    picture: float
+    picture_cpu: float
+    numbers: float
+    numbers_cpu: float
+    to_json: float
+
+
+def measure(path: Path, plant: Plant, effects: int = 3) -> Computed:
+    """MOVES slider movements on the first window of a log, with some effects acting."""
     log = read_log(path)
     window = PredictionWindow.of(log, plant)
-    for name in ("arm_spring", "arm_stribeck", "actuator_lag")[:effects]:
+    for name in EFFECTS[:effects]:
         plant = plant.with_effects(plant.default_effect(name))
     window.predict(plant)
-    times, drawn = [], []
+    rows = []
     for i in range(MOVES):
         theta = plant.theta.copy()
         theta[5] *= 1.0 + 0.001 * i
-        began = time.perf_counter()
-        found = window.predict(plant.replace(theta=theta))
-        computed = time.perf_counter()
-        json.dumps(charts.simulated(window.log.t, found.angles))
-        times.append(1e3 * (computed - began))
-        drawn.append(1e3 * (time.perf_counter() - computed))
-    return {
-        "samples": float(len(window.log)),
-        "seconds": window.log.duration,
-        "compute": statistics.median(times),
-        "compute_95": statistics.quantiles(times, n=20)[-1],
-        "to_json": statistics.median(drawn),
-    }
+        clocks = [_clocks()]
+        picture = window.picture(plant.replace(theta=theta))
+        clocks.append(_clocks())
+        json.dumps(charts.simulated(window.log.t, picture.angles))
+        clocks.append(_clocks())
+        window.measured(picture)
+        clocks.append(_clocks())
+        rows.append([1e3 * (b - a) for one, other in pairwise(clocks) for a, b in zip(one, other, strict=True)])
+    picture_, picture_cpu, to_json, _, numbers, numbers_cpu = map(statistics.median, zip(*rows, strict=True))
+    return Computed(len(window.log), window.log.duration, picture_, picture_cpu, numbers, numbers_cpu, to_json)
+
+
+def _clocks() -> tuple[float, float]:
+    return time.perf_counter(), time.thread_time()
+
+
+def drag(page: Any, moves: int = MOVES) -> list[float]:
+    """Drag the first slider of the view What if, and give what each picture took [ms] by the browser's clock."""
+    track = page.locator(".slider .q-slider__track-container").first
+    track.scroll_into_view_if_needed()
+    box = track.bounding_box()
+    y = box["y"] + box["height"] / 2
+    page.evaluate("studio.times.length = 0")
+    page.mouse.move(box["x"] + 0.2 * box["width"], y)
+    page.mouse.down()
+    for i in range(moves):
+        page.mouse.move(box["x"] + (0.2 + 0.3 * (i + 1) / moves) * box["width"], y)
+        page.wait_for_timeout(50)
+    page.mouse.up()
+    page.wait_for_timeout(1000)
+    return [float(ms) for ms in page.evaluate("studio.times")]
+
+
+def in_browser(path: Path) -> list[float]:
+    """The same in Chromium, after a fit of the log: milliseconds from the hand to the painted picture."""
+    with tempfile.TemporaryDirectory() as folder, served(Path(folder), path.resolve()) as studio, browser() as window:
+        page = window.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(studio.address)
+        if path.name.endswith(".furuta"):
+            page.get_by_text("Is the model adequate?").wait_for()
+        else:
+            fit_in(page)
+        start_what_if(page)
+        page.wait_for_timeout(5000)  # the floor is measured once more, which is not what is measured here
+        drag(page, 5)
+        return drag(page)
 
 
 def main() -> None:
     """Print the times."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(str(files("experiments.demo") / "logs" / "wide.csv"))
-    for effects in (0, 1, 3):
-        found = measure(path, Plant.resolve("table3"), effects)
+    parser = argparse.ArgumentParser(description="How long a slider takes to become a picture.")
+    parser.add_argument("log", nargs="?", type=Path, default=Path(str(files("experiments.demo") / "logs" / "wide.csv")))
+    parser.add_argument("--browser", action="store_true", help="the whole way, in Chromium")
+    asked = parser.parse_args()
+    if asked.browser:
+        times = in_browser(asked.log)
+        busy = os.getloadavg()[0] / (os.cpu_count() or 1)
         print(
-            f"{path.name}, {found['samples']:.0f} samples in {found['seconds']:.3g} s, {effects} effects: "
-            f"compute {found['compute']:.0f} ms (95 % below {found['compute_95']:.0f} ms), "
-            f"picture as JSON {found['to_json']:.1f} ms"
+            f"{asked.log.name}: {len(times)} pictures of 5 s, slider to picture {statistics.median(times):.0f} ms "
+            f"(95 % below {statistics.quantiles(times, n=20)[-1]:.0f} ms; limit {LONGEST:.0f} ms); "
+            f"load {busy:.1f} a core"
+        )
+        return
+    for effects in (0, 1, 3):
+        found = measure(asked.log, Plant.resolve("table3"), effects)
+        print(
+            f"{asked.log.name}, {found.samples} samples in {found.seconds:.3g} s, {effects} effects: "
+            f"picture {found.picture:.0f} ms (CPU {found.picture_cpu:.0f} ms), as JSON {found.to_json:.1f} ms, "
+            f"numbers {found.numbers:.0f} ms more (CPU {found.numbers_cpu:.0f} ms)"
         )
 
 

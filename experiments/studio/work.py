@@ -27,9 +27,13 @@ class Job:
 
     def tell(self, step: str) -> None:
         """Called by the computation at each step. Raises Cancelled once that was asked for."""
+        self.check()
+        self.steps.append(step)
+
+    def check(self) -> None:
+        """Called by the computation between its parts. Raises Cancelled once that was asked for."""
         if self.cancelled:
             raise Cancelled
-        self.steps.append(step)
 
     def cancel(self) -> None:
         self.cancelled = True
@@ -63,18 +67,17 @@ class Latest:
 
     def __init__(self, action: Callable[[], Awaitable[None]]) -> None:
         self._action = action
-        self._wanted = False
-        self.busy = False
+        self.wanted, self.busy = False, False
 
     async def ask(self) -> None:
         """Run the action, or have it run again when the present one ends."""
-        self._wanted = True
+        self.wanted = True
         if self.busy:
             return
         self.busy = True
         try:
-            while self._wanted:
-                self._wanted = False
+            while self.wanted:
+                self.wanted = False
                 await self._action()
         finally:
             self.busy = False

@@ -31,9 +31,10 @@ from .naming.journal import FitJournal
 from .naming.search import Search
 from .naming.upheld import upheld
 from .outcome import Diagnosis, structured
-from .policy import DecisionPolicy
+from .policy import MOST_EFFECTS, DecisionPolicy
 from .second_witness import with_second_witness
 from .verify import verified
+from .watched import Tried, Watched
 
 
 @one_blas_thread
@@ -41,11 +42,12 @@ def diagnose(
     logs: Log | Sequence[Log],
     held_out: Log | Sequence[Log] | None = None,
     start: Plant | str | None = None,
-    most: int = 6,
+    most: int = MOST_EFFECTS,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
     policy: DecisionPolicy | None = None,
     journal: Path | str | None = None,
+    watch: Callable[[Tried], None] | None = None,
 ) -> Diagnosis:
     """Search the library for what model (5) misses in these logs of one rig, and verify it on data that no fit saw.
 
@@ -53,7 +55,8 @@ def diagnose(
     start: a plant to start from, without its effects (default: the logs alone). most: effects at most. only: names
     of effects, to restrict the library. progress(text) is called at each step. policy: the thresholds (default:
     `DecisionPolicy()`). journal: a file that keeps what was fitted, from which a search that was stopped goes on and
-    ends the same. Raises ValueError for bad arguments, and for held-out logs that are also searched or of
+    ends the same. watch(tried) is called after each fit, from several threads; what it raises ends the search.
+    Raises ValueError for bad arguments, and for held-out logs that are also searched or of
     another unit.
     """
     began = time.monotonic()
@@ -64,9 +67,10 @@ def diagnose(
     if start is not None:  # effects are for the search to find, and to be judged
         start = Plant.resolve(start).replace(effects=())
     held = HeldOut(logs, held_out, policy)
-    fitter = FitJournal(None if journal is None else Path(journal))
-    if len(fitter):
-        say(f"{journal} keeps {len(fitter)} fits of a search that was stopped; those of these logs are not made again")
+    kept = FitJournal(None if journal is None else Path(journal))
+    fitter = kept if watch is None else Watched(kept, watch)
+    if len(kept):
+        say(f"{journal} keeps {len(kept)} fits of a search that was stopped; those of these logs are not made again")
     found = searched(held, start, most, only, say, fitter)
     say("predicting data that no fit saw")
     found = verified(found, held)

@@ -9,6 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+MOST_EFFECTS = 6
+"""Effects that a search looks for at most, where nothing else is said."""
+
 DEV = "trials of the split `dev`"
 THEORY = "theory"
 COST = "run time"

@@ -17,7 +17,7 @@ from ..estimation.pool import one_blas_thread
 from ..kalman.likelihood import innovation_cost
 from ..kalman.noise import fit_noise
 from ..kalman.noise_model import RecordNoise
-from ..kalman.path import follow
+from ..kalman.path import FilterPath, follow
 from ..kalman.record import Record
 from ..logs.log import Log
 from .free_run import Windows, free_run
@@ -46,6 +46,16 @@ class WindowPrediction:
     ratio_to_floor: float
     log_likelihood: float
     settled: bool
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The angles (N, 2) [rad] of a `WindowPrediction`, before anything is measured. path: the filter's, None where it
+    loses the log."""
+
+    angles: Array
+    settled: bool
+    path: FilterPath | None = field(repr=False)
 
 
 @dataclass
@@ -104,24 +114,33 @@ class PredictionWindow:
 
     def predict(self, plant: Plant, settle: bool = False) -> WindowPrediction:
         """What a plant predicts here. settle: fit the noise to it first, which takes some times as long."""
+        return self.measured(self.picture(plant, settle))
+
+    def picture(self, plant: Plant, settle: bool = False) -> Picture:
+        """The first half of `predict`: the angles, which are all that a picture needs."""
         try:
             path = fit_noise(plant, self._record).path if settle else follow(plant, self._record, self._noise)
         except ValueError:
             path = None
         angles = np.full((len(self.log), 2), np.nan)
+        if path is not None:
+            if settle:
+                self._noise = path.noise
+            ends = self._chain.targets
+            angles[ends.ravel()] = (self._record.y[ends] - free_run(path, self._chain)).reshape(-1, 2)
+            angles[~np.isfinite(angles)] = np.nan
+        return Picture(angles, settle, path)
+
+    def measured(self, picture: Picture) -> WindowPrediction:
+        """The second half of `predict`: the error at the horizon and the likelihood."""
+        path, starts = picture.path, self._chain.starts
         if path is None:
-            lost = np.full(2, np.inf)
-            return WindowPrediction(angles, self._chain.starts, lost, np.inf, -np.inf, settle)
-        if settle:
-            self._noise = path.noise
+            return WindowPrediction(picture.angles, starts, np.full(2, np.inf), np.inf, -np.inf, picture.settled)
         errors = free_run(path, self._windows)[:, -1]
-        ends = self._chain.targets
-        angles[ends.ravel()] = (self._record.y[ends] - free_run(path, self._chain)).reshape(-1, 2)
-        angles[~np.isfinite(angles)] = np.nan
         rms = np.sqrt(np.mean(errors**2, axis=0))
         ratio = float(np.sqrt(np.mean((rms / self.floor) ** 2)))
         likelihood = -innovation_cost(path.e, path.S)
-        return WindowPrediction(angles, self._chain.starts, rms, ratio, likelihood, settle)
+        return WindowPrediction(picture.angles, starts, rms, ratio, likelihood, picture.settled)
 
 
 def _size(floor: Floor) -> Array:

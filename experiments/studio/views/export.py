@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from controllers import export_c, export_mjcf, make_controller
+from controllers import export_c, export_mjcf, export_onnx, export_policy_c, make_controller
 from experiments.report import render
 from experiments.report.diagnosis_page import diagnosis_page
 from experiments.report.estimate_page import estimate_page
@@ -19,6 +20,7 @@ from identification import save_mapping
 
 from .. import commands
 from ..frame import Frame, command_line, heading, message
+from ..saved import ENDING, save_session
 from ..session import Session
 
 Writer = Callable[[Path], object]
@@ -41,14 +43,21 @@ def show(frame: Frame) -> None:
                 with ui.element("td"):
                     button = ui.button("Write", on_click=partial(_write, frame, name, writer))
                     button.props(f'outline dense aria-label="Write {name}"').mark(f"write-{name}")
+    if session.policy is None:
+        message("A policy goes to ONNX and C once it was dropped in view Play, “Closed loop”.")
     heading("The same as a script")
     command_line("\n".join(steps(session)))
 
 
 def best(session: Session) -> Plant | None:
     """The plant to use: kept in What if, else found by the diagnosis, else identified."""
-    found = session.examination.diagnosis.plant if session.examination else None
+    found = session.found.plant if session.found else None
     return session.kept or found or (session.estimate.plant if session.estimate else None)
+
+
+def plant_file(session: Session) -> str:
+    """Where the commands of the session leave that plant."""
+    return "what_if.json" if session.kept else "diagnosis/plant.json" if session.found else "rig.json"
 
 
 def offers(session: Session) -> dict[str, tuple[str, Writer]]:
@@ -66,10 +75,21 @@ def offers(session: Session) -> dict[str, tuple[str, Writer]]:
     if examination is not None and pages:
         text = lambda: render(diagnosis_page(examination))  # noqa: E731
         found["report.html"] = ("the report of the diagnosis", lambda path: write_whole(path, text()))
+    if session.kept is not None:
+        found[plant_file(session)] = ("the plant that was kept in What if, as the script names it", session.kept.save)
     if plant is not None:
         found["plant.json"] = ("the best plant of this session, with its effects", plant.save)
         found["controller.h"] = ("an LQR for this plant as C for firmware", partial(_controller, plant))
         found["plant.xml"] = ("this plant for MuJoCo", lambda path: export_mjcf(plant, path))
+        if session.policy is not None and session.policy.exists():
+            name = session.policy.name
+            found["policy.onnx"] = (f"the policy {name} as ONNX", partial(_onnx, session, plant))
+            found["policy.h"] = (f"the policy {name} as C for firmware", partial(_policy, session, plant))
+    if session.paths:
+        found[f"session{ENDING}"] = (
+            "this session: its logs, how they are read, and what was found; drop it in view Log to go on",
+            lambda path: save_session(session, path),
+        )
     found["session.sh"] = (
         "the commands below",
         lambda path: write_whole(path, commands.script(session, steps(session))),
@@ -82,17 +102,31 @@ def steps(session: Session) -> list[str]:
     lines = [commands.init(session)]
     if session.estimate is not None:
         lines += [commands.identify(session), commands.validate(session)]
-    if session.examination is not None:
+    if session.found is not None:
         lines.append(commands.diagnose(session))
     if best(session) is not None:
-        file = "what_if.json" if session.kept else "diagnosis/plant.json" if session.examination else "rig.json"
+        file = plant_file(session)
+        if session.kept is not None:
+            lines.append(f"# {file}: the plant that was kept in the view What if; the view Export writes it")
         lines.append(f"furuta export {file} --controller lqr -o controller.h")
         lines.append(f"furuta export {file} -o plant.xml")
+        if (policy := session.policy) is not None:
+            trust = " --trust" if session.trusted else ""
+            lines.append(f"furuta export {file} {shlex.quote(policy.name)}{trust} -o policy.onnx")
+            lines.append(f"furuta export {file} {shlex.quote(policy.name)}{trust} -o policy.h")
     return lines
 
 
 def _controller(plant: Plant, path: Path) -> None:
     export_c(make_controller("lqr", plant), path)
+
+
+def _onnx(session: Session, plant: Plant, path: Path) -> None:
+    export_onnx(str(session.policy), plant, path, trust=session.trusted)
+
+
+def _policy(session: Session, plant: Plant, path: Path) -> None:
+    export_policy_c(make_controller(str(session.policy), plant, trust=session.trusted), path)  # type: ignore[arg-type]
 
 
 async def _write(frame: Frame, name: str, writer: Writer) -> None:

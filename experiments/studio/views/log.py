@@ -14,6 +14,7 @@ from identification.logs.formats import READERS
 
 from .. import LARGEST_FILE, MOST_FILES, charts, commands
 from ..frame import Frame, command_line, heading, light, message
+from ..saved import ENDING, open_session
 from ..work import off_loop, sentence
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def show(frame: Frame) -> None:
     session = frame.session
     with ui.row().classes("wrap-row"):
         upload = ui.upload(
-            label=f"Drop logs of one rig here ({', '.join(sorted(READERS))})",
+            label=f"Drop logs of one rig here ({', '.join(sorted(READERS))}), or a saved session ({ENDING})",
             multiple=True,
             auto_upload=True,
             max_file_size=LARGEST_FILE,
@@ -143,12 +144,31 @@ def _failed(frame: Frame, text: str) -> None:
 
 async def _dropped(frame: Frame, event: events.MultiUploadEventArguments) -> None:
     for file in event.files:
+        if file.name.endswith(ENDING):
+            await reopen(frame, file.name, await file.read())
+            continue
         await _apply(frame, frame.session.drop, file.name, await file.read())
 
 
 async def add(frame: Frame, path: Path) -> None:
     """Take in a file that the command line names."""
+    if path.name.endswith(ENDING):
+        if path.stat().st_size > LARGEST_FILE:
+            _failed(frame, f"{path.name}: expected at most {LARGEST_FILE} bytes")
+            return
+        await reopen(frame, path.name, path.read_bytes())
+        return
     await _apply(frame, frame.session.add, path)
+
+
+async def reopen(frame: Frame, name: str, content: bytes) -> None:
+    """Go on with a saved session in place of this one, which stays where the file holds none."""
+    found = await frame.run("Opening the session", open_session, name, content, frame.session.folder)
+    if found is not None:
+        frame.session.close()
+        frame.session = found
+        frame.reset()
+        frame.show("Identify" if found.accepted else "Log")
 
 
 async def _demo(frame: Frame) -> None:

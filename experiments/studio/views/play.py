@@ -1,72 +1,31 @@
-"""Play: the log and the what-if plant moving side by side."""
+"""Play: the log and the what-if plant side by side, or a controller in closed loop on the plant, with pushes."""
 
 from __future__ import annotations
 
-import math
-import time
-from typing import Any
-
 from nicegui import ui
 
-from .. import commands
-from ..frame import Frame, command_line, message
-from .what_if import Live
+from ..frame import Frame, heading
+from . import closed_loop, replay
 
-ARM, PENDULUM, POST = 1.2, 1.6, 1.0  # lengths in the picture
-FRAME = 0.05  # s
+
+class Kind:
+    """What this view keeps: which of the two is shown."""
+
+    name = "Replay"
+
+
+KINDS = {"Replay": replay, "Closed loop": closed_loop}
 
 
 def show(frame: Frame) -> None:
-    live = frame.of(Live)
-    if live.window is None or live.last is None or live.choice is None:
-        message("First start the view What if: what it shows is played here.")
-        return
-    log, angles = live.window.log, live.last.angles
-    message("Left: measured. Right: simulated, from the same states every 0.3 s. Drag to turn, scroll to come nearer.")
-    with ui.scene(width=900, height=420, grid=False, background_color="#ffffff").classes("scene") as scene:
-        rigs = [_rig(scene, -1.8, "#30363d"), _rig(scene, 1.8, "#0b5cad")]
-        scene.move_camera(0.0, -5.5, 2.8, 0.0, 0.0, 0.9)
-    clock = {"at": 0.0, "last": time.monotonic(), "speed": 0.5}
-    with ui.row().classes("wrap-row"):
-        running = ui.switch("Running", value=True)
-        ui.select(
-            {0.1: "1/10", 0.25: "1/4", 0.5: "1/2", 1.0: "1"},
-            value=0.5,
-            label="Speed",
-            on_change=lambda e: clock.update(speed=float(e.value)),
-        )
-        at = ui.label("").mark("clock")
-
-    def step() -> None:
-        now = time.monotonic()
-        passed, clock["last"] = now - clock["last"], now
-        if not running.value:
-            return
-        clock["at"] = (clock["at"] + clock["speed"] * passed) % log.duration
-        k = min(int(clock["at"] / log.sample_time), len(log) - 1)
-        turn(rigs[0], float(log.q1[k]), float(log.q2[k]))
-        seen = angles[k] if math.isfinite(angles[k, 0]) else log.angles[k]
-        turn(rigs[1], float(seen[0]), float(seen[1]))
-        at.set_text(f"{log.t[k]:.2f} s")
-
-    step()
-    ui.timer(FRAME, step)
-    command_line(commands.what_if(frame.session, live.choice.plant()))
+    kind = frame.of(Kind)
+    heading("Play")
+    ui.toggle(list(KINDS), value=kind.name, on_change=lambda e: _choose(frame, str(e.value))).props(
+        "no-caps unelevated toggle-color=primary text-color=black"
+    )
+    KINDS[kind.name].show(frame)
 
 
-def _rig(scene: Any, x: float, colour: str) -> tuple[Any, Any]:
-    """A post, an arm that turns about it, and a pendulum that turns about the arm."""
-    scene.cylinder(0.08, 0.08, POST).material("#8c959f").move(x, 0, POST / 2).rotate(math.pi / 2, 0, 0)
-    with scene.group().move(x, 0, POST) as arm:
-        scene.cylinder(0.05, 0.05, ARM).material("#8c959f").move(0, -ARM / 2, 0)
-        with scene.group().move(0, -ARM, 0) as pendulum:
-            scene.cylinder(0.04, 0.04, PENDULUM).material(colour).move(0, 0, PENDULUM / 2).rotate(math.pi / 2, 0, 0)
-            scene.sphere(0.1).material(colour).move(0, 0, PENDULUM)
-    return arm, pendulum
-
-
-def turn(rig: tuple[Any, Any], q1: float, q2: float) -> None:
-    """Angles [rad] of a rig; q2 = 0 stands."""
-    arm, pendulum = rig
-    arm.rotate(0.0, 0.0, q1)
-    pendulum.rotate(0.0, q2, 0.0)
+def _choose(frame: Frame, name: str) -> None:
+    frame.of(Kind).name = name
+    frame.show()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import math
+import statistics
 import time
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -22,6 +25,8 @@ from ..work import Latest, off_loop, sentence
 
 REST = 1.2  # s without a change until the floor is measured anew
 LATER = 0.25  # s without a change until the noise is fitted
+SELDOM = 0.3  # s between two numbers while the hand moves on
+OFTEN = 0.02  # s between two positions of a slider that moves
 
 
 class Live:
@@ -40,7 +45,10 @@ class Live:
         self.detail: Any = None
         self.line: Any = None
         self.latest: Latest | None = None
+        self.stamp: float | None = None  # when the browser saw the hand move, by its clock [ms]
+        self.drawing: asyncio.Task[None] | None = None
         self.times: list[float] = []
+        self.told, self.noted = 0.0, 0.0  # when the numbers were measured last, and the footer written
 
 
 def show(frame: Frame) -> None:
@@ -160,27 +168,46 @@ def _theta(frame: Frame, live: Live) -> None:
 
 
 def _slider(frame: Frame, title: str, meaning: str, value: float, span: Range, put: Any, mark: str) -> None:
-    """A slider and a number beside it, for the same value."""
+    """A slider and a number beside it, for the same value. A movement of the hand comes with the browser's time."""
+    at = _At(value)
 
-    async def change(event: Any) -> None:
-        if event.value is None or guard["busy"]:
+    def show(other: Any) -> None:
+        at.busy = True
+        other.set_value(float(f"{at.value:.5g}"))
+        at.busy = False
+
+    async def follow(wanted: float) -> None:
+        await asyncio.sleep(LATER)
+        if at.value == wanted and not box.is_deleted:
+            show(box)
+
+    async def take(wanted: float, by_number: bool) -> None:
+        if wanted == at.value:
             return
-        guard["busy"] = True
-        try:
-            wanted = float(event.value)
-            put(wanted)
-            (box if event.sender is slider else slider).set_value(float(f"{wanted:.5g}"))
-        finally:
-            guard["busy"] = False
+        at.value = wanted
+        put(wanted)
+        if by_number:
+            show(slider)
+        else:  # the browser draws the whole page anew for every number that changes: it has to wait for the picture
+            at.following = asyncio.create_task(follow(wanted))
         await moved(frame)
 
-    guard = {"busy": False}
+    async def grabbed(event: Any) -> None:
+        wanted, stamp = event.args
+        if wanted is not None:
+            frame.of(Live).stamp = float(stamp)
+            await take(float(wanted), False)
+
+    async def change(event: Any) -> None:
+        if event.value is not None and not at.busy:
+            await take(float(event.value), event.sender is box)
+
     with ui.element("div").classes("slider"):
         ui.label(title).classes("slider-title")
         ui.label(meaning).classes("card-meaning")
         with ui.row().classes("slider-row"):
             slider = (
-                ui.slider(
+                _Slider(
                     min=min(span.low, value),
                     max=max(span.high, value),
                     step=span.step,
@@ -191,12 +218,33 @@ def _slider(frame: Frame, title: str, meaning: str, value: float, span: Range, p
                 .classes("slider-track")
                 .mark(f"slider-{mark}")
             )
+            slider.on(
+                "update:model-value",
+                grabbed,
+                throttle=OFTEN,
+                js_handler="(value) => emit(value, performance.now())",
+            )
             box = (
                 ui.number(value=float(f"{value:.5g}"), on_change=change, format="%.4g")
                 .props(f'dense outlined debounce=300 aria-label="{title}, as a number" step=any')
                 .classes("slider-number")
                 .mark(f"number-{mark}")
             )
+
+
+class _Slider(ui.slider):
+    """A slider that the browser moves by itself."""
+
+    LOOPBACK = False
+
+
+@dataclass
+class _At:
+    """What a slider and its number show. busy: while one of them follows the other; following: when it rests."""
+
+    value: float
+    busy: bool = False
+    following: asyncio.Task[None] | None = None
 
 
 def _set_theta(choice: Choice, i: int, value: float) -> None:
@@ -227,35 +275,57 @@ async def _compute(frame: Frame, live: Live, settle: bool = False) -> None:
     assert live.choice is not None
     assert live.window is not None
     began = time.perf_counter()
+    stamp, live.stamp = live.stamp, None
+    window = live.window
     try:
-        plant = live.choice.plant()
-        last = await off_loop(live.window.predict, plant, settle)
+        picture = await off_loop(window.picture, live.choice.plant(), settle)
     except Exception as error:
         if live.detail is not None and not live.detail.is_deleted:
             live.detail.set_text(sentence(error))
         return
-    live.last = last
     computed = time.perf_counter() - began
-    _tell(live)
     if live.chart is None or live.chart.is_deleted:
         return
-    change = {"series": charts.simulated(live.window.log.t, last.angles)}
+    if live.drawing is not None:  # one picture on its way at a time, while the next one is computed
+        await asyncio.wait({live.drawing})
+    series = charts.simulated(window.log.t, picture.angles)
+    live.drawing = asyncio.create_task(_draw(frame, live, series, stamp, computed))
     live.chart.options["series"][:2] = [
-        old | new for old, new in zip(live.chart.options["series"][:2], change["series"], strict=True)
+        old | new for old, new in zip(live.chart.options["series"][:2], series, strict=True)
     ]
+    if not settle and began - live.told < SELDOM:
+        return  # the hand moves on: the next picture comes first, and the numbers are told when it rests
+    live.told = began
     try:
-        await live.chart.run_chart_method("setOption", change, timeout=2)
+        live.last = await off_loop(window.measured, picture)
+    except Exception as error:
+        live.detail.set_text(sentence(error))
+        return
+    _tell(live)
+    if settle:
+        _say_command(frame, live)
+
+
+async def _draw(frame: Frame, live: Live, series: list[dict[str, Any]], stamp: float | None, computed: float) -> None:
+    """Send the curves that have changed, and note what it took since the hand moved."""
+    change = json.dumps({"series": series}, separators=(",", ":"))
+    try:
+        took = await live.chart.client.run_javascript(
+            f"studio.draw({live.chart.id}, {change}, {json.dumps(stamp)})", timeout=2
+        )
     except TimeoutError:
         return
-    if not settle:
-        live.times = [*live.times[-19:], time.perf_counter() - began]
-        shown = sorted(live.times)[len(live.times) // 2]
+    if isinstance(took, int | float):
+        live.times = [*live.times[-19:], float(took)]
+        assert live.window is not None
+        if time.perf_counter() - live.noted < SELDOM:
+            return
+        live.noted = time.perf_counter()
         frame.note(
-            f"Slider to picture: {1e3 * live.times[-1]:.0f} ms, of which {1e3 * computed:.0f} ms to compute "
-            f"{live.window.log.duration:.2g} s; median of the last {len(live.times)}: {1e3 * shown:.0f} ms"
+            f"Slider to picture: {took:.0f} ms, of which {1e3 * computed:.0f} ms to compute "
+            f"{live.window.log.duration:.2g} s; median of the last {len(live.times)}: "
+            f"{statistics.median(live.times):.0f} ms"
         )
-    else:
-        _say_command(frame, live)
 
 
 async def _measure(frame: Frame, live: Live, mine: int) -> None:

@@ -78,3 +78,15 @@ def test_the_commands_shown_are_commands(tmp_path: Path, spring_log: Path, monke
         assert furuta(*shlex.split(line)[1:], "--help").exit_code == 0  # its options are known before --help is seen
         with pytest.raises(AssertionError):
             assert furuta(*shlex.split(line)[1:], "--no-such-option").exit_code == 0
+
+
+def test_the_studio_computes_by_what_others_may_import_too() -> None:
+    import ast
+
+    import experiments.studio
+
+    for path in Path(experiments.studio.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                names = [*(node.module or "").split("."), *(alias.name for alias in node.names)]
+                assert not [name for name in names if name.startswith("_") and name != "__future__"], path

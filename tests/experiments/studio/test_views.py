@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import math
+import time
+import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,10 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.studio.saved import open_session
 from experiments.studio.views import diagnose as diagnose_view
 from experiments.studio.views import identify as identify_view
+from experiments.studio.views.closed_loop import Playing, _offered
+from experiments.studio.views.play import Kind
 from experiments.studio.views.what_if import Live
+from furuta_gym.plant import TABLE_3
 from identification import LogError
+from identification.diagnosis.watched import Tried
 from tests.studio import texts, until, visit
 
 
@@ -175,29 +183,35 @@ def test_what_if_an_impossible_plant_is_a_sentence(tmp_path: Path, spring_log: P
     visit(scenario, tmp_path, [spring_log], known(fitted))
 
 
-def test_diagnose_shows_its_steps_and_stops_when_asked(
+def test_diagnose_shows_its_steps_and_what_each_explains_and_keeps_it_when_stopped(
     tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def endless(logs: Any, most: int, progress: Any) -> None:
-        progress("fitting arm_spring, base_tilt")
+    def endless(logs: Any, progress: Any, journal: Path, watch: Any) -> None:
+        journal.write_text("{}\n")
+        progress("fitting arm_spring, base_tilt, arm_ripple")
+        watch(Tried(TABLE_3, 100.0, False))
+        watch(Tried(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")), 300.0, True))
+        watch(Tried(TABLE_3.with_effects(TABLE_3.default_effect("base_tilt")), 150.0, True))
+        progress("fitting arm_spring to the end")
         while True:
-            import time
-
             time.sleep(0.02)
-            progress("fitting arm_spring")
+            watch(Tried(TABLE_3, 100.0, False))
 
     async def scenario(user: Any, frame: Any) -> None:
         frame.session.accept()
         monkeypatch.setattr(diagnose_view, "diagnose", endless)
         frame.show("Diagnose")
         user.find(marker="run-diagnose").click()
-        await user.should_see("fitting arm_spring, base_tilt", retries=40)
+        await user.should_see("being fitted", retries=40)
         user.find("Stop and keep what is known").click()
         await user.should_see("Stopped. This is what was known", retries=40)
-        page = texts(user)
-        assert "(arm_spring): in the present step" in page
-        assert "Looked at before: base_tilt" in page
+        page = " ".join(texts(user).split())
+        assert "(arm_spring) +200" in page
+        assert "(base_tilt) +50" in page
+        assert "out: 150 nats behind" in page
+        assert "fitting arm_spring, base_tilt, arm_ripple" in page
         assert not frame.doing
+        await user.should_see("Go on")
 
     visit(scenario, tmp_path, [spring_log])
 
@@ -207,8 +221,11 @@ def test_diagnose_ends_with_the_name_in_physical_words(
 ) -> None:
     from identification import diagnose
 
-    def small(logs: Any, most: int, progress: Any) -> Any:
-        return diagnose(logs, most=1, only=["arm_spring", "arm_quadratic_drag"], progress=progress)
+    asked: list[dict[str, Any]] = []
+
+    def small(logs: Any, **options: Any) -> Any:
+        asked.append(options)
+        return diagnose(logs, most=1, only=["arm_spring", "arm_quadratic_drag"], **options)
 
     async def scenario(user: Any, frame: Any) -> None:
         frame.session.accept()
@@ -217,13 +234,21 @@ def test_diagnose_ends_with_the_name_in_physical_words(
         user.find(marker="run-diagnose").click()
         await until(lambda: frame.session.examination is not None, 180)
         await user.should_see("A cable pulls the arm", retries=20)
+        assert frame.session.journal.exists()
         frame.show("Export")
         await user.should_see("report.html")
         user.find(marker="write-plant.json").click()
         await until((tmp_path / "plant.json").is_file)
         assert "arm_spring" in (tmp_path / "plant.json").read_text()
+        user.find(marker="write-session.furuta").click()
+        await until((tmp_path / "session.furuta").is_file)
+        again = open_session("s.furuta", (tmp_path / "session.furuta").read_bytes(), tmp_path)
+        assert again.found == frame.session.found
+        assert again.journal.read_text() == frame.session.journal.read_text()
+        again.close()
 
     visit(scenario, tmp_path, [spring_log])
+    assert "most" not in asked[0]  # how many effects are looked for is decided where the command line has it from
 
 
 def test_residuals_follow_the_stretch_and_name_nothing(tmp_path: Path, spring_log: Path, fitted: Any) -> None:
@@ -258,13 +283,41 @@ def test_play_and_export_wait_for_what_they_need(tmp_path: Path, spring_log: Pat
         await until((tmp_path / "session.sh").is_file)
         assert "furuta identify" in (tmp_path / "session.sh").read_text()
         live = frame.of(Live)
-        from furuta_gym.plant import TABLE_3
-
         live.window = SimpleNamespace(log=frame.session.logs[0])
         live.last = SimpleNamespace(angles=frame.session.logs[0].angles * np.nan)
         live.choice = SimpleNamespace(plant=lambda: TABLE_3)
         frame.show("Play")
         await asyncio.sleep(0.2)
         assert " s" in next(iter(user.find(marker="clock").elements)).text
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
+
+
+def test_play_offers_policies_and_warns_before_a_foreign_one_is_read(
+    tmp_path: Path, spring_log: Path, fitted: Any
+) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        raw = io.BytesIO()
+        with zipfile.ZipFile(raw, "w") as archive:
+            archive.writestr("data", "{}")  # as stable-baselines3 names what it pickles
+        frame.session.take_policy("../foreign.zip", raw.getvalue())
+        frame.of(Kind).name = "Closed loop"
+        frame.of(Playing).name = str(frame.session.policy)
+        frame.show("Play")
+        await user.should_see("runs any code that is in it")
+        user.find(marker="play").click()
+        await until(lambda: frame.failure)
+        assert "--trust" in frame.failure
+        assert frame.of(Playing).loop is None
+        assert not frame.session.trusted
+        policy = next(name for name in _offered(frame) if name.endswith("balance-table3.zip"))
+        frame.session.take_policy("balance.zip", Path(policy).read_bytes())
+        frame.failure = ""
+        frame.show("Export")
+        user.find(marker="write-policy.onnx").click()
+        await until((tmp_path / "policy.onnx").is_file)
+        user.find(marker="write-policy.h").click()
+        await until((tmp_path / "policy.h").is_file)
+        assert "furuta export rig.json balance.zip -o policy.onnx" in texts(user)
 
     visit(scenario, tmp_path, [spring_log], known(fitted))

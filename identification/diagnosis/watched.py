@@ -1,0 +1,41 @@
+"""What a search has tried so far, told fit by fit to somebody who watches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from furuta_gym.plant import Plant
+
+from ..kalman.noise_model import Noise
+from ..kalman.record import Record
+from .naming.fits import Fit, Fitter
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One fit of a search: the plant that was fitted, and its log-likelihood [nats] with the priors.
+
+    rough: whether the fit was stopped early; a later one of the same effects is better then."""
+
+    plant: Plant
+    log_likelihood: float
+    rough: bool
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects in the plant, in its order."""
+        return tuple(effect.name for effect in self.plant.effects)
+
+
+class Watched:
+    """A `Fitter` that tells of each fit. watch: called from the threads that fit; what it raises ends the search."""
+
+    def __init__(self, fitter: Fitter, watch: Callable[[Tried], None]) -> None:
+        self._fitter, self._watch = fitter, watch
+
+    def __call__(self, plant: Plant, noise: Noise, records: Sequence[Record], **asked: Any) -> Fit:
+        found = self._fitter(plant, noise, records, **asked)
+        self._watch(Tried(found.plant, -found.value, asked.get("effort") in ("coarse", "quick")))
+        return found

@@ -1,0 +1,58 @@
+"""A plant that goes on sample by sample moves as `simulate` moves it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym import LivePlant, Sensors, simulate
+from furuta_gym.plant import TABLE_3
+from tests.factories import PaperPolicy
+
+LATE = TABLE_3.with_effects(TABLE_3.default_effect("input_delay"), TABLE_3.default_effect("actuator_lag"))
+START = (0.0, 0.02, 0.0, 0.0)
+
+
+def played(live: LivePlant, samples: int) -> np.ndarray:
+    policy = PaperPolicy(live.sample_time)
+    policy.reset()
+    states = []
+    for _ in range(samples):
+        states.append(live.state)
+        live.step(policy(live.read()))
+    return np.array(states)
+
+
+@pytest.mark.parametrize("kept", [64, 4096])
+def test_it_moves_as_simulate_moves_it_also_where_old_commands_are_forgotten(kept: int) -> None:
+    run = simulate(LATE, PaperPolicy(0.002), 1.0, 0.002, Sensors(), x0=START)
+    live = LivePlant(LATE, 0.002, Sensors(), START, samples=kept)
+    np.testing.assert_allclose(played(live, len(run)), run.state, rtol=0, atol=1e-12)
+    assert live.t == pytest.approx(1.0)
+
+
+def test_a_torque_pushes_its_own_row() -> None:
+    for row in (0, 1):
+        live = LivePlant(TABLE_3, 0.002)
+        live.step(0.0, (0.5, 0.0) if row == 0 else (0.0, 0.5))
+        M = TABLE_3.theta
+        mass = np.array([[M[0], M[2]], [M[2], M[3]]])  # upright: sin q2 = 0
+        assert live.state[2:] / 0.002 == pytest.approx(np.linalg.solve(mass, np.eye(2)[row] * 0.5), rel=0.25)
+
+
+def test_another_plant_takes_over_the_motion() -> None:
+    live = LivePlant(TABLE_3, 0.002, x0=START)
+    played(live, 50)
+    before = live.state
+    live.exchange(LATE)
+    assert (live.state == before).all()
+    live.step(1.0)
+    live.exchange(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")))
+    live.step(0.0)
+    assert np.isfinite(live.state).all()
+
+
+def test_what_leaves_all_bounds_is_said() -> None:
+    live = LivePlant(TABLE_3, 0.002)
+    with pytest.raises(FloatingPointError, match="leaves all bounds"):
+        live.step(0.0, (1e9, 0.0))
