@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Parameter, Plant
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, EffectType, Parameter, Plant
 from identification import Log, PredictionWindow, identify
 from identification.estimation.zeros import moved
 from identification.kalman.coordinates import Zeros
@@ -100,6 +100,12 @@ def fitted(logs: Sequence[Log], choice: Choice) -> Plant:
     """θ and the effects that act, estimated together from all logs, starting where the sliders stand."""
     start = choice.plant()
     return identify(logs, start.replace(effects=()), effects=start.effects).plant
+
+
+def moved_by_hand(kind: EffectType, values: Mapping[str, float]) -> list[Parameter]:
+    """Parameters of an effect that a slider moves: none of what was learned, and none that is infinite (switched
+    off)."""
+    return [p for p in kind.parameters if not kind.learned and math.isfinite(values[p.name])]
 
 
 def addable(choice: Choice) -> dict[str, str]:

@@ -13,12 +13,12 @@ import numpy as np
 from nicegui import events, ui
 
 from controllers import CONTROLLERS, Controller, make_controller
-from furuta_gym import EFFECTS, Plant, Sensors
+from furuta_gym import EFFECTS, Effect, Plant, Sensors
 
 from .. import LARGEST_FILE, charts, commands
 from ..frame import Frame, command_line, heading, message
 from ..loop import Conditions, Loop, traces
-from ..what_if import Choice
+from ..what_if import Choice, moved_by_hand
 from ..work import off_loop, sentence
 from .export import best, plant_file
 from .rig import rig, turn
@@ -194,13 +194,12 @@ def _sliders(frame: Frame, playing: Playing) -> None:
     for name, values in choice.effects.items():
         with ui.element("div").classes("effect"):
             with ui.row().classes("effect-title"):
-                ui.label(EFFECTS[name].title).classes("slider-title")
+                kind = Effect(name).type
+                ui.label(kind.title).classes("slider-title")
                 ui.button(icon="close", on_click=lambda _, n=name: _remove(frame, n)).props(
-                    f'flat dense aria-label="Remove {EFFECTS[name].title}"'
+                    f'flat dense aria-label="Remove {kind.title}"'
                 )
-            for parameter in EFFECTS[name].parameters:
-                if not np.isfinite(values[parameter.name]):
-                    continue
+            for parameter in moved_by_hand(kind, values):
                 span = choice.effect_range(name, parameter)
                 unit = parameter.unit.format(u=choice.base.unit)
                 title = f"{parameter.name} [{unit}]" if unit else parameter.name

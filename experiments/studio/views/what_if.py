@@ -13,14 +13,14 @@ from typing import Any
 
 from nicegui import ui
 
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.plant import Effect, Plant
 from furuta_gym.plant.parameters import THETA_MEANING
 from identification import PredictionWindow
 from identification.validation.window import WindowPrediction
 
 from .. import charts, commands
 from ..frame import Frame, command_line, heading, message
-from ..what_if import NAMES, Choice, Range, Start, addable, fitted, prepare
+from ..what_if import NAMES, Choice, Range, Start, addable, fitted, moved_by_hand, prepare
 from ..work import Latest, off_loop, sentence
 
 REST = 1.2  # s without a change until the floor is measured anew
@@ -130,7 +130,7 @@ def _effects(frame: Frame, live: Live) -> None:
         addable(choice), label="Add an effect", with_input=True, on_change=lambda e: _add(frame, e.value)
     ).classes("wide").mark("add-effect")
     for name, values in choice.effects.items():
-        kind = EFFECTS[name]
+        kind = Effect(name).type
         with ui.element("div").classes("effect").mark(f"effect-{name}"):
             with ui.row().classes("effect-title"):
                 ui.switch(
@@ -142,9 +142,7 @@ def _effects(frame: Frame, live: Live) -> None:
                     f'flat dense aria-label="Remove {kind.title}"'
                 )
             ui.label(f"{name}: {kind.equation}").classes("card-meaning")
-            for parameter in kind.parameters:
-                if not math.isfinite(values[parameter.name]):
-                    continue
+            for parameter in moved_by_hand(kind, values):
                 unit = parameter.unit.format(u=choice.base.unit)
                 _slider(
                     frame,
