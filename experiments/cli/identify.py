@@ -48,7 +48,10 @@ def identify_command(
         list[str] | None, typer.Option(help="Profile likelihood of a parameter, theta2; repeat it, or use commas.")
     ] = None,
     u_max: Annotated[
-        float | None, typer.Option(help="Largest command of the rig; default: guessed from the logs.")
+        float | None,
+        typer.Option(
+            help="Largest command of the rig; default: the largest in the logs, plus margin unless they stop there."
+        ),
     ] = None,
     every_sample: Annotated[
         bool,
