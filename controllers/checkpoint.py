@@ -15,20 +15,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from furuta_gym.files import read_json, sync_folder, write_whole
+from furuta_gym.files import read_json, stale, sync_folder, temporary_name, write_whole
 
 from . import tensors
 from .learning_state import Arrays
 
 KEPT = 2
 _STATE = "state.json"
+_NEW = "new"
 
 
 def write_checkpoint(folder: Path, state: Mapping[str, Any], arrays: Mapping[str, Arrays]) -> Path:
     """Add a checkpoint to `folder` and remove all but the last two."""
     there = _numbered(folder)
     place = folder / f"{1 + max(there, default=0):06}"
-    new = folder / "new"
+    new = folder / _NEW
     shutil.rmtree(new, ignore_errors=True)
     sums = {}
     for name, some in arrays.items():
@@ -75,6 +76,26 @@ def read_checkpoint(folder: Path) -> tuple[dict[str, Any], dict[str, Arrays]] | 
 def has_checkpoint(folder: Path) -> bool:
     """Whether there is anything to go on from."""
     return bool(_numbered(folder)) or (folder / _STATE).exists()
+
+
+def only_remains(folder: Path, policy: str) -> bool:
+    """Whether `folder` holds no more than what a run that was killed before its first checkpoint was writing there.
+
+    policy: name of the file that it was to write.
+    """
+    if not folder.is_dir() or has_checkpoint(folder):
+        return False
+    return all(entry.name == _NEW or policy in entry.name for entry in folder.iterdir())
+
+
+def remove_checkpoints(folder: Path) -> None:
+    """Remove the folder in one step, as far as a reader can see; what a killed removal left goes too."""
+    for left in stale(folder, "old"):
+        shutil.rmtree(left, ignore_errors=True)
+    if folder.exists():
+        gone = temporary_name(folder, "old")
+        os.rename(folder, gone)
+        shutil.rmtree(gone)
 
 
 def _numbered(folder: Path) -> dict[int, Path]:

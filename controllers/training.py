@@ -7,7 +7,6 @@ policy.checkpoint/  only while learning or after an interruption: what `resume` 
 
 import math
 import os
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 from furuta_gym.files import locked
 
-from .checkpoint import has_checkpoint, read_checkpoint, write_checkpoint
+from .checkpoint import only_remains, read_checkpoint, remove_checkpoints, write_checkpoint
 from .layers import network_of
 from .learning_state import Arrays, memory_of, parameters_of, put_memory, put_parameters
 from .policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
@@ -67,8 +66,8 @@ def train(
                 spent = {"wall_s": round(time.perf_counter() - wall, 2), "cpu_s": round(time.process_time() - cpu, 2)}
                 return run.finish(path, command, spent)
             finally:
-                if not has_checkpoint(checkpoint):  # stopped before there was anything to go on from
-                    shutil.rmtree(checkpoint, ignore_errors=True)
+                if only_remains(checkpoint, path.name):  # stopped before there was anything to go on from
+                    remove_checkpoints(checkpoint)
     finally:
         torch.set_num_threads(threads)
 
@@ -97,6 +96,8 @@ class _Run:
         from .sb3 import Report, Then
 
         steps = self.training.steps
+        if self.model.num_timesteps >= steps:
+            return
         trial = VecMonitor(self.training.batch(_EVALUATION_ENVS))
         trial.seed(self.training.seed + OTHER_SEED)
         evaluation = EvalCallback(
@@ -149,12 +150,13 @@ class _Run:
         record["evaluation"] = evaluate(candidate, self.training)
         write_policy(path, network, record, parameters_of(self.model))
         write_record(path.with_suffix(".json"), record)
-        shutil.rmtree(self.folder)
+        remove_checkpoints(self.folder)
         return record
 
 
 def _started(training: Training, folder: Path) -> _Run:
     """A run from nothing."""
+    remove_checkpoints(folder)  # of a run that was killed before its first one
     return _Run(training, folder, _model(training), -math.inf, [])
 
 
@@ -191,7 +193,7 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
     known = read_record(path) if kept is None else kept[0]
     _check_same(training, known, source)
     done, best_return, earlier = _progress(known, source)
-    if done >= training.steps:
+    if kept is None and done >= training.steps:  # a checkpoint as far as that has yet to be made a policy
         raise ValueError(f"--resume: {source} has {done} steps already; give --steps a larger number (the total)")
     if kept is None and from_stable_baselines3(path):
         if not trust:
@@ -257,5 +259,5 @@ def _check_output(path: Path, checkpoint: Path, resume: bool) -> None:
     if resume:
         return
     for found in (path, path.with_suffix(".json"), checkpoint):
-        if found.exists():
+        if found.exists() and not (found == checkpoint and only_remains(found, path.name)):
             raise ValueError(f"output {found} exists; go on with it by --resume, remove it, or choose another name")

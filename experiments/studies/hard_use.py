@@ -41,15 +41,16 @@ _FREE = (0, 4096, 65536)  # bytes that are left on the disk
 class Case:
     """A command: its arguments with `{in}` and `{out}` for folders, and what it writes in `{out}`.
 
-    together: they are of one run, all of them. again: further arguments with which a stopped run goes on.
-    stepwise: finished work is not done again.
+    together: they are of one run, all of them. again: further arguments with which a stopped run goes on, and the
+    pattern of the files that it goes on from. last: what is there when a run has ended whose result is not made anew,
+    so that the next one starts from nothing.
     """
 
     arguments: str
     writes: tuple[str, ...]
     together: bool = True
-    again: str = ""
-    stepwise: bool = False
+    again: tuple[str, str] | None = None
+    last: str | None = None
 
 
 CASES = {
@@ -58,22 +59,37 @@ CASES = {
     "bench": Case(
         "bench record --rig rig-01 --duration 2 --reveal -o {out}/b.csv", ("b.csv", "b.truth.json"), together=False
     ),
+    "seal": Case("bench seal --groups 1 --kinds none --key-file {in}/key --seed 1 -o {out}/s", ("s",), last="s"),
+    "init": Case("init {in}/log.csv --yes -o {out}/rig.toml", ("rig.toml",)),
     "identify": Case("identify {in}/log.csv -o {out}/rig.json", ("rig.json",)),
-    "validate": Case(
-        "validate table3 {in}/log.csv --plots {out}/plots --json {out}/gap.json", ("plots", "gap.json"), False
+    "identify-page": Case(
+        "identify {in}/log.csv -o {out}/rig.json --plot {out}/fit.png --report {out}/page.html",
+        ("rig.json", "fit.png", "page.html"),
+        together=False,
     ),
+    "validate": Case(
+        "validate table3 {in}/log.csv --plots {out}/plots --json {out}/gap.json --report {out}/page.html",
+        ("plots", "gap.json", "page.html"),
+        together=False,
+    ),
+    "residuals": Case("residuals {in}/log.csv --plant table3 -o {out}/r", ("r",)),
     "excite": Case("excite --plant qube --duration 2 -o {out}/u.csv", ("u.csv",)),
     "export-c": Case("export qube --controller lqr -o {out}/lqr.h", ("lqr.h",)),
+    "export-onnx": Case("export qube {in}/policy.zip -o {out}/p.onnx", ("p.onnx",)),
     "export-mjcf": Case("export qube -o {out}/qube.xml", ("qube.xml",)),
     "compare": Case("compare --plant qube --trials 4 --duration 0.5 --groups balance,push -o {out}/c", ("c",)),
     "train": Case(
-        "train --plant qube --algo ppo --steps 4096 -o {out}/policy.zip",
+        "train --plant qube --algo ppo --steps 20000 -o {out}/policy.zip",
         ("policy.zip", "policy.json"),
-        False,
-        "--resume",
+        together=False,
+        again=("--resume", "policy.checkpoint/[0-9]*"),
+        last="policy.json",
     ),
-    "trials": Case("trials --seeds 1 --kinds none --rigs table3 --jobs 2 -o {out}/t", ("t",), False),
+    "trials": Case(
+        "trials --seeds 1 --kinds none --rigs table3 --jobs 2 -o {out}/t", ("t",), False, last="t/summary.json"
+    ),
     "diagnose": Case("diagnose {in}/log.csv --held-out {in}/other.csv --max-effects 1 -o {out}/d", ("d",)),
+    "demo": Case("demo --out {out}/demo", ("demo",)),
 }
 
 
@@ -98,11 +114,14 @@ class Laboratory:
         self.mark = uuid.uuid4().hex
         path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
         self.environment = os.environ | {"TMPDIR": str(self.temporary), _MARK: self.mark, "PYTHONPATH": path}
+        from controllers.policies import FOLDER
         from experiments.demo.story import FITTED, HELD_OUT
         from identification.logs.log import read_log, write_log
 
         for source, name in ((FITTED, "log.csv"), (HELD_OUT, "other.csv")):
             write_log(self.inputs / name, read_log(source).slice(stop=4.0))
+        shutil.copy(FOLDER / "balance-qube.zip", self.inputs / "policy.zip")
+        (self.inputs / "key").write_text("a key for nothing but this study\n")
 
     def start(self, case: Case, more: str = "", size: int | None = None) -> subprocess.Popen[bytes]:
         """The command in a session of its own; size: the largest file [bytes] that it may write."""
@@ -147,8 +166,9 @@ class Laboratory:
         return found
 
     def strays(self) -> list[str]:
-        """Hidden files beside the results, and anything in the temporary folder, less what learning keeps."""
-        hidden = [str(p.relative_to(self.outputs)) for p in self.outputs.rglob(".*") if not p.name.endswith(".lock")]
+        """Hidden files beside the results, what only a stopped run needs, and anything in the temporary folder."""
+        left = [p for pattern in (".*", "*.search.jsonl", "*.checkpoint") for p in self.outputs.rglob(pattern)]
+        hidden = [str(p.relative_to(self.outputs)) for p in left if not p.name.endswith(".lock")]
         return hidden + [p.name for p in self.temporary.iterdir() if p.name.startswith("furuta")]
 
 
@@ -177,25 +197,35 @@ def whole(name: str, data: bytes) -> bool:
 
 
 def kill_at_random(lab: Laboratory, name: str, case: Case, kills: int, draw: random.Random) -> Outcome:
-    """Kill the command `kills` times, then let it end."""
+    """Kill the command `kills` times at work, then let it end. Runs that end before their kill count as "ended"."""
     outcome = Outcome()
-    began = time.monotonic()
-    code, said = lab.finish(case)
-    usual = time.monotonic() - began
-    if code != 0:
-        outcome.faults.append(f"it fails undisturbed: {said[-300:]}")
-        return outcome
-    for _ in range(kills):
-        old, started = lab.state(case), time.time()
-        if case.stepwise and draw.random() < 0.3:  # else what was stopped goes on
-            _empty(lab)
-            old = {}
-        process = lab.start(case, case.again if case.again and draw.random() < 0.5 else "")
+    for _ in range(2):  # the first one may compile
+        began = time.monotonic()
+        _prepare(lab, case)
+        code, said = lab.finish(case)
+        usual = time.monotonic() - began
+        if code != 0:
+            outcome.faults.append(f"it fails undisturbed: {said[-300:]}")
+            return outcome
+    killed = 0
+    while killed < kills and outcome.counts["ended"] <= 3 * kills:
+        more = _prepare(lab, case)
+        old, started, began = lab.state(case), time.time(), time.monotonic()
+        process = lab.start(case, more)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(draw.uniform(0.3, 1.05) * usual)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        outcome.counts[_found(lab, case, old, started, outcome)] += 1
+            process.wait(draw.uniform(0.1, 1.0) * usual)
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+        said = process.communicate()[1].decode(errors="replace")
+        if process.returncode == -signal.SIGKILL:
+            killed += 1
+            outcome.counts[_found(lab, case, old, started, outcome)] += 1
+        else:
+            outcome.counts["ended"] += 1
+            if not more:
+                usual = min(usual, time.monotonic() - began)
+            if process.returncode != 0:
+                outcome.faults.append(f"after {killed} kills, exit code {process.returncode}: {said[-300:]}")
         late = time.monotonic() + _GONE
         while (left := lab.running()) and time.monotonic() < late:
             time.sleep(0.1)
@@ -204,10 +234,7 @@ def kill_at_random(lab: Laboratory, name: str, case: Case, kills: int, draw: ran
             for number in left:
                 with suppress(OSError):
                     os.kill(number, signal.SIGKILL)
-        if process.stderr is not None:
-            process.stderr.close()
-    finished = all((lab.outputs / name).exists() for name in case.writes)  # then there is nothing to go on with
-    code, said = lab.finish(case, "" if finished else case.again)
+    code, said = lab.finish(case, _prepare(lab, case))
     if code != 0:
         outcome.faults.append(f"after the kills it fails: {said[-300:]}")
     if strays := lab.strays():
@@ -215,6 +242,13 @@ def kill_at_random(lab: Laboratory, name: str, case: Case, kills: int, draw: ran
     if bad := [file for file, (data, _) in lab.state(case).items() if not whole(file, data)]:
         outcome.faults.append(f"not whole at the end: {bad}")
     return outcome
+
+
+def _prepare(lab: Laboratory, case: Case) -> str:
+    """Make room for a run whose result is not made anew; further arguments where there is something to go on from."""
+    if case.last is not None and (lab.outputs / case.last).exists():
+        _empty(lab)
+    return case.again[0] if case.again and any(lab.outputs.glob(case.again[1])) else ""
 
 
 def _found(lab: Laboratory, case: Case, old: dict[str, tuple[bytes, float]], started: float, outcome: Outcome) -> str:
@@ -257,8 +291,7 @@ def full_disk(lab: Laboratory, name: str, case: Case) -> Outcome:
         if code != 0:
             outcome.faults.append(f"it fails with room: {said[-300:]}")
             return outcome
-        if case.again or name == "trials":  # finished work is not done again: from nothing
-            _empty(lab)
+        _prepare(lab, case)
         old = lab.state(case)
         for free in _FREE:
             ballast = lab.outputs / "ballast"
@@ -267,7 +300,7 @@ def full_disk(lab: Laboratory, name: str, case: Case) -> Outcome:
             code, said = lab.finish(case, size=None if mounted else free)
             ballast.unlink(missing_ok=True)
             _judge(lab, case, old, code, said, f"{free} bytes free", outcome)
-            if case.stepwise:
+            if case.last is not None:
                 _empty(lab)
             old = lab.state(case)
         if mounted:
@@ -275,7 +308,7 @@ def full_disk(lab: Laboratory, name: str, case: Case) -> Outcome:
             code, said = lab.finish(case)
             subprocess.run(["mount", "-o", "remount,rw", lab.outputs], check=True)
             _judge(lab, case, old, code, said, "read-only", outcome, must_fail=True)
-        code, said = lab.finish(case, case.again if not old else "")
+        code, said = lab.finish(case, _prepare(lab, case))
         if code != 0:
             outcome.faults.append(f"with room again it fails: {said[-300:]}")
         if strays := lab.strays():

@@ -94,8 +94,11 @@ def physical_consistency(theta: ArrayLike) -> ConsistencyCheck:
     failures = []
     if th[1] <= 0:
         failures.append(f"θ2 = m2 l2² must be positive, is {th[1]:.4g}")
-    elif th[0] < th[2] ** 2 / th[1]:
-        failures.append(f"θ1 ≥ θ3²/θ2 is violated: J1 = {th[0] - th[2] ** 2 / th[1]:.4g} < 0")
+    else:
+        with np.errstate(over="ignore"):  # a θ2 near 0 makes J1 −∞
+            J1 = th[0] - th[2] ** 2 / th[1]
+        if J1 < 0:
+            failures.append(f"θ1 ≥ θ3²/θ2 is violated: J1 = {J1:.4g} < 0")
     if th[3] < th[1]:
         failures.append(f"θ4 ≥ θ2 is violated: J2 = θ4 − θ2 = {th[3] - th[1]:.4g} < 0")
     if th[4] <= 0:

@@ -2,191 +2,44 @@
 
 Every number of a message is a column, `topic.field`; entries of a list are named as the message names them (`name` of
 a JointState), else numbered. The topic with the most messages gives the clock, the others are taken at the stamp
-nearest to it. Needs the extra `ros`.
+nearest to it. Needs the extra `ros`. A child process reads them: a small file can unfold without end.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
+from .apart import Apart
 from .checks import LogError
 from .table import Table
 
-_DEEPEST = 4  # levels of a message that are opened
-_LONGEST = 16  # entries of a list in a message; a longer one is an image or a scan
-_FEWEST = 20  # messages of a topic that can be a signal
-_MOST = 20_000_000  # messages
-
-
-@dataclass
-class _Topic:
-    """Messages of one topic: stamps [ns], and numbers by field."""
-
-    stamps: list[int] = field(default_factory=list)
-    rows: list[dict[str, float]] = field(default_factory=list)
+BAG = Apart(
+    script=Path(__file__).with_name("bag_child.py"),
+    what="bag",
+    missing="bags need the package {package}. Install it: pip install 'furuta-gym[ros]'",
+    longest=60,
+    for_size=4e-6,  # an hour of two topics at 1 kHz has some 500 MB
+    unpacks=True,
+)
 
 
 def read_bag(path: Path) -> Table:
     """A `.bag` of ROS 1, or the folder of a bag of ROS 2. Raises LogError."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise LogError(_missing(path.name, "rosbags")) from None
-    topics: dict[str, _Topic] = {}
-    try:
-        store = get_typestore(Stores.LATEST)
-        with AnyReader([path], default_typestore=store) as reader:
-            for connection, stamp, raw in reader.messages():
-                message = reader.deserialize(raw, connection.msgtype)
-                _add(topics, path.name, connection.topic, stamp, message)
-    except LogError:
-        raise
-    except Exception as error:  # of damaged bags; each part of the library raises its own
-        raise LogError(f"{path.name}: not a readable bag ({_in_short(error)}).") from None
-    return _joined(path.name, topics)
+    return _table(path, BAG, "rosbags")
 
 
 def read_mcap(path: Path) -> Table:
     """An MCAP file with messages in JSON or as ROS writes them. Raises LogError."""
-    try:
-        from mcap.reader import make_reader
-    except ImportError:
-        raise LogError(_missing(path.name, "mcap")) from None
-    topics: dict[str, _Topic] = {}
-    refused: set[str] = set()
-    decoders: dict[int, Any] = {}
-    try:
-        with path.open("rb") as file:
-            for schema, channel, message in make_reader(file).iter_messages():
-                if channel.id not in decoders:
-                    decoders[channel.id] = _decoder(path.name, channel.message_encoding, schema)
-                decode = decoders[channel.id]
-                if decode is None:
-                    refused.add(f"{channel.topic} ({channel.message_encoding})")
-                    continue
-                _add(topics, path.name, channel.topic, message.log_time, decode(message.data))
-    except LogError:
-        raise
-    except Exception as error:
-        raise LogError(f"{path.name}: not a readable MCAP file ({_in_short(error)}).") from None
-    if not topics and refused:
-        raise LogError(f"{path.name}: messages of {', '.join(sorted(refused))}. Expected JSON, or CDR of ROS.")
-    return _joined(path.name, topics)
+    return _table(path, replace(BAG, what="MCAP file"), "mcap")
 
 
-def _decoder(name: str, encoding: str, schema: Any) -> Any:
-    """A function from bytes to a message, None for an encoding that is not known."""
-    if encoding == "json":
-        return json.loads
-    if schema is None or encoding not in ("cdr", "ros1"):
-        return None
-    try:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise LogError(_missing(name, "rosbags")) from None
-    kind = schema.name if "/msg/" in schema.name else schema.name.replace("/", "/msg/")
-    store = get_typestore(Stores.LATEST if encoding == "cdr" else Stores.ROS1_NOETIC)
-    if kind not in store.types:
-        store.register(get_types_from_msg(schema.data.decode(), kind))
-    read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
-    return lambda data: read(data, kind)
-
-
-def _add(topics: dict[str, _Topic], name: str, topic: str, stamp: int, message: Any) -> None:
-    numbers = dict(_numbers("", message))
-    if not numbers:
-        return
-    held = topics.setdefault(topic.strip("/").replace("/", "."), _Topic())
-    if len(held.stamps) >= _MOST:
-        raise LogError(f"{name}: more than {_MOST} messages in {topic}. Expected a log of some minutes; cut the bag.")
-    own = _stamp(message)
-    held.stamps.append(stamp if own is None else own)
-    held.rows.append(numbers)
-
-
-def _items(value: Any) -> Iterable[tuple[str, Any]] | None:
-    if isinstance(value, Mapping):
-        return value.items()
-    if hasattr(value, "__dataclass_fields__"):
-        return ((name, getattr(value, name)) for name in value.__dataclass_fields__)
-    return None
-
-
-def _numbers(prefix: str, value: Any, depth: int = 0, labels: Any = None) -> Iterator[tuple[str, float]]:
-    """Every number of a message by the path to it; stamps and covariances left out."""
-    if isinstance(value, bool | int | float | np.number):
-        yield prefix, float(value)
-        return
-    if isinstance(value, str | bytes) or depth > _DEEPEST:
-        return
-    items = _items(value)
-    if items is not None:
-        found = dict(items)
-        names = found.get("name")
-        for key, inner in found.items():
-            if key not in ("header", "stamp", "layout") and "covariance" not in key and not key.startswith("__"):
-                yield from _numbers(f"{prefix}.{key}" if prefix else key, inner, depth + 1, names)
-    elif isinstance(value, list | tuple | np.ndarray) and len(value) <= _LONGEST:
-        named = labels if isinstance(labels, list) and len(labels) == len(value) else range(1, len(value) + 1)
-        for label, inner in zip(named, value, strict=True):
-            yield from _numbers(f"{prefix}.{label}", inner, depth + 1)
-
-
-def _stamp(message: Any) -> int | None:
-    """The time of measurement that a message states in its header [ns], None where it states none."""
-    header = dict(_items(message) or ()).get("header")
-    stamp = dict(_items(header) or ()).get("stamp") if header is not None else None
-    parts = dict(_items(stamp) or ()) if stamp is not None else {}
-    seconds = parts.get("sec", parts.get("secs"))
-    if not isinstance(seconds, int | np.integer):
-        return None
-    own = int(seconds) * 10**9 + int(parts.get("nanosec", parts.get("nsec", parts.get("nsecs", 0))))
-    return own or None
-
-
-def _joined(name: str, topics: Mapping[str, _Topic]) -> Table:
-    """One table: the busiest topic's clock, and of each other topic the message nearest in time."""
-    used = {topic: held for topic, held in topics.items() if len(held.stamps) >= _FEWEST}
-    if not used:
-        raise LogError(
-            f"{name}: no topic has {_FEWEST} messages with numbers. Expected angles and a command over time."
-        )
-    ordered = {topic: (np.array(held.stamps, dtype=np.int64), held.rows) for topic, held in used.items()}
-    clock = max(ordered, key=lambda topic: len(ordered[topic][0]))
-    base = np.unique(ordered[clock][0])
-    columns = {"time": (base - base[0]) * 1e-9}
-    furthest = 0.0
-    for topic, (stamps, rows) in ordered.items():
-        order = np.argsort(stamps, kind="stable")
-        nearest = _nearest(stamps[order], base)
-        furthest = max(furthest, float(np.max(np.abs(stamps[order][nearest] - base))) * 1e-9)
-        chosen = [rows[order[i]] for i in nearest]
-        for key in dict.fromkeys(key for row in chosen for key in row):
-            label = f"{topic}.{key.removesuffix('.data')}" if key != "data" else topic
-            columns[label] = np.array([row.get(key, np.nan) for row in chosen])
-    note = (
-        f"{name}: topics {', '.join(ordered)} are joined by the nearest stamp, at most {1e3 * furthest:.3g} ms apart."
-    )
-    return Table(name, columns, units={"time": "s"}, notes=(note,) if len(ordered) > 1 else ())
-
-
-def _nearest(stamps: np.ndarray, at: np.ndarray) -> np.ndarray:
-    right = np.clip(np.searchsorted(stamps, at), 1, max(len(stamps) - 1, 1))
-    right = np.minimum(right, len(stamps) - 1)
-    left = np.maximum(right - 1, 0)
-    return np.where(at - stamps[left] <= stamps[right] - at, left, right)
-
-
-def _missing(name: str, package: str) -> str:
-    return f"{name}: bags need the package {package}. Install it: pip install 'furuta-gym[ros]'"
-
-
-def _in_short(error: Exception) -> str:
-    return " ".join(str(error).split())[:300] or type(error).__name__
+def _table(path: Path, reader: Apart, package: str) -> Table:
+    if find_spec(package) is None:
+        raise LogError(f"{path.name}: {reader.missing.format(package=package)}")
+    facts, columns = reader.read(path)
+    if "refused" in facts:
+        raise LogError(f"{path.name}: {facts['refused']}")
+    notes = tuple(f"{path.name}: {note}" for note in facts["notes"])
+    return Table(path.name, columns, units={"time": "s"}, notes=notes)

@@ -1,17 +1,8 @@
-"""Reads a MAT file in a process of its own: scipy's reader can die of a damaged one (see `mat_file`).
+"""Variables of a MAT file, in a child process: scipy's reader can die of a damaged one. See `apart_child`."""
 
-Run as a script with the file's name and the most seconds and bytes that it may take. Writes a line of JSON with the
-names, then the arrays in numpy's own format. It imports nothing of the project, so that it starts quickly.
-"""
-
-import json
-import sys
 from typing import Any
 
 import numpy as np
-
-VERSION, BROKEN = 3, 4
-"""Exit codes: a MAT file of version 7.3 without the package for it, and one that cannot be read (why is on stderr)."""
 
 _DEPTH = 6  # levels of structs that are opened
 _PARTS = 64  # structs in an array that are opened
@@ -56,46 +47,16 @@ def newer(path: str) -> dict:
     return read_mat(path)
 
 
-def limit(seconds: int, size: int) -> None:
-    """Bound this process's time and address space [bytes], where the system can."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    for what, most in ((resource.RLIMIT_AS, size), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
-        hard = resource.getrlimit(what)[1]
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-
-
-def main(path: str) -> int:
-    """Exit code."""
+def read(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """No facts, and arrays by name, structs opened as `struct.field`."""
     from scipy.io import loadmat
 
     try:
-        try:
-            variables = loadmat(path, squeeze_me=True, struct_as_record=False)
-        except NotImplementedError:
-            variables = newer(path)
-        flat: dict[str, np.ndarray] = {}
-        for name, value in variables.items():
-            if not name.startswith("__"):
-                flat |= plain(name, value)
-    except ImportError:
-        return VERSION
-    except MemoryError:
-        print("it unfolds to more memory than a log may take", file=sys.stderr)
-        return BROKEN
-    except Exception as error:  # scipy's reader raises whatever a broken file leads it to
-        print(error or type(error).__name__, file=sys.stderr)
-        return BROKEN
-    out = sys.stdout.buffer
-    out.write(json.dumps(list(flat)).encode() + b"\n")
-    for array in flat.values():
-        np.lib.format.write_array(out, array, allow_pickle=False)
-    out.flush()
-    return 0
-
-
-if __name__ == "__main__":
-    limit(int(sys.argv[2]), int(sys.argv[3]))
-    sys.exit(main(sys.argv[1]))
+        variables = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        variables = newer(path)
+    flat: dict[str, np.ndarray] = {}
+    for name, value in variables.items():
+        if not name.startswith("__"):
+            flat |= plain(name, value)
+    return {}, flat
