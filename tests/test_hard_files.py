@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
+from experiments.studies.hard_files.bags import bag_case, try_bag
 from experiments.studies.hard_files.logs import log_case, try_log
 from experiments.studies.hard_files.others import plant_case, policy_case, try_plant, try_policy
 from identification.logs import formats
@@ -33,6 +34,17 @@ def test_logs(number: int, room: Path) -> None:
 @given(number=NUMBERS)
 def test_logs_of_matlab(number: int, room: Path) -> None:
     try_log(log_case(random.Random(number), (".mat",)), room)
+
+
+@seed(20)
+@settings(max_examples=6)
+@given(number=NUMBERS)
+def test_bags(number: int, room: Path, monkeypatch_module: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("rosbags")
+    pytest.importorskip("mcap")
+    monkeypatch_module.chdir(room)
+    try_bag(*bag_case(random.Random(number)), room)
+    assert not (room / "it-ran").exists()
 
 
 @seed(20)

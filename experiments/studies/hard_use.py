@@ -213,7 +213,7 @@ def kill_at_random(lab: Laboratory, name: str, case: Case, kills: int, draw: ran
         old, started, began = lab.state(case), time.time(), time.monotonic()
         process = lab.start(case, more)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(draw.uniform(0.1, 1.0) * usual)
+            process.wait(draw.uniform(0.1, 1.05) * usual)
         if process.poll() is None:
             process.send_signal(signal.SIGKILL)
         said = process.communicate()[1].decode(errors="replace")

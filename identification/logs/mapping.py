@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import reprlib
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ from .vocabulary import ROLES, core, fits, unit_in
 COLUMNS = ("t", "q1", "q2", "u")
 KNOWN_KEYS = ("input_unit", "pendulum_zero", "encoder_counts", "device", "controller_gain", "angle_unit")
 """Metadata that a file may declare about itself; any other key is kept as it is."""
+
+_short = reprlib.Repr()  # of what a file says of itself, which may be a page
+_short.maxstring = _short.maxother = 100
 
 _UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
@@ -74,7 +78,9 @@ def parse_unit(value: str) -> str:
     """The command's unit, "V" or "N·m", from any common spelling. Raises LogError."""
     plain = re.sub(r"[\s·*.⋅-]", "", value).lower()
     if plain not in _UNITS:
-        raise LogError(f"input_unit {value!r}: expected V or N·m (scale the command first if it is anything else)")
+        raise LogError(
+            f"input_unit {_short.repr(value)}: expected V or N·m (scale the command first if it is anything else)"
+        )
     return _UNITS[plain]
 
 
@@ -82,14 +88,16 @@ def parse_counts(value: float | str | Sequence[float]) -> tuple[float, float]:
     """Counts per revolution of both encoders, from one number or two. Raises LogError."""
     counts = _floats("encoder_counts", value)
     if len(counts) not in (1, 2) or not all(np.isfinite(c) and c >= 2 for c in counts):
-        raise LogError(f"encoder_counts {value!r}: expected one or two numbers above 2, as 2048 or 2048,4096")
+        raise LogError(
+            f"encoder_counts {_short.repr(value)}: expected one or two numbers above 2, as 2048 or 2048,4096"
+        )
     return counts[0], counts[-1]
 
 
 def parse_zero(value: str) -> str:
     """Where the file's q2 is 0: "upright" or "hanging". Raises LogError."""
     if str(value).strip().lower() not in ("upright", "hanging"):
-        raise LogError(f"pendulum_zero {value!r}: expected upright or hanging (the position where q2 is 0)")
+        raise LogError(f"pendulum_zero {_short.repr(value)}: expected upright or hanging (the position where q2 is 0)")
     return value.strip().lower()
 
 
@@ -106,14 +114,14 @@ def parse_angle_units(value: str | Mapping[str, str], both: bool = True) -> dict
         units = dict.fromkeys(("q1", "q2"), str(value).strip())
     for column, unit in units.items():
         if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
-            raise LogError(f"unit {column}={unit!r}: expected rad, deg or counts, for q1 and q2")
+            raise LogError(f"unit {column}={_short.repr(unit)}: expected rad, deg or counts, for q1 and q2")
     return {"q1": "rad", "q2": "rad"} | units if both else units
 
 
 def parse_time_unit(value: str) -> str:
     """Unit of the time column, one of `SECONDS`. Raises LogError."""
     if value not in SECONDS:
-        raise LogError(f"time_unit {value!r}: expected one of {', '.join(SECONDS)}")
+        raise LogError(f"time_unit {_short.repr(value)}: expected one of {', '.join(SECONDS)}")
     return value
 
 
@@ -129,7 +137,7 @@ def parse_gain(value: str | Sequence[float]) -> tuple[float, float, float, float
     """K of u = −K (q1, q̇1, q2, q̇2), four numbers. Raises LogError."""
     gain = _floats("controller_gain", value)
     if len(gain) != 4 or not np.isfinite(gain).all():
-        raise LogError(f"controller_gain {value!r}: expected four numbers, for q1, q1', q2, q2'")
+        raise LogError(f"controller_gain {_short.repr(value)}: expected four numbers, for q1, q1', q2, q2'")
     return gain[0], gain[1], gain[2], gain[3]
 
 
@@ -311,7 +319,7 @@ def _floats(key: str, value: float | str | Sequence[float]) -> tuple[float, ...]
             return tuple(float(part) for part in re.split(r"[,;\s]+", value.strip(" []()")) if part)
         return tuple(float(part) for part in np.atleast_1d(np.asarray(value, dtype=float)))
     except (TypeError, ValueError):
-        raise LogError(f"{key} {value!r}: expected numbers") from None
+        raise LogError(f"{key} {_short.repr(value)}: expected numbers") from None
 
 
 def _named(metadata: Mapping[str, str]) -> dict[str, str]:

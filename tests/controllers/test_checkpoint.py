@@ -5,7 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.checkpoint import has_checkpoint, read_checkpoint, write_checkpoint
+from controllers.checkpoint import (
+    has_checkpoint,
+    only_remains,
+    read_checkpoint,
+    remove_checkpoints,
+    write_checkpoint,
+)
 
 
 def arrays(value: float) -> dict[str, dict[str, np.ndarray]]:
@@ -90,3 +96,29 @@ def test_all_of_the_learning_comes_back(algorithm: str) -> None:
         put_parameters(other, kept | {next(iter(kept)): np.zeros((2, 2), dtype=np.float32)})
     with pytest.raises(ValueError, match="nothing that this algorithm learns"):
         put_parameters(other, kept | {"strange": np.zeros(2)})
+
+
+def test_what_a_killed_run_was_writing_is_no_checkpoint(tmp_path: Path) -> None:
+    folder = tmp_path / "policy.checkpoint"
+    assert not only_remains(folder, "policy.zip")
+    (folder / "new").mkdir(parents=True)
+    (folder / "policy.zip").write_bytes(b"")
+    assert only_remains(folder, "policy.zip")
+    (folder / "notes.txt").write_bytes(b"")
+    assert not only_remains(folder, "policy.zip")
+    write_checkpoint(folder, {"steps": 1}, arrays(1.0))
+    assert not only_remains(folder, "policy.zip")
+
+
+def test_a_removal_that_was_killed_is_ended_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "policy.checkpoint"
+    write_checkpoint(folder, {"steps": 1}, arrays(1.0))
+    with monkeypatch.context() as patch:
+        patch.setattr("controllers.checkpoint.shutil.rmtree", lambda *_, **__: None)
+        remove_checkpoints(folder)
+    assert not folder.exists()
+    assert len(list(tmp_path.iterdir())) == 1
+    with monkeypatch.context() as patch:
+        patch.setattr("furuta_gym.files._alive", lambda process: False)
+        remove_checkpoints(folder)
+    assert not list(tmp_path.iterdir())

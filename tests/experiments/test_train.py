@@ -93,6 +93,30 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     assert not path.with_suffix(".checkpoint").exists()
 
 
+def test_a_run_that_was_killed_before_its_first_checkpoint_is_given_again(tmp_path: Path) -> None:
+    (tmp_path / "policy.checkpoint" / "new").mkdir(parents=True)
+    result = furuta("train", "--plant", "qube", "--steps", 1, "-o", tmp_path / "policy.zip")
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["policy.json", "policy.zip"]
+
+
+def test_a_run_that_was_stopped_in_its_last_trials_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from controllers import training
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    command = ("train", "--plant", "qube", "--steps", 20_000, "-o", tmp_path / "policy.zip")
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "evaluate", stop)
+        assert furuta(*command).exit_code == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["policy.checkpoint"]
+    result = furuta(*command, "--resume")
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["policy.json", "policy.zip"]
+    assert json.loads((tmp_path / "policy.json").read_text())["steps"] >= 20_000
+
+
 def test_a_trusted_file_of_stable_baselines3_goes_on(trained: Path, tmp_path: Path) -> None:
     """As `furuta train` wrote them once: a zip of stable-baselines3 and the record beside it."""
     from controllers.learning_state import put_parameters

@@ -27,7 +27,7 @@ LONGEST = 60.0
 """Seconds for one file."""
 MEMORY = 12 << 30
 """Bytes of address space for the process that reads."""
-KINDS = ("logs", "mat", "plants", "policies")
+KINDS = ("logs", "mat", "bags", "plants", "policies")
 _CANARY = "it-ran"
 _CALLS = ("pickle.find_class", "os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect")
 
@@ -38,9 +38,11 @@ class Hang(BaseException):
 
 def case_of(kind: str, seed: int, number: int) -> tuple[str, bytes, dict[str, Any]]:
     """Ending, content and options of a case."""
-    from . import logs, others
+    from . import bags, logs, others
 
     draw = random.Random(f"{seed} {kind} {number}")
+    if kind == "bags":
+        return *bags.bag_case(draw), {}
     if kind in ("logs", "mat"):
         case = logs.log_case(draw, (".mat",)) if kind == "mat" else logs.log_case(draw)
         return case.ending, case.raw, case.options
@@ -49,8 +51,10 @@ def case_of(kind: str, seed: int, number: int) -> tuple[str, bytes, dict[str, An
 
 def try_case(kind: str, ending: str, raw: bytes, options: dict[str, Any], folder: Path) -> str:
     """What comes of a case: "read" or "refused"; a fault is raised."""
-    from . import logs, others
+    from . import bags, logs, others
 
+    if kind == "bags":
+        return bags.try_bag(ending, raw, folder)
     if kind in ("logs", "mat"):
         return logs.try_log(logs.LogCase(ending, raw, options), folder)
     return others.try_plant(raw, folder) if kind == "plants" else others.try_policy(raw, folder)
@@ -64,7 +68,7 @@ def read_cases(kind: str, seed: int, first: int, last: int) -> None:
     called: list[str] = []
 
     def hear(event: str, arguments: tuple[Any, ...]) -> None:
-        if event in _CALLS and "mat_child.py" not in str(arguments):
+        if event in _CALLS and "apart_child.py" not in str(arguments):
             called.append(f"{event} {arguments!r}"[:300])
 
     sys.addaudithook(hear)

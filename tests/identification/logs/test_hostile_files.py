@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import json
 import os
 import time
 import zipfile
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,8 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from identification.logs import mat_file, opening
+from identification.logs import apart, bags, mat_file, opening
+from identification.logs.formats import read_table
 from identification.logs.log import LogError, read_log
 from identification.logs.number_block import number_block
 from tests.files import quietly, rows, warned, write_csv
@@ -45,8 +48,8 @@ def test_a_mat_file_that_kills_its_reader(tmp_path: Path) -> None:
 def test_the_child_is_watched(body: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "child.py").write_text(body)
     (tmp_path / "log.mat").write_bytes(b"")
-    monkeypatch.setattr(mat_file, "_CHILD", tmp_path / "child.py")
-    monkeypatch.setattr(mat_file, "LONGEST", 1)
+    monkeypatch.setattr(apart, "_CHILD", tmp_path / "child.py")
+    monkeypatch.setattr(mat_file, "MAT", replace(mat_file.MAT, longest=1))
     with pytest.raises(LogError, match=rf"log\.mat: not a readable MAT file \({words}"):
         read_log(tmp_path / "log.mat")
 
@@ -57,9 +60,60 @@ def test_a_mat_file_that_unfolds_to_more_than_the_limit(tmp_path: Path, monkeypa
     pytest.importorskip("resource", reason="the system limits no memory")
     savemat(tmp_path / "log.mat", {"t": np.zeros(25_000_000)}, do_compression=True)
     assert (tmp_path / "log.mat").stat().st_size < 300_000
-    monkeypatch.setattr(mat_file, "MOST_MEMORY", 300 << 20)
+    monkeypatch.setattr(mat_file, "MAT", replace(mat_file.MAT, most=300 << 20))
     with pytest.raises(LogError, match="more memory than a log may take"):
         read_log(tmp_path / "log.mat")
+
+
+def mcap(path: Path, definition: str, message: bytes, encoding: str = "cdr") -> None:
+    writer_of = pytest.importorskip("mcap.writer")
+    pytest.importorskip("rosbags")
+    with path.open("wb") as file:
+        writer = writer_of.Writer(file)
+        writer.start()
+        schema = writer.register_schema("rig/msg/Reading", "ros2msg", definition.encode())
+        channel = writer.register_channel("/rig", encoding, schema)
+        for k in range(30):
+            writer.add_message(channel, k * 10**7, message, k * 10**7)
+        writer.finish()
+
+
+def test_definitions_in_a_bag_are_read_without_running_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library compiles readers out of the definitions of a file."""
+    monkeypatch.chdir(tmp_path)
+    run = "__import__('os').open('it-ran', 65)"
+    number = bytes((0, 1, 0, 0)) + np.float64(2.0).tobytes()
+    mcap(tmp_path / "log.mcap", f"string A={run}\nstring B=) or {run} or (\nfloat64 a\n", number)
+    assert read_table(tmp_path / "log.mcap").numbers("rig.a").tolist() == [2.0] * 30
+    mcap(tmp_path / "log.mcap", f"float64 a {run}\nfloat64 {run}\n", number)
+    with pytest.raises(LogError, match=r"log\.mcap: not a readable MCAP file \(Could not parse"):
+        read_table(tmp_path / "log.mcap")
+    assert not (tmp_path / "it-ran").exists()
+
+
+def test_a_bag_that_unfolds_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A list of fixed length becomes as many lines of code."""
+    pytest.importorskip("resource", reason="the system limits no memory")
+    mcap(tmp_path / "log.mcap", "string[2000000000] a\n", bytes((0, 1, 0, 0)) + bytes(64))
+    assert (tmp_path / "log.mcap").stat().st_size < 10_000
+    monkeypatch.setattr(bags, "BAG", replace(bags.BAG, most=400 << 20))
+    with pytest.raises(LogError, match=r"log\.mcap: not a readable MCAP file \(it unfolds to more memory"):
+        read_table(tmp_path / "log.mcap")
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        ({"header": {"stamp": {"sec": 10**30, "nsec": 1}}, "a": 1.0}, "too large"),
+        ({"a": 10**400}, "too large"),
+        ({f"a{k}": k for k in range(3000)}, "hold 3000 different numbers"),
+        ([[]], "no topic has 20 messages with numbers"),
+    ],
+)
+def test_odd_messages_are_told(message: object, words: str, tmp_path: Path) -> None:
+    mcap(tmp_path / "log.mcap", "", json.dumps(message).encode(), "json")
+    with pytest.raises(LogError, match=rf"log\.mcap: .*{words}"):
+        read_table(tmp_path / "log.mcap")
 
 
 def test_structs_of_structs_are_opened(tmp_path: Path) -> None:
@@ -142,6 +196,15 @@ def test_odd_sizes_are_told(tmp_path: Path) -> None:
         values[1] = value
         with pytest.raises(LogError, match=words):
             read_log(write_csv(tmp_path / "huge.csv", table | {column: values}))
+
+
+def test_what_a_file_says_of_itself_may_be_a_page(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "log.csv", rows())
+    for key in ("angle_unit", "input_unit", "encoder_counts", "pendulum_zero", "controller_gain"):
+        (tmp_path / "odd.csv").write_text(f"# {key}: {'x' * 9000}\n{path.read_text()}")
+        with pytest.raises(LogError, match="xxx") as caught:
+            read_log(tmp_path / "odd.csv")
+        assert len(str(caught.value)) < 500
 
 
 def test_a_log_that_skip_leaves_nothing_of(tmp_path: Path) -> None:
