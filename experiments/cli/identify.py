@@ -85,7 +85,7 @@ def identify_command(
     if not as_json:
         for log in read:
             typer.echo(str(log))
-    with busy("fitting …", "identify", sum(map(len, read))):
+    with busy("fitting …", "identify", _fitted(sum(map(len, read)), method, every_sample)):
         estimate = identify(
             read,
             start,
@@ -123,6 +123,13 @@ def identify_command(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )
     typer.echo(f"Next: {_next(gap, logs, output)}")
+
+
+def _fitted(samples: int, method: str, every_sample: bool) -> int:
+    """How many of the logs' samples the fit takes, which its time goes with."""
+    from identification.estimation.informative import BUDGET
+
+    return min(samples, BUDGET) if method == DEFAULT and not every_sample else samples
 
 
 def _next(gap: Gap | None, logs: Sequence[Path], output: Path) -> str:

@@ -100,3 +100,13 @@ def test_adequacy_comes_before_the_parameters(file: Path, tmp_path: Path) -> Non
     write_log(short, loop_log(duration=1.0, T=0.004)[0])
     told = run(short, "-o", tmp_path / "short.json")
     assert told.exit_code == 2 or "Not predicted: no log is long enough" in told.stdout
+
+
+def test_the_time_to_expect_is_that_of_the_samples_that_are_fitted() -> None:
+    from experiments.cli.identify import _fitted
+    from identification.estimation.informative import BUDGET
+    from identification.estimation.methods import DEFAULT
+
+    assert _fitted(3_600_000, DEFAULT, False) == BUDGET
+    assert _fitted(3_600_000, DEFAULT, True) == _fitted(3_600_000, "least-squares", False) == 3_600_000
+    assert _fitted(1000, DEFAULT, False) == 1000

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.studies import hard_use
-from experiments.studies.hard_use import CASES, Case, Laboratory, full_disk, kill_at_random, whole
+from experiments.studies.hard_use import disks
+from experiments.studies.hard_use.cases import CASES, Case
+from experiments.studies.hard_use.disks import full_disk
+from experiments.studies.hard_use.kills import _found, kill_at_random
+from experiments.studies.hard_use.laboratory import Laboratory, Outcome, whole
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="kill -9 is POSIX's")
 
@@ -25,8 +28,8 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a limit on the size of files, which needs no right to mount."""
     from contextlib import nullcontext
 
-    monkeypatch.setattr(hard_use, "small_disk", lambda place, size: nullcontext(False))
-    monkeypatch.setattr(hard_use, "_FREE", (0, 1000))
+    monkeypatch.setattr(disks, "small_disk", lambda place, size: nullcontext(False))
+    monkeypatch.setattr(disks, "FREE", (0, 1000))
     outcome = full_disk(Laboratory(tmp_path / "room"), "export-mjcf", CASES["export-mjcf"])
     assert outcome.faults == []
     assert outcome.counts == {"0 bytes free: exit code 2": 1, "1000 bytes free: exit code 2": 1}
@@ -35,8 +38,8 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_files_that_were_cut_are_seen(tmp_path: Path) -> None:
     room = Laboratory(tmp_path / "room")
     (room.outputs / "rig.json").write_text('{"theta": ')
-    outcome = hard_use.Outcome()
-    assert hard_use._found(room, Case("", ("rig.json",)), {}, 0.0, outcome) == "broken"
+    outcome = Outcome()
+    assert _found(room, Case("", ("rig.json",)), {}, 0.0, outcome) == "broken"
     assert outcome.faults == ["not whole: ['rig.json']"]
     for name, cut in {
         "a.csv": b"t,q1\n1,2\n3",
