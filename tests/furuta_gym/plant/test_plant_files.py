@@ -54,7 +54,7 @@ def test_refused(case: str, tmp_path: Path) -> None:
         Plant.load(write(tmp_path / "rig.json", **changes))
 
 
-@pytest.mark.parametrize("text", ["[" * 5000, '{"a":' * 100 + "1" + "}" * 100])
+@pytest.mark.parametrize("text", ["[" * 5000 + "]" * 5000, "[" * 100_000, '{"a":' * 100 + "1" + "}" * 100])
 def test_depth_is_bounded(text: str, tmp_path: Path) -> None:
     (tmp_path / "rig.json").write_text(text)
     with pytest.raises(ValueError, match=r"rig\.json: .*deeper than 64 levels"):
