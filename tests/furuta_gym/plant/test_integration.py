@@ -91,6 +91,7 @@ def test_energy_is_not_kept_with_the_printed_c11():
 @pytest.mark.parametrize("plant", [LARGE_RIG, QUBE], ids=["large", "qube"])
 def test_free_motion_agrees_with_mujoco(plant, damped):
     """Seconds of swinging over the top, against bodies and joints that know no equation of ours."""
+    pytest.importorskip("mujoco")
     losses = plant.theta[5:7] if damped else [0, 0]
     plant = plant.replace(theta=[*plant.theta[:5], *losses, 0, 0])
     times = np.arange(201) * 0.02

@@ -70,6 +70,7 @@ def test_binary_files_that_are_none(tmp_path, suffix):
 
 
 def test_a_damaged_mat_of_version_7_3_is_refused(tmp_path):
+    pytest.importorskip("pymatreader")
     header = b"MATLAB 7.3 MAT-file".ljust(116) + b"\0" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\0" * 512
     (tmp_path / "log.mat").write_bytes(header)
     with pytest.raises(LogError, match="not a readable MAT file"):
