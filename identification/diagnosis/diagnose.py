@@ -108,6 +108,10 @@ def searched(
     steps = {False: most, True: min(most, policy.thorough)}
     naming, after, rest = _settled(lambda full: _named(search, nominal, before, held, steps[full], full), search)
     verdict, summary = _verdict(naming, rest, policy)
+    if not naming.accepted:
+        before = after
+    if abs(zero := _zero_in_counts(naming.final)) > 1.0:
+        summary += f" {sentences.zero(zero)}"
     before = _without_sharpness(before, naming, logs, policy)
     left = math.sqrt(naming.final.noise.torque[0] / 0.1)
     return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, 0.0, policy)
@@ -156,10 +160,20 @@ def _named(
     if naming.accepted:
         search.progress("estimating all parameters together")
         after = identify(logs, naming.final.plant, noise=naming.final.noise, zeros=naming.final.zeros)
+    elif abs(_zero_in_counts(naming.final)) > policy.negligible:  # which `before` takes as none
+        after = identify(logs, before.plant, zeros=naming.final.zeros)
     search.progress("looking at what is left")
     rest = locate(after.plant, moved(logs, after.zeros), policy)
     naming = unsettled(naming, rest, policy)
     return replace(naming, same=interchangeable(naming, logs, policy)), after, rest
+
+
+def _zero_in_counts(fitted: Fit) -> float:
+    """How far the pendulum's zero in the first log is off."""
+    first = min(record.log for record in fitted.records)
+    record = next(r for r in fitted.records if r.log == first)
+    count = float(max(record.quantum[1], np.sqrt(12.0 * record.variance[1])))
+    return fitted.zeros.get(first, (0.0, 0.0))[1] / count
 
 
 _Answer = tuple[Naming, Estimate, Where]

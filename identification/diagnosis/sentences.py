@@ -56,6 +56,14 @@ def left(rest: Where) -> str:
     )
 
 
+def zero(counts: float) -> str:
+    """That the pendulum's zero in the first log is off by some counts."""
+    return (
+        f"The pendulum's zero in the first log is off by {abs(counts):.1f} counts; a small constant torque on the "
+        "pendulum would look the same."
+    )
+
+
 def refused(name: str, gain: float) -> str:
     """That some structure remains, which another effect takes up a little of."""
     return (

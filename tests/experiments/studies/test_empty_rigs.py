@@ -10,11 +10,11 @@ from experiments.studies import empty_rigs
 @pytest.mark.timeout(600)
 def test_rounding_leaves_nothing_that_matters():
     """Development rigs of both simulators; `python -m experiments.studies.empty_rigs` has the rate on many."""
-    rows = [empty_rigs.examined(trial) for trial in empty_rigs.plan(2, seed=1, split="dev")]
+    rows = [empty_rigs.examined(trial) for trial in empty_rigs.plan(1, seed=1, split="dev")]
     assert {row["simulator"] for row in rows} == set(empty_rigs.SIMULATORS.values())
     assert all(row["problem"] == "" for row in rows), rows
     assert not any(row["matters"] for row in rows), rows
-    assert empty_rigs.table(rows).count("0 of 2 = 0 %") >= 2
+    assert empty_rigs.table(rows).count("0 of 1 = 0 %") >= 2
 
 
 def test_what_is_said_to_be_left_is_counted():

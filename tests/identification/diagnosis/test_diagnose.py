@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -85,3 +86,13 @@ def test_bad_arguments_are_refused_before_the_search() -> None:
         diagnose([LOG], most=0)
     with pytest.raises(ValueError, match="arm_sprung"):
         diagnose([LOG], only=["arm_sprung"])
+
+
+def test_a_pendulum_set_to_zero_a_count_off_is_nothing_unknown():
+    """The search lets the zero of a log move by a count or two; what is left is looked for with that zero."""
+    log, _ = loop_log(duration=6.0)
+    off = replace(log, q2=log.q2 + 1.6 * 2.0 * math.pi / 4096)
+    found = diagnose(off, start=TABLE_3, only=["arm_spring"])
+    assert found.verdict == "none", found.summary
+    assert "zero in the first log is off by 1." in found.summary
+    assert found.plant.theta == pytest.approx(diagnose(log, start=TABLE_3, only=["arm_spring"]).plant.theta, rel=0.05)
