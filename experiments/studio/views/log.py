@@ -172,7 +172,7 @@ async def reopen(frame: Frame, name: str, content: bytes) -> None:
 
 
 async def _demo(frame: Frame) -> None:
-    await add(frame, Path(str(files("experiments.demo") / "logs" / "wide.csv")))
+    await add(frame, Path(str(files("experiments.demo") / "logs" / "paper.csv")))
 
 
 async def _apply(frame: Frame, change: Callable[..., None], *arguments: object) -> None:

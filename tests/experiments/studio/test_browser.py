@@ -26,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def address(folder: Path) -> Iterator[str]:
     """A studio that looks for two effects only."""
-    names = "arm_spring,arm_quadratic_drag"
+    names = "arm_spring,input_delay"
     with served(folder, program=Path(narrow.__file__), NARROW=names) as studio:
         yield studio.address
 
@@ -99,17 +99,17 @@ def test_log_a_wrong_sign_shows_red_and_the_fix_turns_it_green(opened: Open, spr
 
 
 def test_diagnose_the_log_of_the_demo_goes_from_drop_to_the_name_of_the_effect(opened: Open, tmp_path: Path) -> None:
-    demo = Path(__file__).parents[3] / "experiments" / "demo" / "logs" / "wide.csv"
+    demo = Path(__file__).parents[3] / "experiments" / "demo" / "logs" / "paper.csv"
     write_log(tmp_path / "demo.csv", read_log(demo).slice(stop=6.0))  # a part of it, so that nobody waits
     page = opened(tmp_path / "demo.csv")
     page.get_by_role("button", name="Use these logs").click()
     view(page, "Diagnose")
     page.get_by_role("button", name="Diagnose", exact=True).click()
     page.get_by_text("gain so far [nats]").wait_for()
-    page.locator("tr[data-suspect=arm_spring]").wait_for()
+    page.locator("tr[data-suspect=input_delay]").wait_for()
     verdict = page.locator(".verdict")
     verdict.wait_for(timeout=240_000)
-    assert "cable" in verdict.inner_text().lower()
+    assert "the command reaches the motor" in verdict.inner_text().lower()
 
 
 def test_identify_by_the_keyboard_alone(opened: Open, spring_log: Path) -> None:
