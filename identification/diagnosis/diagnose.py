@@ -110,7 +110,7 @@ def searched(
     verdict, summary = _verdict(naming, rest, policy)
     if not naming.accepted:
         before = after
-    if abs(zero := _zero_in_counts(naming.final)) > 1.0:
+    if abs(zero := _zero_in_counts(naming.final)) > policy.zero_told:
         summary += f" {sentences.zero(zero)}"
     before = _without_sharpness(before, naming, logs, policy)
     left = math.sqrt(naming.final.noise.torque[0] / 0.1)

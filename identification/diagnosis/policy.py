@@ -84,6 +84,7 @@ class DecisionPolicy:
     # whether structure is left
     left: float = _rule(8.0, "evidence from which a torque is said to be left", DEV, "nats")
     negligible: float = _rule(0.2, "change of a prediction 0.3 s ahead that nobody would miss", DEV, "counts")
+    zero_told: float = _rule(1.0, "a pendulum's zero that is off by more is told", THEORY, "counts")
     constant: float = _rule(1e-3, "level of the test that parameters are the same all along a log", THEORY)
     simpler: float = _rule(10.0, "the simpler family of torques is preferred within so much", DEV, "nats")
     simpler_share: float = _rule(1e-3, "the same as a share of the best family's gain", DEV)

@@ -90,10 +90,9 @@ def plant_coordinates(
     θ1 … θ5 and r are positive: their logarithms (one that starts negative or zero is linear and keeps no sign).
     Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters, infinite
     ones (an effect switched off), what was learned, and an optional size that is neutral, with its shapes, stay as they
-    are. Names are
-    theta1 … theta9, r (or r1, r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a log-normal prior
-    of this width around the plant's values on every log coordinate. Raises ValueError for an unknown name or an
-    impossible prior.
+    are. Names are theta1 … theta9, r (or r1, r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a
+    log-normal prior of this width around the plant's values on every log coordinate. Raises ValueError for an unknown
+    name or an impossible prior.
     """
     fixed, priors = set(fixed), dict(priors or {})
     coordinates = _theta_coordinates(plant, negative_friction)

@@ -21,7 +21,7 @@ COEFFICIENTS = tuple(f"c{i}{j}" for i in range(ANGLES) for j in range(SPEEDS))
 
 
 @compiled(forceinline=True)
-def hump(d):
+def spline(d):
     """The cubic B-spline at d knots from its centre."""
     a, b = max(2.0 - abs(d), 0.0), max(1.0 - abs(d), 0.0)
     return (a * a * a - 4.0 * b * b * b) * (1.0 / 6.0)
@@ -47,19 +47,24 @@ def surface_columns(q1, v1, low, width, w):
         x, y = angle_place(q1[k], low, width), speed_place(v1[k], w)
         for i in range(ANGLES):
             for j in range(SPEEDS):
-                out[k, i * SPEEDS + j] = hump(x - i) * hump(y - j)
+                out[k, i * SPEEDS + j] = spline(x - i) * spline(y - j)
     return out
 
 
 def _torque() -> Any:
     """The kernel, written out: a kernel's arguments are numbers."""
-    angles = [f"hump(x - {i}.0)" for i in range(ANGLES)]
+    angles = [f"spline(x - {i}.0)" for i in range(ANGLES)]
     rows = [" + ".join(f"s{j} * c{i}{j}" for j in range(SPEEDS)) for i in range(ANGLES)]
     lines = [f"def torque(q1, v1, low, width, w, {', '.join(COEFFICIENTS)}):"]
     lines += ["    x, y = angle_place(q1, low, width), speed_place(v1, w)"]
-    lines += [f"    s{j} = hump(y - {j}.0)" for j in range(SPEEDS)]
+    lines += [f"    s{j} = spline(y - {j}.0)" for j in range(SPEEDS)]
     lines += [f"    return {' + '.join(f'{a} * ({r})' for a, r in zip(angles, rows, strict=True))}, 0.0"]
-    names: dict[str, Any] = {"hump": hump, "angle_place": angle_place, "speed_place": speed_place, "__name__": __name__}
+    names: dict[str, Any] = {
+        "spline": spline,
+        "angle_place": angle_place,
+        "speed_place": speed_place,
+        "__name__": __name__,
+    }
     exec(compile("\n".join(lines), __file__, "exec"), names)
     return names["torque"]
 
