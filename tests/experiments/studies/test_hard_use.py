@@ -21,7 +21,8 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="kill -9 is POSIX's")
 def test_kills(name: str, tmp_path: Path) -> None:
     outcome = kill_at_random(Laboratory(tmp_path / "room"), name, CASES[name], 2, random.Random(1))
     assert outcome.faults == []
-    assert sum(outcome.counts.values()) == 2
+    killed = outcome.counts.total() - outcome.counts["ended"]  # on a fast machine a run may end before its kill
+    assert killed == 2
 
 
 def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
