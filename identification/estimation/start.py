@@ -29,6 +29,7 @@ from .pool import mapped
 from .prediction_error import PredictionError
 
 _SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
+_TRUNCATED = 8.0  # widths: cut at scipy's 4, a second derivative keeps 1e-3/width² of the angle itself
 _ROD = 0.75  # θ2/θ4 of a thin rod
 _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a palm-sized pendulum and an arm-sized one
 _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
@@ -60,12 +61,13 @@ def _smoothed(logs: Sequence[Log]) -> _Motion:
         even = log if log.regular else log.resampled()
         T = even.sample_time
         width = max(_SMOOTHING / T, 1.5)
-        margin = int(4 * width)
+        margin = int(_TRUNCATED * width)
         if len(even) <= 3 * margin:
             continue
         y, held = even.angles, np.concatenate([even.u[:1], 0.5 * (even.u[1:] + even.u[:-1])])
-        smooth = [gaussian_filter1d(y, width, axis=0, order=k, mode="nearest") / T**k for k in range(3)]
-        parts.append([x[margin:-margin] for x in (*smooth, gaussian_filter1d(held, width))])
+        form = {"mode": "nearest", "truncate": _TRUNCATED}
+        smooth = [gaussian_filter1d(y, width, axis=0, order=k, **form) / T**k for k in range(3)]
+        parts.append([x[margin:-margin] for x in (*smooth, gaussian_filter1d(held, width, **form))])
     if not parts:
         parts = [[np.zeros((2, 2))] * 3 + [np.zeros(2)]]
     q, v, a, u = (np.concatenate(x) for x in zip(*parts, strict=True))

@@ -1,0 +1,32 @@
+"""Start values from the logs alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from identification.estimation.start import candidates
+from tests.factories import TABLE_3, hanging_log, paper_log
+
+
+@pytest.mark.parametrize("moved", [(2 * math.pi, 0.0), (-600.0, 2 * math.pi), (0.0, 200 * math.pi)])
+def test_starts_do_not_depend_on_where_the_angles_count_from(moved: tuple[float, float]) -> None:
+    log = hanging_log()
+    plain = candidates([log], TABLE_3)
+    elsewhere = candidates([log.moved(*moved)], TABLE_3)
+    for one, other in zip(plain, elsewhere, strict=True):
+        np.testing.assert_allclose(other.plant.theta, one.plant.theta, rtol=1e-4)
+        np.testing.assert_allclose(other.noise.torque, one.noise.torque, rtol=1e-4)
+
+
+@pytest.mark.parametrize("zero", [0.0, -150.0])
+def test_the_first_start_is_near_the_truth_of_a_fine_log(zero: float) -> None:
+    """Ratios and the arm's inertia within a tenth, the scale within a half."""
+    log, _ = paper_log()
+    found = candidates([log.moved(zero, 0.0)], TABLE_3)[0].plant.theta
+    true = TABLE_3.theta
+    assert found[[2, 4]] / found[3] == pytest.approx(true[[2, 4]] / true[3], rel=0.1)
+    assert found[0] == pytest.approx(true[0], rel=0.1)
+    assert found[3] == pytest.approx(true[3], rel=0.5)
