@@ -1,7 +1,23 @@
 // What a picture takes, on the clock of the browser that shows it.
 window.studio = {
-  times: [],
-  async draw(id, change, moved) {
+  waiting: [], // when the hand moved, for the movements that no picture shows yet
+  pictures: [], // what each picture took, as `draw` notes it
+  moved(id, value) {
+    getHtmlElement(id)?.setAttribute("aria-valuenow", value); // Vue does so when the server has told it
+    const now = window.event?.timeStamp ?? performance.now();
+    this.waiting.push(now);
+    if (this.waiting.length > 1000) this.waiting.shift();
+    return now;
+  },
+  say(texts) {
+    // Into the node that Vue made, so that Vue finds it again
+    for (const [id, text] of Object.entries(texts)) {
+      const node = getHtmlElement(id)?.firstChild;
+      if (node) node.nodeValue = text;
+    }
+  },
+  async draw(id, change, moved, spent) {
+    const began = performance.now();
     for (let tries = 0; !getElement(id)?.chart; tries++) {
       if (tries === 50) return null; // the view has changed meanwhile
       await new Promise((resolve) => setTimeout(resolve, 20)); // it is being made
@@ -12,9 +28,13 @@ window.studio = {
       setTimeout(resolve, 200); // a tab in the background has no frames
     });
     if (moved === null) return null;
-    const took = performance.now() - moved;
-    this.times.push(took);
-    if (this.times.length > 1000) this.times.shift();
+    const now = performance.now();
+    const took = now - moved;
+    const seen = this.waiting.filter((stamp) => stamp <= moved).map((stamp) => now - stamp);
+    this.waiting = this.waiting.filter((stamp) => stamp > moved);
+    const transport = took - spent.wait - spent.compute - spent.encode - (now - began);
+    this.pictures.push({ took, seen, ...spent, transport, draw: now - began });
+    if (this.pictures.length > 1000) this.pictures.shift();
     return took;
   },
 };

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -96,6 +97,17 @@ class Frame:
         """Say something in the footer."""
         if self.footer is not None and not self.footer.is_deleted:
             self.footer.set_text(text)
+
+
+def put_texts(texts: Mapping[ui.label, str], moving: bool = False) -> None:
+    """Change what labels say. moving: by a script alone, as the browser draws the whole page anew for an update; the
+    texts must be put once more when the hand rests."""
+    if not moving:
+        for label, text in texts.items():
+            label.set_text(text)
+    said = json.dumps({label.id: text for label, text in texts.items()})
+    client = next(iter(texts)).client
+    client.run_javascript(f"studio.say({said})")  # after an update too: the page does not know what scripts said
 
 
 def view(name: str) -> Any:

@@ -25,7 +25,7 @@ from furuta_gym import Plant
 from identification import PredictionWindow, read_log
 
 from . import charts
-from .drive import browser, fit_in, served, start_what_if
+from .drive import LONGEST_WAIT, browser, fit_in, served, start_what_if
 
 MOVES = 60
 LONGEST = 100.0
@@ -74,13 +74,28 @@ def _clocks() -> tuple[float, float]:
     return time.perf_counter(), time.thread_time()
 
 
-def drag(page: Any, moves: int = MOVES) -> list[float]:
-    """Drag the first slider of the view What if, and give what each picture took [ms] by the browser's clock."""
+@dataclass(frozen=True)
+class Shown:
+    """One picture in the browser, in milliseconds. took: from the newest movement that it shows; seen: from each one
+    that no picture before shows. wait: until the server began; compute; encode: to JSON; draw: from when the browser
+    has the curves until they are painted; transport: what is left, both ways, with what waits in the browser."""
+
+    took: float
+    seen: tuple[float, ...]
+    wait: float
+    compute: float
+    encode: float
+    draw: float
+    transport: float
+
+
+def drag(page: Any, moves: int = MOVES) -> list[Shown]:
+    """Drag the first slider of the view What if, and give what each picture took by the browser's clock."""
     track = page.locator(".slider .q-slider__track-container").first
     track.scroll_into_view_if_needed()
     box = track.bounding_box()
     y = box["y"] + box["height"] / 2
-    page.evaluate("studio.times.length = 0")
+    page.evaluate("studio.pictures.length = studio.waiting.length = 0")
     page.mouse.move(box["x"] + 0.2 * box["width"], y)
     page.mouse.down()
     for i in range(moves):
@@ -88,11 +103,11 @@ def drag(page: Any, moves: int = MOVES) -> list[float]:
         page.wait_for_timeout(50)
     page.mouse.up()
     page.wait_for_timeout(1000)
-    return [float(ms) for ms in page.evaluate("studio.times")]
+    return [Shown(**{**shown, "seen": tuple(shown["seen"])}) for shown in page.evaluate("studio.pictures")]
 
 
-def in_browser(path: Path) -> list[float]:
-    """The same in Chromium, after a fit of the log: milliseconds from the hand to the painted picture."""
+def in_browser(path: Path) -> list[Shown]:
+    """The same in Chromium, after a fit of the log."""
     with tempfile.TemporaryDirectory() as folder, served(Path(folder), path.resolve()) as studio, browser() as window:
         page = window.new_page(viewport={"width": 1280, "height": 900})
         page.goto(studio.address)
@@ -100,10 +115,26 @@ def in_browser(path: Path) -> list[float]:
             page.get_by_text("Is the model adequate?").wait_for()
         else:
             fit_in(page)
+        page.set_default_timeout(LONGEST_WAIT)
         start_what_if(page)
         page.wait_for_timeout(5000)  # the floor is measured once more, which is not what is measured here
         drag(page, 5)
         return drag(page)
+
+
+def told(shown: list[Shown]) -> str:
+    """Medians of all movements and of each part, and the machine's load meanwhile."""
+    seen = [ms for picture in shown for ms in picture.seen]
+    parts = ", ".join(
+        f"{part} {statistics.median(getattr(picture, part) for picture in shown):.0f}"
+        for part in ("wait", "compute", "encode", "transport", "draw")
+    )
+    return (
+        f"{len(seen)} movements, {len(shown)} pictures of 5 s: slider to picture {statistics.median(seen):.0f} ms in "
+        f"the median, 95 % below {statistics.quantiles(seen, n=20)[-1]:.0f} ms (limit {LONGEST:.0f} ms)\n"
+        f"of a picture, medians in ms: {parts}\n"
+        f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    )
 
 
 def main() -> None:
@@ -113,13 +144,7 @@ def main() -> None:
     parser.add_argument("--browser", action="store_true", help="the whole way, in Chromium")
     asked = parser.parse_args()
     if asked.browser:
-        times = in_browser(asked.log)
-        busy = os.getloadavg()[0] / (os.cpu_count() or 1)
-        print(
-            f"{asked.log.name}: {len(times)} pictures of 5 s, slider to picture {statistics.median(times):.0f} ms "
-            f"(95 % below {statistics.quantiles(times, n=20)[-1]:.0f} ms; limit {LONGEST:.0f} ms); "
-            f"load {busy:.1f} a core"
-        )
+        print(f"{asked.log.name}: {told(in_browser(asked.log))}")
         return
     for effects in (0, 1, 3):
         found = measure(asked.log, Plant.resolve("table3"), effects)

@@ -153,7 +153,7 @@ def _moving(frame: Frame, playing: Playing, loop: Loop) -> None:
         if now - clock["drawn"] > REDRAWN:
             clock["drawn"] = now
             change = json.dumps({"series": _series(loop)}, separators=(",", ":"))
-            chart.client.run_javascript(f"studio.draw({chart.id}, {change}, null)")
+            chart.client.run_javascript(f"studio.draw({chart.id}, {change}, null, {{}})")
 
     ui.timer(FRAME, step)
 

@@ -184,7 +184,7 @@ def _found(frame: Frame, found: Found) -> None:
 
 
 def _move(frame: Frame, plant: Plant | None) -> None:
-    from .what_if import Live
+    from .live import Live
 
     frame.session.kept = plant
     frame.state.pop(Live, None)

@@ -9,8 +9,8 @@ from nicegui import ui
 
 from .. import commands
 from ..frame import Frame, command_line, message
+from .live import Live
 from .rig import rig, turn
-from .what_if import Live
 
 FRAME = 0.05  # s
 

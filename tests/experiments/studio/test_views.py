@@ -18,8 +18,8 @@ from experiments.studio.saved import open_session
 from experiments.studio.views import diagnose as diagnose_view
 from experiments.studio.views import identify as identify_view
 from experiments.studio.views.closed_loop import Playing, _offered
+from experiments.studio.views.live import Live
 from experiments.studio.views.play import Kind
-from experiments.studio.views.what_if import Live
 from furuta_gym.plant import TABLE_3
 from identification import LogError
 from identification.diagnosis.watched import Tried
