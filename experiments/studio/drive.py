@@ -25,18 +25,19 @@ class Served:
 
 
 @contextmanager
-def served(folder: Path, *logs: Path, program: Path | None = None, **variables: str) -> Iterator[Served]:
+def served(
+    folder: Path, *logs: Path, program: Path | None = None, errors: Path | None = None, **variables: str
+) -> Iterator[Served]:
     """`furuta studio LOG… --no-browser` as a process in a folder, until the end of the block.
 
-    program: what is run in place of `furuta`. variables: of its environment."""
+    program: what is run in place of `furuta`. errors: where its standard error goes. variables: of its environment."""
     root = Path(__file__).resolve().parents[2]
     program = program or root / "furuta_command.py"
     command = [sys.executable, str(program), "studio", *map(str, logs), "--no-browser"]
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     environment |= {"PYTHONPATH": str(root), **variables}
-    process = subprocess.Popen(
-        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
+    with open(errors or os.devnull, "wb") as told:
+        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=told, text=True)
     assert process.stdout is not None
     try:
         address = process.stdout.readline().strip()

@@ -65,6 +65,7 @@ class Frame:
         if self.tabs is not None and self.tabs.value != self.current:
             self.tabs.set_value(self.current)
         self.body.clear()
+        self.body.props["data-view"] = self.current
         with self.body:
             if self.failure:
                 message(self.failure, "bad")

@@ -53,7 +53,7 @@ async def begin(frame: Frame) -> None:
     live.start, live.window = start, start.window
     live.latest = Latest(partial(compute, frame, live))
     live.last = None
-    frame.show("What if")
+    frame.show()  # whoever went to another view meanwhile stays there
     await moved(frame)
 
 
@@ -91,7 +91,7 @@ def _picture(frame: Frame, live: Live) -> None:
 
 async def _redraw(frame: Frame) -> None:
     frame.failure = ""
-    frame.show("What if")
+    frame.show()
     await moved(frame)
 
 
