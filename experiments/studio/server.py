@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import socket
 from collections.abc import Awaitable, Callable, Sequence
@@ -9,7 +10,8 @@ from pathlib import Path
 from threading import Thread
 
 from fastapi import Request, Response
-from nicegui import app, ui
+from nicegui import app, background_tasks, ui
+from nicegui.server import Server
 
 from . import LARGEST_FILE
 from .page import draw, load
@@ -29,6 +31,18 @@ def free_port() -> int:
     with socket.socket() as s:
         s.bind((HOST, 0))
         return int(s.getsockname()[1])
+
+
+def require_free(port: int) -> None:
+    """Raises ValueError where somebody listens at a port already, or it may not be used."""
+    with socket.socket() as s:
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: a port just left is free
+        try:
+            s.bind((HOST, port))
+        except OSError as error:
+            raise ValueError(
+                f"--port {port}: {error.strerror}. Expected a free port; without --port one is found"
+            ) from None
 
 
 def refusal(host: str, method: str, length: str | None) -> tuple[int, str] | None:
@@ -68,10 +82,20 @@ def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> st
 
 
 def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[str], None]) -> None:
-    """Serve until interrupted. told: called with the address before the first request."""
+    """Serve until interrupted. told: called with the address once the server listens.
+
+    Raises ValueError where the port is taken."""
+    if port is not None:
+        require_free(port)
     port = port or free_port()
     path = register(Path.cwd(), [log.resolve() for log in logs])
-    app.on_startup(lambda: told(f"http://{HOST}:{port}{path}"))
+
+    async def tell() -> None:
+        while not Server.instance.started:  # start-up ends before the port is bound, or found taken
+            await asyncio.sleep(0.01)
+        told(f"http://{HOST}:{port}{path}")
+
+    app.on_startup(lambda: background_tasks.create(tell()))
     app.on_startup(lambda: Thread(target=load, daemon=True).start())
     ui.run(
         host=HOST,

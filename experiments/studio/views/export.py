@@ -43,6 +43,11 @@ def show(frame: Frame) -> None:
                 with ui.element("td"):
                     button = ui.button("Write", on_click=partial(_write, frame, name, writer))
                     button.props(f'outline dense aria-label="Write {name}"').mark(f"write-{name}")
+    if session.found is not None and session.examination is None:
+        message(
+            "The report of the diagnosis is not here: a saved session keeps the verdict only. To make the report "
+            f"again, press “Search again” in the view Diagnose, or run: {commands.diagnose(session)}"
+        )
     if session.policy is None:
         message("A policy goes to ONNX and C once it was dropped in view Play, “Closed loop”.")
     heading("The same as a script")

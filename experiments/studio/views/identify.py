@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
-from furuta_gym.plant.parameters import THETA_MEANING
+from furuta_gym.plant import THETA_MEANING
 from identification import Estimate, Gap, Log, excite, identify, validate
 from identification.estimation.estimate import rounded, unit_of
 from identification.estimation.identifiability import WEAK

@@ -10,8 +10,7 @@ from typing import Any
 
 from nicegui import ui
 
-from furuta_gym.plant import Effect
-from furuta_gym.plant.parameters import THETA_MEANING
+from furuta_gym.plant import THETA_MEANING, Effect
 
 from ..frame import heading
 from ..what_if import NAMES, Choice, Range, addable, moved_by_hand

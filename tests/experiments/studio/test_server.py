@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import httpx
 import pytest
 
 from experiments.studio import LARGEST_FILE
-from experiments.studio.server import POLICY, refusal
+from experiments.studio.drive import served
+from experiments.studio.server import HOST, POLICY, refusal
+from tests.experiments.studio import late
 from tests.studio import serving
 
 
@@ -44,6 +47,21 @@ def test_the_page_is_behind_its_token_and_asks_nobody_else(tmp_path: Path) -> No
         assert client.get(address, headers={"host": "evil.example"}).status_code == 403
         assert client.post(address, content=iter([b"x"])).status_code == 411  # a size that nobody says
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_address_is_told_once_the_server_listens(tmp_path: Path) -> None:
+    with served(tmp_path, program=Path(late.__file__)) as studio, httpx.Client(trust_env=False) as client:
+        assert client.get(studio.address).status_code == 200  # at the first try
+
+
+def test_a_port_that_is_taken_is_refused() -> None:
+    from tests.commands import furuta, refused
+
+    with socket.socket() as other:
+        other.bind((HOST, 0))
+        other.listen()
+        port = other.getsockname()[1]
+        refused(furuta("studio", "--port", port, "--no-browser"), f"--port {port}", "in use", "without --port")
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -162,6 +162,22 @@ def test_what_if_moves_at_once_and_the_hidden_effect_brings_the_error_to_the_flo
     visit(scenario, tmp_path, [spring_log], known(fitted))
 
 
+def test_what_if_whoever_goes_elsewhere_while_it_starts_stays_there(
+    tmp_path: Path, spring_log: Path, fitted: Any
+) -> None:
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.show("What if")
+        user.find("Start").click()
+        await until(lambda: frame.doing)
+        frame.show("Export")
+        await until(lambda: frame.of(Live).start is not None)
+        await until(lambda: not frame.doing)
+        await asyncio.sleep(0.5)
+        assert frame.current == "Export"
+
+    visit(scenario, tmp_path, [spring_log], known(fitted))
+
+
 def number(user: Any, mark: str, value: float) -> None:
     """Type a number beside a slider."""
     with user:
@@ -245,7 +261,10 @@ def test_diagnose_ends_with_the_name_in_physical_words(
         again = open_session("s.furuta", (tmp_path / "session.furuta").read_bytes(), tmp_path)
         assert again.found == frame.session.found
         assert again.journal.read_text() == frame.session.journal.read_text()
-        again.close()
+        frame.session, _ = again, frame.session.close()
+        frame.show("Export")
+        await user.should_not_see("report.html")
+        await user.should_see("press “Search again” in the view Diagnose, or run: furuta diagnose spring.csv")
 
     visit(scenario, tmp_path, [spring_log])
     assert "most" not in asked[0]  # how many effects are looked for is decided where the command line has it from
