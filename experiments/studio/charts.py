@@ -66,7 +66,7 @@ def panes(
                 "gridIndex": i,
                 "min": "dataMin",
                 "max": "dataMax",
-                "axisLabel": {"show": i == n - 1, **text},
+                "axisLabel": {"show": i == n - 1, "hideOverlap": True, "showMaxLabel": False, **text},
                 "name": x if i == n - 1 else "",
                 "nameLocation": "middle",
                 "nameGap": 24,
@@ -125,7 +125,14 @@ def bars(names: Sequence[str], values: Sequence[float], unit: str) -> dict[str, 
     return {
         "animation": False,
         "grid": {"left": 8, "right": 70, "top": 8, "bottom": 28, "containLabel": True},
-        "xAxis": {"type": "value", "name": unit, "nameLocation": "middle", "nameGap": 22},
+        "xAxis": {
+            "type": "value",
+            "name": unit,
+            "nameLocation": "middle",
+            "nameGap": 22,
+            "splitNumber": 4,
+            "axisLabel": {"hideOverlap": True},
+        },
         "yAxis": {"type": "category", "data": [names[i] for i in order], "axisLabel": {"color": "#30363d"}},
         "series": [
             {

@@ -74,7 +74,7 @@ def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> st
         response.headers["X-Content-Type-Options"] = "nosniff"
         return response
 
-    @ui.page(path, title="furuta studio")
+    @ui.page(path, title="furuta studio", dark=None)
     async def page() -> None:
         await draw(folder, logs)
 

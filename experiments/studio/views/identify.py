@@ -88,13 +88,12 @@ def _adequate(frame: Frame, gap: Gap | None) -> None:
         )
         number_card("Fit of the arm", _signed(gap.fit_percent[0]), f"q1, {ahead}")
         number_card("Fit of the pendulum", _signed(gap.fit_percent[1]), f"q2, {ahead}")
-    verdict = gap.verdict.replace("`furuta diagnose`", "the view Diagnose")
-    message(f"{verdict[:1].upper()}{verdict[1:]}.", state)
+    message(_here(gap.verdict) + ".", state)
 
 
 def _parameters(estimate: Estimate) -> None:
     heading("Parameters")
-    with ui.element("div").classes("scroll"), ui.element("table").classes("table"):
+    with ui.element("div").classes("scroll"), ui.element("table").classes("table params"):
         with ui.element("thead"), ui.element("tr"):
             cells(["", "meaning", "value ± standard deviation", "unit", "relative", ""], "th")
         with ui.element("tbody"):
@@ -125,9 +124,17 @@ def _certainty(estimate: Estimate, name: str) -> None:
 
 def _weak(estimate: Estimate) -> None:
     heading("What the logs tell")
-    message(f"{estimate.verdict[:1].upper()}{estimate.verdict[1:]}.", "good" if estimate.valid else "doubt")
+    message(_here(estimate.verdict) + ".", "good" if estimate.valid else "doubt")
     for text in (*estimate.identifiability.advice, *estimate.warnings):
-        message(text, "doubt")
+        message(_here(text), "doubt")
+
+
+def _here(text: str) -> str:
+    """A sentence of the command line, as the page says it."""
+    text = text.replace("run `furuta diagnose`", "see the view Diagnose").replace(
+        "`furuta diagnose`", "the view Diagnose"
+    )
+    return text if text.startswith("θ") else f"{text[:1].upper()}{text[1:]}"
 
 
 def _signed(percent: float) -> str:

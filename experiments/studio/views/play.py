@@ -21,7 +21,7 @@ def show(frame: Frame) -> None:
     kind = frame.of(Kind)
     heading("Play")
     ui.toggle(list(KINDS), value=kind.name, on_change=lambda e: _choose(frame, str(e.value))).props(
-        "no-caps unelevated toggle-color=primary text-color=black"
+        "no-caps unelevated toggle-color=primary"
     )
     KINDS[kind.name].show(frame)
 

@@ -23,8 +23,8 @@ def show(frame: Frame) -> None:
     log, angles = live.window.log, live.last.angles
     message("Left: measured. Right: simulated, from the same states every 0.3 s. Drag to turn, scroll to come nearer.")
     with ui.scene(width=900, height=420, grid=False, background_color="#ffffff").classes("scene") as scene:
-        rigs = [rig(scene, -1.8, "#30363d"), rig(scene, 1.8, "#0b5cad")]
-        scene.move_camera(0.0, -5.5, 2.8, 0.0, 0.0, 0.9)
+        rigs = [rig(scene, -1.4, "#30363d"), rig(scene, 1.4, "#0b5cad")]
+        scene.move_camera(0.0, -3.9, 2.0, 0.0, 0.0, 1.1)
     clock = {"at": 0.0, "last": time.monotonic(), "speed": 0.5}
     with ui.row().classes("wrap-row"):
         running = ui.switch("Running", value=True)

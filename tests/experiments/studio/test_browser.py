@@ -247,10 +247,18 @@ def test_text_stands_out_and_no_view_is_wider_than_a_telephone(opened: Open, ses
     for name in VIEWS:
         page.set_viewport_size({"width": 1024, "height": 900})
         view(page, name)
-        page.wait_for_timeout(300)
-        assert page.evaluate(CONTRAST) == [], name
+        for theme in ("light", "dark"):  # the page follows the system
+            page.emulate_media(color_scheme=theme)
+            page.wait_for_timeout(400)
+            assert (ground(page) > 128) == (theme == "light")
+            assert page.evaluate(CONTRAST) == [], (name, theme)
         page.set_viewport_size({"width": 400, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") <= 400, name
+
+
+def ground(page: Any) -> int:
+    """How light the page is, of 255."""
+    return int(page.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0]"))
 
 
 def test_the_contrast_is_measured(opened: Open) -> None:
