@@ -204,6 +204,10 @@ def test_play_a_push_moves_the_arm_of_the_closed_loop(opened: Open, session_file
     state = page.get_by_text("from upright")
     state.wait_for()
     page.wait_for_function("() => parseFloat(document.querySelector('[role=status].card-meaning').innerText) > 1")
+    for theme in ("light", "dark"):
+        page.emulate_media(color_scheme=theme)
+        page.wait_for_timeout(400)
+        assert page.evaluate(CONTRAST) == [], theme
     page.get_by_role("button", name="Push right").click()
     page.wait_for_function(
         "() => Math.abs(parseInt(document.querySelector('[role=status].card-meaning')"
