@@ -9,6 +9,7 @@ from nicegui import ui
 
 from .. import commands
 from ..frame import Frame, command_line, message
+from ..work import sentence
 from .live import Live
 from .rig import rig, turn
 
@@ -50,4 +51,7 @@ def show(frame: Frame) -> None:
 
     step()
     ui.timer(FRAME, step)
-    command_line(commands.what_if(frame.session, live.choice.plant()))
+    try:
+        command_line(commands.what_if(frame.session, live.choice.plant()))
+    except ValueError as error:  # the sliders stand where no plant is; what is played is the last that was one
+        message(sentence(error), "bad")
