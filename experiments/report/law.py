@@ -8,16 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EffectType, Plant
-from furuta_gym.plant.dynamics import mass_matrix
-from furuta_gym.plant.linearization import state_derivative
+from furuta_gym.plant import Plant
+from identification.diagnosis.added_torque import added_torque, is_function_of_motion, motion_of
 from identification.diagnosis.locate.torque_maps import ROWS, VARIABLES, Map, variable
 from identification.discrepancy.basis import Signals
 from identification.logs.log import Log
-from identification.validation.gap import filtered
-
-_MOST = 1500  # points of the motion at which the torque is computed
-_HOOKS = {"torque", "theta", "command"}
 
 Array = NDArray[np.float64]
 
@@ -65,25 +60,7 @@ def law_of(plant: Plant, names: Sequence[str], logs: Sequence[Log]) -> Law | Non
     Raises ValueError where the plant's filter loses the log.
     """
     effects = [effect for name in names if (effect := plant.effect(name)) is not None]
-    if not effects or not all(_drawable(effect.type) for effect in effects):
+    if not effects or not all(is_function_of_motion(effect.type) for effect in effects):
         return None
-    without = plant.replace(effects=tuple(e for e in plant.effects if e.name not in names), covariance=None)
-    signals = Signals.of(filtered(plant, max(logs, key=len)))
-    every = slice(None, None, -(-len(signals.t) // _MOST))
-    signals = Signals(*(getattr(signals, f)[every] for f in ("t", "q", "v", "a", "u", "expected")))
-    command = signals.u.copy()
-    for effect in effects:
-        if kernel := effect.type.kernels.get("command"):
-            given = [effect.parameters[a] for a in effect.type.arguments["command"][1:]]
-            command = np.array([kernel(u, *given) for u in command])
-    rows = []
-    for t, q, v, u, tau in zip(signals.t, signals.q, signals.v, signals.u, command, strict=True):
-        x = np.array([*q, *v])
-        apart = state_derivative(plant, x, tau, t)[2:4] - state_derivative(without, x, u, t)[2:4]
-        m11, m12, m22 = mass_matrix(q[1], *without.theta[:4])
-        rows.append((m11 * apart[0] + m12 * apart[1], m12 * apart[0] + m22 * apart[1]))
-    return Law(tuple(names), signals, np.array(rows))
-
-
-def _drawable(effect: EffectType) -> bool:
-    return set(effect.kernels) <= _HOOKS and not effect.memory
+    signals = motion_of(plant, logs)
+    return Law(tuple(names), signals, added_torque(plant, names, signals))

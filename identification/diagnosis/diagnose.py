@@ -16,16 +16,19 @@ from ..estimation.estimate import Estimate
 from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
 from ..estimation.pool import one_blas_thread
+from ..estimation.start import Start, candidates
 from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
 from . import sentences
+from .added_torque import torque_share
 from .equals import interchangeable
 from .held_out import HeldOut
 from .learning import with_learned
 from .locate.locate import locate, long_enough
 from .locate.location import Where
-from .naming.fits import Fit, Fitter, fit
+from .naming.afresh import afresh, cost
+from .naming.fits import Fit, Fitter, added, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.journal import FitJournal
 from .naming.search import Search
@@ -105,8 +108,13 @@ def searched(
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress, fitter)
-    steps = {False: most, True: min(most, policy.thorough)}
-    naming, after, rest = _settled(lambda full: _named(search, nominal, before, held, steps[full], full), search)
+    unexplained = math.sqrt(nominal.noise.torque[0] / 0.1)
+    naming, after, rest = _settled(
+        lambda joining: _named(search, nominal, before, held, most, joining),
+        lambda: afresh(nominal, _own_starts(logs, before.plant), search),
+        search,
+        dragged=unexplained > policy.strong * rms,
+    )
     verdict, summary = _verdict(naming, rest, policy)
     if not naming.accepted:
         before = after
@@ -143,9 +151,9 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
 
 
 def _named(
-    search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, thorough: bool
+    search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, joining: Fit | None
 ) -> tuple[Naming, Estimate, Where]:
-    """The search for names, the estimate with what was found, and what that leaves."""
+    """The search for names, the estimate with what was found, and what that leaves. joining: see `name_effects`."""
     logs, policy = held.logs, search.policy
     known: dict[int, tuple[Fit, float]] = {}  # a search asks for the same fit again
 
@@ -155,7 +163,10 @@ def _named(
             known[id(fitted)] = fitted, 0.0 if found.negligible else found.evidence
         return known[id(fitted)][1]
 
-    naming = upheld(name_effects(nominal, search, most, left, thorough, held), search, held)
+    def share(fitted: Fit, name: str, other: str) -> float:
+        return torque_share(fitted.plant, name, other, moved(logs, fitted.zeros))
+
+    naming = upheld(name_effects(nominal, search, most, left, held, joining, share), search, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
@@ -179,15 +190,34 @@ def _zero_in_counts(fitted: Fit) -> float:
 _Answer = tuple[Naming, Estimate, Where]
 
 
-def _settled(named: Callable[[bool], _Answer], search: Search) -> _Answer:
-    """named(thorough): the names. Before nothing is said to explain these logs, they are searched thoroughly."""
-    naming, after, rest = named(False)
-    if _verdict(naming, rest, search.policy)[0] == "unknown":
-        search.progress("searching again from more starts, before nothing is said to explain these logs")
-        again = named(True)
-        if again[0].final.value < naming.final.value - search.policy.believed:
-            return again
-    return naming, after, rest
+def _settled(
+    named: Callable[[Fit | None], _Answer], other: Callable[[], Fit | None], search: Search, dragged: bool = False
+) -> _Answer:
+    """named(joining): the names. other(): the best fit of one effect from the logs' own starts, which joins the search
+    at once where model (5) is `dragged` away by what is missing. Else the search is made again with it, if names leave
+    structure and that fit beats the best single effect so far."""
+    if dragged:
+        search.progress("fitting every effect from other starts, as much is missing")
+        return named(other())
+    naming, after, rest = named(None)
+    if not rest.matters and _verdict(naming, rest, search.policy)[0] != "unknown":
+        return naming, after, rest
+    search.progress("fitting every effect from other starts, as structure is left")
+    fresh = other()
+    best = naming.rankings[0][0].fit if naming.rankings else naming.nominal
+    if fresh is None or cost(fresh) > cost(best) - search.policy.believed:
+        return naming, after, rest
+    search.progress(f"searching again with {added(fresh, naming.nominal).name}")
+    again = named(fresh)
+    return again if cost(again[0].final) < cost(naming.final) - search.policy.believed else (naming, after, rest)
+
+
+def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:
+    """Start values from the logs alone; none where the command does not drive the arm."""
+    try:
+        return candidates([stretch.piece for stretch in stretches(logs)], plant.replace(effects=()))
+    except ValueError:
+        return []
 
 
 def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:

@@ -56,12 +56,16 @@ class DecisionPolicy:
     own_share: float = _rule(0.2, "of the largest gain, what a further effect must explain", DEV)
     least_share: float = _rule(0.1, "the same where structure was left without it and none is with it", DEV)
     alike_share: float = _rule(0.5, "the same beside a look-alike of its own", DEV)
+    form: float = _rule(0.1, "of the torque of a look-alike, what a further effect must have: laws are no better", DEV)
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
     together: float = _rule(0.8, "of one effect's gain, what two in its place need between them", DEV)
     pairs: int = _rule(6, "pairs that are tried in place of one effect", COST, "pairs")
     absorbed: float = _rule(0.995, "share of an effect's response that θ imitates: not visible in principle", THEORY)
 
     # how far a fit goes
+    strong: float = _rule(
+        0.1, "of the command, unexplained torque of model (5) from which other starts are tried first", DEV
+    )
     reach: float = _rule(25.0, "fits this near to the best go on", DEV, "nats")
     round_iterations: int = _rule(4, "iterations in a round of the multi-start", COST, "iterations")
     rounds: int = _rule(8, "rounds of the multi-start at most", COST, "rounds")
@@ -70,7 +74,6 @@ class DecisionPolicy:
     plain: float = _rule(
         100.0, "gain from which the model without an effect need not be fitted to the nat", COST, "nats"
     )
-    thorough: int = _rule(3, "effects that a thorough search looks for at most", COST, "effects")
     finalists: int = _rule(4, "effects that are fitted to the end at most", COST, "effects")
     dragged: float = _rule(0.3, "change of ln θ3 … θ5 from which a fit starts at the anchor's θ again", DEV)
     restart_noise: float = _rule(10.0, "factor on the torque noise of such a restart", DEV)

@@ -3,7 +3,7 @@ rough."""
 
 from __future__ import annotations
 
-from furuta_gym.plant import Effect, Parameter
+from furuta_gym.plant import Effect, Parameter, Plant
 
 from .fits import Fit, added, without
 from .multistart import Setting, Start, multi_start, with_effect
@@ -11,18 +11,22 @@ from .multistart import Setting, Start, multi_start, with_effect
 _FACTORS = (1.25, 1.08)  # on a rough size: wide steps first, then narrow ones
 
 
+def grid_of(effect: Effect, plant: Plant) -> list[Effect]:
+    """The effect and, for a rough size, the effect at every other value of its grid."""
+    effects = [effect]
+    usual = plant.default_effect(effect.name).parameters
+    for p in effect.type.parameters:
+        for value in p.grid if p.rough and not isinstance(p.grid, str) else ():
+            size = value * usual[p.name] / p.default
+            if size != effect.parameters[p.name]:
+                effects.append(Effect(effect.name, {**effect.parameters, p.name: size}))
+    return effects
+
+
 def starts_of(start: Effect, current: Fit, setting: Setting) -> list[Start]:
     """Where the fits of an effect start: at what its score suggests and, for a rough size, at every value of its
     grid."""
-    starts = [with_effect(current, start, setting)]
-    usual = current.plant.default_effect(start.name).parameters
-    for p in start.type.parameters:
-        for value in p.grid if p.rough and not isinstance(p.grid, str) else ():
-            size = value * usual[p.name] / p.default
-            if size != start.parameters[p.name]:
-                other = Effect(start.name, {**start.parameters, p.name: size})
-                starts.append(with_effect(current, other, setting))
-    return starts
+    return [with_effect(current, effect, setting) for effect in grid_of(start, current.plant)]
 
 
 def stepped(found: Fit, current: Fit, setting: Setting, rough: bool = True) -> Fit:

@@ -74,6 +74,15 @@ def nothing_left(fitted: Fit) -> float:
     return 0.0
 
 
+Share = Callable[[Fit, str, str], float]
+"""How large the torque of one effect of a fit is beside another's, rms over rms; infinite where nobody can say."""
+
+
+def never_small(fitted: Fit, name: str, other: str) -> float:
+    """A `Share` that says nothing."""
+    return math.inf
+
+
 class Witness(Protocol):
     """Data that no fit saw."""
 
@@ -108,21 +117,23 @@ def name_effects(
     search: Search,
     most: int = 6,
     left: Left = nothing_left,
-    thorough: bool = False,
     witness: Witness = NoWitness(),  # noqa: B008  (no state)
+    held: Fit | None = None,
+    share: Share = never_small,
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.
 
     nominal: the model without effects. most: effects at most. left(fit): evidence [nats] of torques that a fit
     does not explain; a further effect that leaves more than it explains is not what is missing, only something that
-    takes its shape. thorough: try every suspect from several sizes, not the best ones only. witness: while a model is
-    far off on data that no fit saw, these decide about a further effect, and not how small it is beside the largest.
+    takes its shape. witness: while a model is far off on data that no fit saw, these decide about a further effect, and
+    not how small it is beside the largest. held: a fit with one effect that takes part as it is. share(fit, name,
+    other): how large the torque of a further effect is beside that of a look-alike.
     """
-    judge = _Judge(search.policy, left, witness)
-    grown = _grow(search, _Grown(nominal, nominal), most, judge, thorough)
+    judge = _Judge(search.policy, left, witness, share)
+    grown = _grow(search, _Grown(nominal, nominal), most, judge, held)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
-        grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge, thorough)
+        grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
     policy = search.policy
     accepted = tuple(ranking[0] for ranking in grown.found)
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal) for r in grown.found)
@@ -137,6 +148,7 @@ class _Judge:
     policy: DecisionPolicy
     left: Left
     witness: Witness
+    share: Share
 
     def counts(self, found: Sequence[Ranking], gain: float, current: Fit) -> bool:
         """Whether a further effect of some gain [nats] may be one at all. The witness is asked last: it takes time."""
@@ -155,9 +167,15 @@ class _Judge:
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
 
-        Not if it is just what was missing, nor if data that no fit saw ask for it."""
+        Not if it is just what was missing, nor if data that no fit saw ask for it: except for a look-alike with a
+        small part of the other's torque, as those data ask for the right form, too."""
         *others, (newest, *_) = together
         policy = self.policy
+        if any(
+            alike(newest.name, other.name) and self.share(newest.fit, newest.name, other.name) < policy.form
+            for other, *_ in others
+        ):
+            return True
         if not slight(newest.name, newest.gain, others, policy):
             return False
         enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
@@ -170,7 +188,7 @@ class _Judge:
         return self.witness.far(before) and self.witness.confirms(before, after)
 
 
-def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bool) -> _Grown:
+def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, held: Fit | None = None) -> _Grown:
     """Effects added one at a time, until no further one is believed."""
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
     found, last, refused = list(so_far.found), (), None
@@ -180,8 +198,9 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bo
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
         worth = partial(judge.counts, found, current=current)
-        complete = step > 0 and bool(names) and not thorough and judge.left(current) <= 0.0
-        current, last = search.refits(current, names, table, thorough, worth=worth, nothing_left=complete)
+        complete = step > 0 and bool(names) and judge.left(current) <= 0.0
+        joining = held if step == 0 else None
+        current, last = search.refits(current, names, table, held=joining, worth=worth, nothing_left=complete)
         if step == 0:
             nominal = current
         if not last or last[0].net < search.policy.believed:
@@ -189,7 +208,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, thorough: bo
         if not worth(last[0].gain):
             refused = last[0]
             break
-        if not thorough and judge.much_left(found, last[0]) and judge.takes_shape(found, last[0], current):
+        if judge.much_left(found, last[0]) and judge.takes_shape(found, last[0], current):
             current, last = search.refits(current, names, table, thorough=True, worth=worth)
         if judge.takes_shape(found, last[0], current):
             refused = last[0]

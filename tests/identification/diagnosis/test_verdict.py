@@ -156,20 +156,49 @@ def test_a_form_that_is_wrong_does_not_settle_the_name(
     assert unsettled(names, rest(-4.0, channel=channel, variable=variable), POLICY).equals == ((),)
 
 
-@pytest.mark.parametrize(("better", "verdict"), [(7.0, "unknown"), (14.0, "named")])
-def test_unknown_is_said_after_a_thorough_search_only(better: float, verdict: str) -> None:
-    """… which counts if it explains more than chance would."""
-    first = naming(final=a_fit(value=100.0)), None, rest(evidence=50.0)
-    second = naming(SPRING, final=a_fit("arm_spring", value=100.0 - better)), None, rest()
-    found, _, left = _settled(lambda thorough: second if thorough else first, search({}))  # type: ignore[arg-type,return-value]
+def settled(first: Any, second: Any, other: Any, dragged: bool = False) -> tuple[Any, list[str]]:
+    """What `_settled` decides between two searches, and which were made ("with": the one that `other` joins)."""
+    made: list[str] = []
+
+    def named(joining: Any) -> Any:
+        made.append("without" if joining is None else "with")
+        return first if joining is None else second
+
+    return _settled(named, lambda: other, search({}), dragged), made
+
+
+@pytest.mark.parametrize(("better", "verdict"), [(7.0, "unknown"), (60.0, "named")])
+def test_unknown_is_said_after_a_search_from_other_starts_only(better: float, verdict: str) -> None:
+    """… which counts if it explains more than chance would, and than its parameters cost."""
+    first = naming(final=a_fit(value=0.0)), None, rest(evidence=50.0)
+    second = naming(SPRING, final=a_fit("arm_spring", value=-better)), None, rest()
+    (found, _, left), _ = settled(first, second, second[0].final)
     assert _verdict(found, left, POLICY)[0] == verdict
+
+
+@pytest.mark.parametrize(("better", "name"), [(5.0, "arm_spring"), (200.0, "input_delay")])
+def test_names_that_leave_structure_are_searched_again_from_other_starts(better: float, name: str) -> None:
+    first = naming(SPRING, final=a_fit("arm_spring", value=100.0)), None, rest(evidence=50.0)
+    joining = a_fit("input_delay", value=SPRING.fit.value - better)
+    second = naming(DELAY, final=a_fit("input_delay", value=100.0 - better)), None, rest()
+    (found, *_), made = settled(first, second, joining)
+    assert [s.name for s in found.accepted] == [name]
+    assert made == (["without", "with"] if name == "input_delay" else ["without"])
+
+
+def test_where_much_is_missing_other_starts_join_at_once() -> None:
+    second = naming(DELAY, final=a_fit("input_delay", value=-900.0)), None, rest(evidence=50.0)
+    (found, *_), made = settled(second, second, second[0].final, dragged=True)
+    assert found is second[0]
+    assert made == ["with"]
 
 
 def test_a_verdict_that_is_clear_is_not_searched_again() -> None:
     first = naming(SPRING, final=a_fit("arm_spring", value=100.0)), None, rest()
     second = naming(DELAY, final=a_fit("input_delay", value=-900.0)), None, rest()
-    assert _settled(lambda thorough: second if thorough else first, search({})) is not second  # type: ignore[arg-type,return-value]
-    assert _settled(lambda thorough: second if thorough else first, search({}))[0] is first[0]  # type: ignore[arg-type,return-value]
+    (found, *_), made = settled(first, second, second[0].final)
+    assert found is first[0]
+    assert made == ["without"]
 
 
 def test_the_model_before_a_sharpness_was_found_does_not_have_it() -> None:

@@ -47,7 +47,7 @@ def test_a_name_is_exchanged_when_another_joins_and_what_is_too_small_is_refused
     """The base's tilt stood in for an offset; 40 nats are left for a sharpness, less than a tenth of the largest."""
     small = STAND_IN | {"friction_sharpness input_offset pendulum_stribeck": -1540.0}
     names = ("base_tilt", "input_offset", "pendulum_stribeck", "friction_sharpness")
-    found = named(small, *names, thorough=True)
+    found = named(small, *names)
     assert accepted(found) == ["input_offset", "pendulum_stribeck"]
     assert found.refused is not None
     assert found.refused.name == "friction_sharpness"
@@ -161,3 +161,31 @@ def test_a_small_effect_that_held_out_data_ask_for_stays_when_another_joins() ->
     found = named(values, *names, witness=Told(needed=names))
     assert accepted(found) == list(names)
     assert found.final.value == pytest.approx(-2140.0, abs=0.1)
+
+
+BOTH = ["pendulum_quadratic_drag", "pendulum_stribeck"]
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.05, ["pendulum_quadratic_drag"]), (0.3, BOTH)])
+def test_a_look_alike_with_little_torque_mends_a_form_whatever_held_out_data_say(
+    share: float, found: list[str]
+) -> None:
+    """A drag of another power than the library's leaves what looks like friction near standstill."""
+    values = {"pendulum_quadratic_drag": -2000.0, " ".join(BOTH): -2500.0}
+    asked = []
+
+    def of(fit: Any, name: str, other: str) -> float:
+        asked.append((name, other))
+        return share
+
+    got = named(values, *BOTH, witness=Told(needed=tuple(BOTH)), share=of)
+    assert accepted(got) == found
+    assert asked == [("pendulum_stribeck", "pendulum_quadratic_drag")]
+    assert (got.refused is None) == (len(found) == 2)
+
+
+def test_a_fit_that_joins_is_found_where_no_score_suggests_it() -> None:
+    joining = a_fit("input_gain_asymmetry", value=-5000.0)
+    values = {"arm_spring": -700.0, "input_gain_asymmetry": [Bowl(-5000.0)]}
+    assert accepted(named(values, "arm_spring")) == ["arm_spring"]
+    assert accepted(named(values, "arm_spring", held=joining)) == ["input_gain_asymmetry"]

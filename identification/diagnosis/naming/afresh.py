@@ -1,0 +1,71 @@
+"""Every effect fitted from the logs' own starts: what finds a name where model (5) alone leads far away from the rig.
+
+Scores and fits of a search start at the model without the effect. A strong effect drags that model's θ so far that its
+own score is small there, and that no descent comes back. Start values from smoothed derivatives know nothing of that
+model; on thinned records a fit of every effect from there takes tenths of a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from furuta_gym.plant import EFFECTS
+
+from ...estimation.pool import shared_pool
+from ...estimation.start import Start as LogStart
+from ...estimation.start import reduced
+from .discrete import grid_of
+from .fits import Fit
+from .multistart import Start, best_of, multi_start
+from .search import Search
+from .suspects import price
+
+_STARTS = 3  # of those that the logs suggest
+_SAMPLE_TIME, _LONGEST = 8e-3, 40.0  # s: of the thinned records, all of them together
+_FIRST, _MORE = 4, 20  # iterations from every start, and of the best one of each effect
+_FULL = 3  # effects that are fitted to all samples
+
+
+def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> Fit | None:
+    """The best fit of model (5) with one effect among those that start at `starts`; None where none is to be had.
+
+    nominal: the model without effects, which gives the records. starts: from `estimation.start.candidates`."""
+    names = [n for n in search.only or EFFECTS if n in EFFECTS]
+    records = nominal.records
+    share = min(1.0, _LONGEST / sum(r.duration for r in records))
+    thin = replace(nominal, records=tuple(reduced(r, share * r.duration, _SAMPLE_TIME, clock=True) for r in records))
+    plants = [replace(nominal.plant, theta=start.plant.theta) for start in starts[:_STARTS]]
+    noises = [start.noise for start in starts[:_STARTS]]
+    effects = [e for n in names for e in grid_of(nominal.plant.default_effect(n), nominal.plant)]
+    if not (plants and effects):
+        return None
+    tried = {e: [Start((e.name,), p.with_effects(e), v) for p, v in zip(plants, noises, strict=True)] for e in effects}
+    fits = _fitted({start: start for starts in tried.values() for start in starts}, thin, search, _FIRST)
+    best = [min(starts, key=lambda start: fits[start].value) for starts in tried.values()]
+    ends = best_of(_fitted({start: fits[start] for start in best}, thin, search, _MORE))
+    order = sorted(ends, key=lambda name: cost(ends[name]))
+    full = [Start((n,), ends[n].plant, ends[n].noise, ends[n].zeros) for n in order[:_FULL]]
+    found = best_of(multi_start(full, nominal, search, halve=False))
+    return min(found.values(), key=cost, default=None)
+
+
+def _fitted(starts: Mapping[Start, Start | Fit], thin: Fit, search: Search, iterations: int) -> dict[Start, Fit]:
+    def run(at: Start | Fit) -> Fit:
+        return search.fitter(
+            at.plant,
+            at.noise,
+            thin.records,
+            anchor=search.anchor,
+            policy=search.policy,
+            iterations=iterations,
+            effort="coarse",
+            zeros=at.zeros,
+        )
+
+    return dict(zip(starts, shared_pool().map(run, starts.values()), strict=True))
+
+
+def cost(fitted: Fit) -> float:
+    """V of a fit and the price of its effects [nats]: the smaller, the better the names explain the logs."""
+    return fitted.value + sum(price(e.name, fitted.samples) for e in fitted.plant.effects)

@@ -1,0 +1,75 @@
+"""Fits of every effect from the logs' own starts, and the torque of one effect beside another's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect
+from identification.diagnosis.added_torque import added_torque, motion_of, torque_share
+from identification.diagnosis.naming.afresh import afresh, cost
+from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.naming.search import Search
+from identification.diagnosis.naming.suspects import price
+from identification.estimation.start import Start, candidates
+from identification.kalman.record import stretches
+from tests.factories import loop_log, noisy_log
+
+ONLY = ("arm_spring", "arm_stribeck", "input_offset", "input_gain_asymmetry", "pendulum_stribeck")
+
+
+@pytest.fixture(scope="module")
+def strong():
+    """A log of a motor that has a quarter of its strength one way, and model (5) at a θ that this dragged away."""
+    plant = TABLE_3.with_effects(Effect("input_gain_asymmetry", {"a": -0.6}))
+    log = noisy_log(1, plant)
+    records = [s.record for s in stretches([log])]
+    anchor = TABLE_3.replace(theta=TABLE_3.theta * [2.3, 0.1, 0.15, 0.15, 0.15, 10.0, 0.05, 0.1, 0.2])
+    return log, fit(anchor, START_NOISE, records, anchor=anchor, iterations=4, effort="coarse"), anchor
+
+
+def test_a_strong_effect_is_found_where_model_5_is_far_away(strong):
+    log, nominal, anchor = strong
+    found = afresh(nominal, candidates([log], TABLE_3), Search(anchor, ONLY))
+    assert found is not None
+    (effect,) = found.plant.effects
+    assert effect.name == "input_gain_asymmetry"
+    assert effect.parameters["a"] == pytest.approx(-0.6, abs=0.02)
+    assert found.records == nominal.records
+    assert cost(found) == pytest.approx(found.value + price(effect.name, found.samples))
+    assert cost(found) < cost(nominal) - 100.0
+
+
+def test_without_starts_nothing_is_found(strong):
+    _, nominal, anchor = strong
+    assert afresh(nominal, [], Search(anchor, ONLY)) is None
+    assert afresh(nominal, [Start(TABLE_3, START_NOISE)], Search(anchor, ["no_effect"])) is None
+
+
+def test_the_torque_of_an_effect_is_its_law():
+    """Drag and friction near standstill of the pendulum, by their equations; ΔF at rest is the whole of it."""
+    drag, stribeck = (
+        Effect("pendulum_quadratic_drag", {"c": 0.01}),
+        Effect("pendulum_stribeck", {"ΔF": 0.02, "vs": 0.5}),
+    )
+    plant = TABLE_3.with_effects(drag, stribeck)
+    log, _ = loop_log(duration=4.0)
+    signals = motion_of(plant, [log])
+    v = signals.v[:, 1]
+    by_hand = -0.01 * v * np.abs(v), -0.02 * np.exp(-((v / 0.5) ** 2)) * np.tanh(plant.sharpness[1] * v)
+    for effect, torque in zip((drag, stribeck), by_hand, strict=True):
+        added = added_torque(plant, [effect.name], signals)
+        np.testing.assert_allclose(added[:, 1], torque, atol=1e-9)
+        np.testing.assert_allclose(added[:, 0], 0.0, atol=1e-9)
+    share = torque_share(plant, stribeck.name, drag.name, [log])
+    assert share == pytest.approx(math.sqrt(np.sum(by_hand[1] ** 2) / np.sum(by_hand[0] ** 2)))
+    assert torque_share(plant.with_effects(drag), drag.name, drag.name, [log]) == pytest.approx(1.0)
+
+
+def test_an_effect_with_a_memory_has_no_share():
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_presliding"), TABLE_3.default_effect("arm_stribeck"))
+    log, _ = loop_log(duration=4.0)
+    assert torque_share(plant, "arm_presliding", "arm_stribeck", [log]) == math.inf
