@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, EffectType, Plant
+from furuta_gym.plant import EFFECTS, Effect, EffectType, Plant
 from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.linearization import state_derivative
 
@@ -40,11 +40,7 @@ def added_torque(plant: Plant, names: Sequence[str], signals: Signals) -> NDArra
     motion. Each must be a function of the motion (see `is_function_of_motion`)."""
     effects = [effect for effect in plant.effects if effect.name in names]
     without = plant.replace(effects=tuple(e for e in plant.effects if e not in effects), covariance=None)
-    command = signals.u.copy()
-    for effect in effects:
-        if kernel := effect.type.kernels.get("command"):
-            given = [effect.parameters[a] for a in effect.type.arguments["command"][1:]]
-            command = np.array([kernel(u, *given) for u in command])
+    command = _commanded(effects, signals)
     rows = []
     for t, q, v, u, tau in zip(signals.t, signals.q, signals.v, signals.u, command, strict=True):
         x = np.array([*q, *v])
@@ -54,15 +50,39 @@ def added_torque(plant: Plant, names: Sequence[str], signals: Signals) -> NDArra
     return np.array(rows)
 
 
-def torque_share(plant: Plant, name: str, other: str, logs: Sequence[Log]) -> float:
-    """How large the torque of one effect of a plant is beside another's along the longest log, rms over rms.
+def law_change(before: Plant, after: Plant, name: str, other: str, logs: Sequence[Log]) -> float:
+    """How much the torque that a motion asks for changes from one plant to another that has the effect `name` besides,
+    as a share of the torque of its effect `other`: rms over rms, along the longest log.
 
-    Infinite where one of them is no function of the motion, or where the filter loses the log."""
+    θ counts with the effects, as it takes back most of what an effect that only mends another's form adds. Infinite
+    where one of the two is no function of the motion, or where the filter loses the log."""
     if not all(is_function_of_motion(EFFECTS[n]) for n in (name, other)):
         return math.inf
     try:
-        signals = motion_of(plant, logs)
+        signals = motion_of(after, logs)
     except ValueError:
         return math.inf
-    one, two = (float(np.sum(added_torque(plant, [n], signals) ** 2)) for n in (name, other))
-    return math.sqrt(one / two) if two > 0.0 else math.inf
+    change = _asked_for(after, signals) - _asked_for(before, signals)
+    size = float(np.sum(added_torque(after, [other], signals) ** 2))
+    return math.sqrt(float(np.sum(change**2)) / size) if size > 0.0 else math.inf
+
+
+def _asked_for(plant: Plant, signals: Signals) -> NDArray[np.float64]:
+    """Torque (N, 2) besides the plant's own that the accelerations of a motion need."""
+    command = _commanded(plant.effects, signals)
+    rows = []
+    for t, q, v, a, tau in zip(signals.t, signals.q, signals.v, signals.a, command, strict=True):
+        left = a - state_derivative(plant, np.array([*q, *v]), tau, t)[2:4]
+        m11, m12, m22 = mass_matrix(q[1], *plant.theta[:4])
+        rows.append((m11 * left[0] + m12 * left[1], m12 * left[0] + m22 * left[1]))
+    return np.array(rows)
+
+
+def _commanded(effects: Sequence[Effect], signals: Signals) -> NDArray[np.float64]:
+    """The command (N,) after the static maps of some effects."""
+    command = signals.u.copy()
+    for effect in effects:
+        if kernel := effect.type.kernels.get("command"):
+            given = [effect.parameters[a] for a in effect.type.arguments["command"][1:]]
+            command = np.array([kernel(u, *given) for u in command])
+    return command

@@ -21,7 +21,7 @@ from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
 from . import sentences
-from .added_torque import torque_share
+from .added_torque import law_change
 from .equals import interchangeable
 from .held_out import HeldOut
 from .learning import with_learned
@@ -163,10 +163,11 @@ def _named(
             known[id(fitted)] = fitted, 0.0 if found.negligible else found.evidence
         return known[id(fitted)][1]
 
-    def share(fitted: Fit, name: str, other: str) -> float:
-        return torque_share(fitted.plant, name, other, moved(logs, fitted.zeros))
+    def change(without: Fit, fitted: Fit, other: str) -> float:
+        name = added(fitted, without).name
+        return law_change(without.plant, fitted.plant, name, other, moved(logs, fitted.zeros))
 
-    naming = upheld(name_effects(nominal, search, most, left, held, joining, share), search, held)
+    naming = upheld(name_effects(nominal, search, most, left, held, joining, change), search, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")

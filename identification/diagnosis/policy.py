@@ -56,7 +56,7 @@ class DecisionPolicy:
     own_share: float = _rule(0.2, "of the largest gain, what a further effect must explain", DEV)
     least_share: float = _rule(0.1, "the same where structure was left without it and none is with it", DEV)
     alike_share: float = _rule(0.5, "the same beside a look-alike of its own", DEV)
-    form: float = _rule(0.1, "of the torque of a look-alike, what a further effect must have: laws are no better", DEV)
+    form: float = _rule(0.1, "of a look-alike's torque, what a further effect must change: laws are no better", DEV)
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
     together: float = _rule(0.8, "of one effect's gain, what two in its place need between them", DEV)
     pairs: int = _rule(6, "pairs that are tried in place of one effect", COST, "pairs")

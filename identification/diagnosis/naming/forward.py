@@ -74,12 +74,13 @@ def nothing_left(fitted: Fit) -> float:
     return 0.0
 
 
-Share = Callable[[Fit, str, str], float]
-"""How large the torque of one effect of a fit is beside another's, rms over rms; infinite where nobody can say."""
+Change = Callable[[Fit, Fit, str], float]
+"""How much a further effect changes the torques of a model, as a share of the torque of an effect found before;
+infinite where nobody can say."""
 
 
-def never_small(fitted: Fit, name: str, other: str) -> float:
-    """A `Share` that says nothing."""
+def never_small(before: Fit, after: Fit, other: str) -> float:
+    """A `Change` that says nothing."""
     return math.inf
 
 
@@ -119,7 +120,7 @@ def name_effects(
     left: Left = nothing_left,
     witness: Witness = NoWitness(),  # noqa: B008  (no state)
     held: Fit | None = None,
-    share: Share = never_small,
+    change: Change = never_small,
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.
@@ -127,10 +128,10 @@ def name_effects(
     nominal: the model without effects. most: effects at most. left(fit): evidence [nats] of torques that a fit
     does not explain; a further effect that leaves more than it explains is not what is missing, only something that
     takes its shape. witness: while a model is far off on data that no fit saw, these decide about a further effect, and
-    not how small it is beside the largest. held: a fit with one effect that takes part as it is. share(fit, name,
-    other): how large the torque of a further effect is beside that of a look-alike.
+    not how small it is beside the largest. held: a fit with one effect that takes part as it is. change(without,
+    fit, other): how much a further effect changes the torques beside a look-alike.
     """
-    judge = _Judge(search.policy, left, witness, share)
+    judge = _Judge(search.policy, left, witness, change)
     grown = _grow(search, _Grown(nominal, nominal), most, judge, held)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
         grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
@@ -148,7 +149,7 @@ class _Judge:
     policy: DecisionPolicy
     left: Left
     witness: Witness
-    share: Share
+    change: Change
 
     def counts(self, found: Sequence[Ranking], gain: float, current: Fit) -> bool:
         """Whether a further effect of some gain [nats] may be one at all. The witness is asked last: it takes time."""
@@ -167,12 +168,12 @@ class _Judge:
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
 
-        Not if it is just what was missing, nor if data that no fit saw ask for it: except for a look-alike with a
-        small part of the other's torque, as those data ask for the right form, too."""
+        Not if it is just what was missing, nor if data that no fit saw ask for it: except for a look-alike that
+        hardly changes the torques, as those data ask for the right form, too."""
         *others, (newest, *_) = together
         policy = self.policy
         if any(
-            alike(newest.name, other.name) and self.share(newest.fit, newest.name, other.name) < policy.form
+            alike(newest.name, other.name) and self.change(before, suspect.fit, other.name) < policy.form
             for other, *_ in others
         ):
             return True

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
-from identification.diagnosis.added_torque import added_torque, motion_of, torque_share
+from identification.diagnosis.added_torque import added_torque, law_change, motion_of
 from identification.diagnosis.naming.afresh import afresh, cost
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
@@ -64,12 +64,26 @@ def test_the_torque_of_an_effect_is_its_law():
         added = added_torque(plant, [effect.name], signals)
         np.testing.assert_allclose(added[:, 1], torque, atol=1e-9)
         np.testing.assert_allclose(added[:, 0], 0.0, atol=1e-9)
-    share = torque_share(plant, stribeck.name, drag.name, [log])
-    assert share == pytest.approx(math.sqrt(np.sum(by_hand[1] ** 2) / np.sum(by_hand[0] ** 2)))
-    assert torque_share(plant.with_effects(drag), drag.name, drag.name, [log]) == pytest.approx(1.0)
 
 
-def test_an_effect_with_a_memory_has_no_share():
+def test_what_an_effect_changes_counts_theta_with_it():
+    """Friction near standstill changes next to nothing where Coulomb friction takes it back; by itself, what it
+    is."""
+    drag = Effect("pendulum_quadratic_drag", {"c": 0.01})
+    wide = Effect("pendulum_stribeck", {"ΔF": 0.005, "vs": 10.0})  # nearly the same as Coulomb friction
+    before = TABLE_3.with_effects(drag)
+    log, _ = loop_log(duration=4.0)
+    taken_back = before.replace(theta=TABLE_3.theta - np.eye(9)[8] * 0.005).with_effects(drag, wide)
+    names = "pendulum_stribeck", "pendulum_quadratic_drag"
+    after = before.with_effects(drag, wide)
+    signals = motion_of(after, [log])
+    sizes = [np.sum(added_torque(after, [n], signals) ** 2) for n in names]
+    alone = law_change(before, after, *names, [log])
+    assert alone == pytest.approx(math.sqrt(sizes[0] / sizes[1]))
+    assert law_change(before, taken_back, *names, [log]) < 0.05 * alone
+
+
+def test_an_effect_with_a_memory_has_no_such_change():
     plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_presliding"), TABLE_3.default_effect("arm_stribeck"))
     log, _ = loop_log(duration=4.0)
-    assert torque_share(plant, "arm_presliding", "arm_stribeck", [log]) == math.inf
+    assert law_change(TABLE_3, plant, "arm_presliding", "arm_stribeck", [log]) == math.inf
