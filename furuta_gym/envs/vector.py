@@ -160,6 +160,12 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         info |= {"final_info": self._info(last, ended, np.zeros_like(ended)), "_final_info": ended.copy()}
         return out[0], rewards, terminated, truncated, info
 
+    def set_level(self, level: float) -> None:
+        """From the next reset of each env on, ranges reach only `level` in [0, 1] of the way; see
+        `Randomization.narrowed`. For a curriculum. Raises ValueError for another level."""
+        random = self.setup.random.narrowed(level, self.setup.numbers[k.RIG :])
+        self._tables = (random.table, random.root, random.switches, random.ranges)
+
     def plants(self, indices: Sequence[int] | None = None) -> list[Plant]:
         """The plants of the present episodes, of all envs or of those asked for."""
         if not self.setup.random.active:
