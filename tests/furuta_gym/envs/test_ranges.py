@@ -76,7 +76,7 @@ def test_ranges_widen_with_the_level(vector):
     rig = QUBE.replace(u_max=10.0)
     asked = (
         "theta=physical:0.3 input_delay=uniform:0,0.03 actuator_lag=uniform:0.01,0.02 u_max=uniform:4,8 "
-        "noise_std=normal:0.002,0.0001 base_tilt=chance:0.8 jitter=loguniform:0.01,0.1"
+        "noise_std=normal:0.002,0.0001 arm_backlash=chance:0.8 jitter=loguniform:0.01,0.1"
     )
 
     def drawn(level):
@@ -96,7 +96,7 @@ def test_ranges_widen_with_the_level(vector):
             }
             rig_ = {name: np.array([i["rig"][name] for i in infos]) for name in infos[0]["rig"]}
             theta = np.array([i["plant"]["theta"] for i in infos])
-        tilted = np.any([np.abs(v) > 0 for k, v in effects["base_tilt"].items()], axis=0)
+        slack = (effects["arm_backlash"]["b"] > 0).astype(float)
         return {
             "delay": effects["input_delay"]["d"],
             "lag": effects["actuator_lag"]["T"],
@@ -104,12 +104,12 @@ def test_ranges_widen_with_the_level(vector):
             "noise": rig_["noise_std"],
             "jitter": rig_["jitter"],
             "mass": theta[:, 4] / rig.theta[4],
-            "tilted": tilted.astype(float),
+            "slack": slack,
         }
 
     wide = {name: (v.min(), v.max()) for name, v in drawn(1.0).items()}
     half, none = drawn(0.5), drawn(0.0)
-    ends = {"delay": 0.0, "lag": 0.01, "u_max": 8.0, "noise": 0.0, "jitter": 0.01, "mass": 1.0, "tilted": 0.0}
+    ends = {"delay": 0.0, "lag": 0.01, "u_max": 8.0, "noise": 0.0, "jitter": 0.01, "mass": 1.0, "slack": 0.0}
     for name, value in ends.items():
         np.testing.assert_allclose(none[name], value, rtol=1e-12, atol=1e-15)
         assert wide[name][0] < wide[name][1]
@@ -119,7 +119,7 @@ def test_ranges_widen_with_the_level(vector):
     assert half["noise"].mean() == pytest.approx(0.001, rel=0.05)
     assert half["jitter"].max() == pytest.approx(np.sqrt(0.001), rel=0.1)
     assert 0.15 < np.abs(half["mass"] - 1).max() < (1.15**3 - 1) * 1.01
-    assert half["tilted"].mean() == pytest.approx(0.4, abs=0.08)
+    assert half["slack"].mean() == pytest.approx(0.4, abs=0.08)
     with pytest.raises(ValueError, match="level must lie"):
         drawn(1.5)
 
