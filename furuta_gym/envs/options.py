@@ -261,7 +261,7 @@ def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:
     for name, entry in RIG.items():
         if name in setup.draws.ranges:
             part = rows[first : first + entry.values]
-            found[name] = part[0].copy() if entry.values == 1 else np.ascontiguousarray(part.T)
+            found[name] = part[0].copy() if entry.values == 1 else part.T.copy()
         first += entry.values
     return found
 
