@@ -16,7 +16,7 @@ from .trials import Outcome, Starts, balance_starts, plants_off_by, run_trials, 
 
 GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
 METRICS = ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1")
-WORST = ("settling", "largest_q1", "roughness", "energy")  # of a swing-up, told of its worst 5 % too
+WORST = ("settling", "largest_q1", "roughness", "energy")  # told of the worst 5 % too
 SWING_UP_EFFECTS = (
     "actuator_lag",
     "input_dead_zone",
@@ -52,18 +52,16 @@ class Condition:
     def score(self, policy: Any, sample_time: float, seed: int) -> dict[str, Interval]:
         """Play `policy` and sum up: success rate, and the other figures over the successful trials.
 
-        Swing-ups also have worst_FIGURE, the mean of the worst 5 %."""
+        worst_FIGURE is the mean of the worst 5 %."""
         if self.kind == "push":
             return {"largest_push": typical(self._largest_push(policy, sample_time, seed), seed=seed)}
         outcome = self.play(policy, self.starts(seed), sample_time, seed)
         figures = {"success": success_rate(outcome.success)}
         figures |= {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
-        if self.kind == "swing_up":
-            figures |= {f"worst_{m}": worst(self._told(outcome, m), seed=seed) for m in WORST}
-        return figures
+        return figures | {f"worst_{m}": worst(self._told(outcome, m), seed=seed) for m in WORST}
 
     def _told(self, outcome: Outcome, figure: str) -> NDArray[np.float64]:
-        """Of the trials that succeeded; for the time to upright of all, those that failed with the whole duration."""
+        """Of the trials that succeeded; for the settling time of all, those that failed with the whole duration."""
         if figure == "settling":
             return np.where(outcome.success, outcome.settling, self.duration)
         return getattr(outcome, figure)[outcome.success]

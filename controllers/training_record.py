@@ -2,13 +2,14 @@
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from furuta_gym.files import write_whole
 
+from .curriculum import Evaluation, reached
 from .evaluation import compare
 from .recipes import discount
 from .training_setup import Training
@@ -23,15 +24,17 @@ def record_of(
     command: str | None,
     steps: int,
     resumed_at: list[int],
+    evaluations: Sequence[Evaluation],
     best_return: float | None,
     spent: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Everything but the evaluation. steps: done in all; resumed_at: steps at which a run was gone on with; spent: wall
-    and CPU seconds of the last sitting; best_return: mean return that chose the network."""
+    """Everything but the trials at the end. steps: done in all; resumed_at: steps at which a run was gone on with;
+    evaluations: on the way; spent: wall and CPU seconds of the last sitting; best_return: mean return that chose the
+    network."""
     plan, setup = training.recipe, training.setup
     return training.identity | {
         "command": command,
-        "env": training.env | {"velocity_cutoff": setup.sensors.velocity_cutoff, "arm_limit": setup.arm_limit},
+        "env": training.identity["env"] | {"velocity_cutoff": setup.sensors.velocity_cutoff},
         "not_trained_for": training.not_trained_for,
         "seed": training.seed,
         "steps": steps,
@@ -43,9 +46,12 @@ def record_of(
             "activation": plan.activation,
             "log_std_init": plan.log_std,
             "gamma": discount(setup.sample_time),
+            "last_rate": plan.last_rate,
         }
         | dict(plan.settings),
         "best_return": best_return,
+        "level": reached(training.curriculum, evaluations),
+        "evaluations": [e.to_dict() for e in evaluations],
         "spent": dict(spent),
         "versions": versions(),
         "plant": training.plant.to_dict(),

@@ -62,7 +62,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         gentle = (1 − w) + w/(1 + |Δu|/(0.1 u_max))                 Δu: change of the command since the last action
 
-    and with `arm_margin` = m > 0 [rad] the reward falls to zero before the arm's limit: times 1 − beyond(q1, arm_limit − m, m).
+    and with `arm_margin` = m > 0 [rad] the reward falls to zero before the arm's limit: times
+    1 − beyond(q1, arm_limit − m, m).
 
     Ending an episode early only loses reward.
 
