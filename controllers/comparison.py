@@ -129,6 +129,8 @@ class Comparison:
             ("16 ms late", "swing-up, 16 ms late", "success"),
             ("supply 60 %", "swing-up, supply 60 %", "success"),
             ("θ ±20 %", "swing-up, θ ±20 %", "success"),
+            ("built ±20 %\n8 ms late", "swing-up, built ±20 %, 8 ms late", "success"),
+            ("pushed", "swing-up, pushed", "success"),
         ]
         return [column for column in wanted if column[1] in self.groups]
 

@@ -11,7 +11,7 @@ from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
 from .comparison import Comparison
-from .conditions import GROUPS, Condition, conditions
+from .conditions import USUAL_GROUPS, Condition, conditions
 from .design import DEFAULT_SAMPLE_TIME, choose_sample_time, choose_sensors
 from .registry import make_controller
 from .statistics import Interval
@@ -39,7 +39,7 @@ def compare(
     duration: float = 20.0,
     sample_time: float | None = None,
     sensors: Sensors | None = None,
-    groups: Iterable[str] = GROUPS,
+    groups: Iterable[str] = USUAL_GROUPS,
     effects: Iterable[str] | None = None,
     seed: int = 0,
     jobs: int = 1,
