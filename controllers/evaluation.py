@@ -66,7 +66,7 @@ def compare(
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
     small = small_trials or max(10, trials // 4)
-    T, sensors = _sample_time(plant, sample_time, controllers), choose_sensors(plant, sensors)
+    T, sensors = trial_period(plant, sample_time, controllers), choose_sensors(plant, sensors)
     policies, skipped = _build(controllers, design, T, sensors, trust)
     if not policies:
         raise ValueError("nothing to compare: " + ("; ".join(skipped.values()) or "no controllers were named"))
@@ -95,7 +95,8 @@ def compare(
     return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped, policies)
 
 
-def _sample_time(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:
+def trial_period(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:
+    """Sample time [s] of trials: the caller's, the plant's, or one that the first policy's period is a multiple of."""
     if sample_time is None and plant.sample_time is None:
         for given in controllers:
             if isinstance(given, Controller):

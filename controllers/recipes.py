@@ -75,7 +75,7 @@ class Given:
 RECIPES = {
     "plain": Given(),
     "robust": Given(
-        steps=5_000_000,
+        steps=3_000_000,
         ranges={"theta": "physical:0.2", "input_delay": "uniform:0,0.03"},
         cable=0.06,
         history=6,

@@ -9,12 +9,16 @@ from typing import Any
 
 from furuta_gym.files import write_whole
 
+from .conditions import conditions
 from .curriculum import Evaluation, reached
-from .evaluation import compare
+from .design import choose_sensors
+from .evaluation import trial_period
 from .recipes import discount
+from .registry import make_controller
 from .training_setup import Training
 
 TRIALS = 200  # of the evaluation
+DURATION = 10.0  # s of a trial; a swing-up has 15
 OTHER_SEED = 1_000_000  # episodes that judge a network are not those that train it
 
 
@@ -60,11 +64,11 @@ def record_of(
 
 def evaluate(policy: Path, training: Training) -> dict[str, Any]:
     """Figures with intervals of `TRIALS` trials of the task on the nominal plant, as `furuta compare` plays them."""
-    seed = training.seed + OTHER_SEED
-    result = compare(training.plant, [str(policy)], trials=TRIALS, duration=10.0, groups=(training.task,), seed=seed)
-    (rows,) = result.scores.values()
-    (figures,) = rows.values()
-    settings = {key: result.settings[key] for key in ("trials", "sample_time", "seed")}
+    seed, plant = training.seed + OTHER_SEED, training.plant
+    T, sensors = trial_period(plant, None, [str(policy)]), choose_sensors(plant, None)
+    row = conditions(plant, sensors, TRIALS, 1, DURATION, (training.task,), seed=seed)[0]
+    figures = row.score(make_controller(policy, plant, T, sensors), T, seed)
+    settings = {"trials": TRIALS, "sample_time": T, "seed": seed}
     return settings | {name: interval.to_dict() for name, interval in figures.items()}
 
 
