@@ -1,4 +1,4 @@
-"""One learned policy for rigs that differ: `python -m experiments.studies.robust_policy -o docs`.
+"""One learned policy for rigs that differ: `python -m experiments.studies.robust_policy`.
 
 Trains the recipe `robust` with five seeds and plays each on rigs that are late, differ in their parts or pull at a
 cable. Trainings and trials are files below `--work`, shared with the leaderboard; what is there is not run again.
@@ -78,7 +78,7 @@ def cells_by_rig(blocks: Sequence[Block]) -> list[Cell]:
 
 
 def main(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path("docs"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path("out/robust_policy"),
     work: Annotated[Path, typer.Option(help="Folder of trainings and trials; a run goes on there.")] = Path(
         "out/leaderboard"
     ),

@@ -1,4 +1,4 @@
-"""Do learners with their own defaults learn the environments? `python -m experiments.studies.sb3_defaults -o docs`.
+"""Do learners with their own defaults learn the environments? `python -m experiments.studies.sb3_defaults`.
 
 Stable-baselines3's PPO and SAC, given nothing but an id: `PPO("MlpPolicy", "FurutaSwingUp-v0")`. The policy is judged
 every few thousand steps, on 50 starts that are the same each time. A run is a file below `--work`; what is there is not
@@ -141,7 +141,7 @@ def _words(text: str, known: Iterable[str], option: str) -> list[str]:
 
 
 def main(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path("docs"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path("out/sb3_defaults"),
     work: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("out/sb3_defaults"),
     algorithms: Annotated[str, typer.Option(help="ppo, sac.")] = "ppo,sac",
     tasks: Annotated[str, typer.Option(help="swing_up, balance.")] = "swing_up,balance",

@@ -1,4 +1,4 @@
-"""The leaderboard of swing-ups: `python -m experiments.studies.leaderboard -o docs`.
+"""The leaderboard of swing-ups: `python -m experiments.studies.leaderboard`.
 
 Designed, planned and learned controllers play the same rigs, which none of them knows. Every training and every block
 of trials is a file below `--work`; what is there is not run again, so that the command can be stopped at any time.
@@ -29,7 +29,7 @@ SCHEMA = "furuta-leaderboard/1"
 
 
 def main(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON, tables and picture.")] = Path("docs"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON, tables and picture.")] = Path("out/leaderboard"),
     work: Annotated[Path, typer.Option(help="Folder of trainings and trials; a run goes on there.")] = Path(
         "out/leaderboard"
     ),
