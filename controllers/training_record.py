@@ -51,6 +51,7 @@ def record_of(
             "log_std_init": plan.log_std,
             "gamma": discount(setup.sample_time),
             "last_rate": plan.last_rate,
+            "episode": plan.episode,
         }
         | dict(plan.settings),
         "best_return": best_return,

@@ -126,16 +126,14 @@ class Training:
         }
 
     def batch(self, envs: int) -> Any:
-        """A `VecEnv` of so many rigs, with episodes of `recipes.EPISODE` seconds."""
+        """A `VecEnv` of so many rigs to learn on, with episodes of `recipe.episode` seconds."""
         from furuta_gym.envs.sb3 import FurutaVecEnv
 
-        return FurutaVecEnv(envs, plant=self.plant, max_episode_steps=self.longest, **self.env)
+        return FurutaVecEnv(envs, plant=self.plant, max_episode_steps=self._steps(self.recipe.episode), **self.env)
 
     def judges(self, envs: int) -> FurutaVectorEnv:
-        """The same rigs to be judged on, with Gymnasium's own interface."""
-        return FurutaVectorEnv(envs, plant=self.plant, max_episode_steps=self.longest, **self.env)
+        """The same rigs to be judged on for `recipes.EPISODE` seconds, with Gymnasium's own interface."""
+        return FurutaVectorEnv(envs, plant=self.plant, max_episode_steps=self._steps(EPISODE), **self.env)
 
-    @property
-    def longest(self) -> int:
-        """Steps of an episode."""
-        return round(EPISODE / self.setup.sample_time)
+    def _steps(self, duration: float) -> int:
+        return round(duration / self.setup.sample_time)

@@ -35,7 +35,7 @@ def train_command(
         ),
     ] = "plain",
     steps: Annotated[
-        int | None, typer.Option(help="Env steps in all; default: the recipe's, 2 or 3 million.", min=1)
+        int | None, typer.Option(help="Env steps in all; default: the recipe's, 2 or 8 million.", min=1)
     ] = None,
     randomize: Annotated[
         bool,

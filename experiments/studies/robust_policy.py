@@ -78,7 +78,9 @@ def cells_by_rig(blocks: Sequence[Block]) -> list[Cell]:
 
 
 def main(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path("out/robust_policy"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path(
+        "out/robust_policy"
+    ),
     work: Annotated[Path, typer.Option(help="Folder of trainings and trials; a run goes on there.")] = Path(
         "out/leaderboard"
     ),

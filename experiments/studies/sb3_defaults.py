@@ -141,7 +141,9 @@ def _words(text: str, known: Iterable[str], option: str) -> list[str]:
 
 
 def main(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path("out/sb3_defaults"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path(
+        "out/sb3_defaults"
+    ),
     work: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("out/sb3_defaults"),
     algorithms: Annotated[str, typer.Option(help="ppo, sac.")] = "ppo,sac",
     tasks: Annotated[str, typer.Option(help="swing_up, balance.")] = "swing_up,balance",

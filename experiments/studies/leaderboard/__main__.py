@@ -29,7 +29,9 @@ SCHEMA = "furuta-leaderboard/1"
 
 
 def main(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON, tables and picture.")] = Path("out/leaderboard"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON, tables and picture.")] = Path(
+        "out/leaderboard"
+    ),
     work: Annotated[Path, typer.Option(help="Folder of trainings and trials; a run goes on there.")] = Path(
         "out/leaderboard"
     ),
