@@ -84,7 +84,19 @@ def run(
         missing = [p for p in places if read_block(block_file(folder, p[0], p[1], p[2].name)) is None]
         trials = [delayed(play)(c, seed, plant, row, folder.absolute()) for c, seed, row in missing]
         _all(trials, lambda done: tell("trials", done, len(trials)))
-    found = [read_block(block_file(folder, c, seed, row.name)) for c, seed, row in places]
+    return collected(contestants, seeds, conditions, folder)
+
+
+def collected(
+    contestants: Sequence[Contestant], seeds: int, conditions: Sequence[Condition], folder: Path
+) -> list[Block]:
+    """All blocks that are there."""
+    found = [
+        read_block(block_file(folder, c, seed, row.name))
+        for c in contestants
+        for seed in (range(seeds) if c.learned else (0,))
+        for row in conditions
+    ]
     return [block for block in found if block is not None]
 
 

@@ -72,6 +72,8 @@ def tables(
         trained = f"{cost['steps']:,} | {np.mean(cost['cpu_s']):.0f}" if cost else "– | –"
         figures = f"{x.settling.value:.2f} ({x.worst_settling:.2f}) | {_number(x.roughness)} | {_number(x.energy)}"
         lines.append(f"| {c.words} | {figures} | {x.largest_q1:.1f} | {trained} |")
+    if left := [c.words for c in contestants if c not in ranked]:
+        lines += ["", f"Not run, or not possible on this rig: {'; '.join(left)}."]
     return "\n".join(lines) + "\n"
 
 

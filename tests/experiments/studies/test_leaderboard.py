@@ -58,7 +58,8 @@ def test_what_is_there_is_not_run_again(backend: str, tmp_path: Path, monkeypatc
         cells = cells_of((DESIGNED, LEARNED), small(), found, 6.0)
         spent = spent_on((DESIGNED, LEARNED), 2, tmp_path)
         assert set(spent) == {"tiny"}
-        text = tables((LEARNED, DESIGNED), small(), cells, spent, QUBE)
+        text = tables((LEARNED, DESIGNED, chosen("tqc")[0]), small(), cells, spent, QUBE)
+        assert "Not run, or not possible on this rig: TQC, one rig." in text
         assert text.index("designed: energy") < text.index("one update")  # the better one first
         assert "| 2 |" in text
         draw((DESIGNED, LEARNED), small(), cells, tmp_path / "board.png")
