@@ -204,6 +204,8 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
             raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
     model.num_timesteps = done  # the network of a finished policy is the best, not the last
     run = _Run(training, folder, model, [*earlier, done], evaluations, best_return, best)
+    if kept is not None and "running" not in kept[1]:
+        raise ValueError(f"--resume: {source} was written by an earlier version; remove it and train anew")
     if kept is not None:
         try:
             put_running_state(model, run.rigs, kept[1]["running"])
