@@ -266,6 +266,7 @@ def test_the_map_is_drawn(tmp_path, monkeypatch):
     result = compare("qube", ["swing-up"], trials=4, small_trials=4, groups=("map",))
     assert list(result.scores["swing-up"]) == [map_name(ms, e) for e in (0, 20) for ms in (0, 16)]
     assert result.scores["swing-up"][map_name(0, 0)]["success"].value == 1.0
+    assert "map: as is" in str(result)
     (path,) = draw_comparison(result, tmp_path)
     assert path.name == "comparison_map.png"
 

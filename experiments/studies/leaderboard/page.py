@@ -110,7 +110,8 @@ def draw(contestants: Sequence[Contestant], conditions: Sequence[Condition], cel
             text = "–" if x is None else f"{100 * x.success.value:.0f}"
             if x is not None and x.seeds > 1:
                 text += f"\n{100 * min(x.each):.0f} … {100 * max(x.each):.0f}"
-            axis.text(j, i, text, ha="center", va="center", fontsize=7)
+            colour = "white" if x is not None and not 0.15 < x.success.value < 0.85 else "black"
+            axis.text(j, i, text, ha="center", va="center", fontsize=7, color=colour)
     names = [row.name.replace(", ", ",\n") for row in conditions]
     axis.set_xticks(range(len(conditions)), names, fontsize=8, rotation=30, ha="right")
     axis.set_yticks(range(len(rows)), [c.words for c in rows], fontsize=8)
