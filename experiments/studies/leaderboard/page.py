@@ -54,12 +54,12 @@ def tables(
     mean = {c.name: _mean(c, conditions, at) for c in contestants}
     ranked = sorted((c for c in contestants if not np.isnan(mean[c.name])), key=lambda c: -mean[c.name])
     names = [row.name for row in conditions]
-    lines = [f"| controller | seeds | {' | '.join(names)} | mean |", "|---" * (len(names) + 3) + "|"]
-    for c in ranked:
-        row = [at.get((c.name, name)) for name in names]
-        seeds = next(x.seeds for x in row if x)
-        shown = [_rate(x) for x in row]
-        lines.append(f"| {c.words} | {seeds if c.learned else '–'} | {' | '.join(shown)} | {100 * mean[c.name]:.1f} |")
+    heads = [f"{c.words} ({next(x.seeds for (n, _), x in at.items() if n == c.name)} seeds)" for c in ranked]
+    heads = [head if c.learned else c.words for head, c in zip(heads, ranked, strict=True)]
+    lines = [f"| rig | {' | '.join(heads)} |", "|---" * (len(ranked) + 1) + "|"]
+    for name in names:
+        lines.append(f"| {name} | {' | '.join(_rate(at.get((c.name, name))) for c in ranked)} |")
+    lines.append(f"| mean | {' | '.join(f'{100 * mean[c.name]:.1f}' for c in ranked)} |")
     u = plant.unit
     lines += ["", "On the rig as it is:", ""]
     head = f"up after [s] (worst 5 %) | roughness [{u}/s] | effort [{u}² s] | largest arm angle [rad]"
@@ -85,7 +85,7 @@ def _mean(c: Contestant, conditions: Sequence[Condition], at: Mapping[tuple[str,
 def _rate(x: Cell | None) -> str:
     if x is None:
         return "–"
-    return f"{100 * x.success.value:.4g} ({100 * x.success.low:.0f}–{100 * x.success.high:.0f})"
+    return f"{100 * x.success.value:.3g} ({100 * x.success.low:.3g}–{100 * x.success.high:.3g})"
 
 
 def _number(x: Any) -> str:

@@ -61,7 +61,7 @@ def test_what_is_there_is_not_run_again(backend: str, tmp_path: Path, monkeypatc
         text = tables((LEARNED, DESIGNED, chosen("tqc")[0]), small(), cells, spent, QUBE)
         assert "Not run, or not possible on this rig: TQC, one rig." in text
         assert text.index("designed: energy") < text.index("one update")  # the better one first
-        assert "| 2 |" in text
+        assert "| designed: energy, then LQR | one update (2 seeds) |" in text
         draw((DESIGNED, LEARNED), small(), cells, tmp_path / "board.png")
         assert (tmp_path / "board.png").stat().st_size > 5000
 
