@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
+from .conditions import map_name
 from .statistics import Interval
 
 if TYPE_CHECKING:
@@ -129,6 +130,12 @@ class Comparison:
             ("16 ms late", "swing-up, 16 ms late", "success"),
             ("supply 60 %", "swing-up, supply 60 %", "success"),
             ("θ ±20 %", "swing-up, θ ±20 %", "success"),
+            ("built ±20 %\n8 ms late", "swing-up, built ±20 %, 8 ms late", "success"),
+            ("pushed", "swing-up, pushed", "success"),
+            ("map: as is", map_name(0, 0), "success"),
+            ("±20 %\n8 ms late", map_name(8, 20), "success"),
+            ("±20 %\n16 ms late", map_name(16, 20), "success"),
+            ("24 ms late", map_name(24, 0), "success"),
         ]
         return [column for column in wanted if column[1] in self.groups]
 

@@ -12,11 +12,12 @@ from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical, worst
-from .trials import Outcome, Starts, balance_starts, plants_off_by, run_trials, swing_up_starts
+from .trials import Outcome, Starts, balance_starts, built_plants, plants_off_by, run_trials, swing_up_starts
 
-GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
+USUAL_GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
+GROUPS = (*USUAL_GROUPS, "map")
 METRICS = ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1")
-WORST = ("settling", "largest_q1", "roughness", "energy")  # of a swing-up, told of its worst 5 % too
+WORST = ("settling", "largest_q1", "roughness", "energy")  # told of the worst 5 % too
 SWING_UP_EFFECTS = (
     "actuator_lag",
     "input_dead_zone",
@@ -29,6 +30,10 @@ SWING_UP_EFFECTS = (
 )
 """What rigs have most often; a swing-up is played with these unless effects are named."""
 
+MAP_DELAYS = (0, 4, 8, 12, 16, 20, 24)  # ms
+MAP_ERRORS = (0, 10, 20, 30)  # %, of masses, lengths, inertias, frictions and gain
+SWING_UP_PUSH = 0.5  # of the pendulum's frequency, once it is up
+
 _PUSH_TIME = 0.5  # s
 _AFTER_PUSH = 4.0  # s
 _HALVINGS = 9
@@ -38,7 +43,9 @@ _HALVINGS = 9
 class Condition:
     """One row of the comparison: the plants, sensors and starts of its trials.
 
-    plants: one, or one for each trial. kind: "balance", "swing_up", or "push" (the largest push is searched).
+    plants: one, or one for each trial. kind: "balance", "swing_up", or "push" (the largest push is searched). tap: of a
+    swing-up, the push between a third and a half of its duration, as a share of the pendulum's frequency; the settling
+    time then counts from it.
     """
 
     name: str
@@ -48,22 +55,21 @@ class Condition:
     sensors: Sensors
     trials: int
     duration: float
+    tap: float = 0.0
 
     def score(self, policy: Any, sample_time: float, seed: int) -> dict[str, Interval]:
         """Play `policy` and sum up: success rate, and the other figures over the successful trials.
 
-        Swing-ups also have worst_FIGURE, the mean of the worst 5 %."""
+        worst_FIGURE is the mean of the worst 5 %."""
         if self.kind == "push":
             return {"largest_push": typical(self._largest_push(policy, sample_time, seed), seed=seed)}
         outcome = self.play(policy, self.starts(seed), sample_time, seed)
         figures = {"success": success_rate(outcome.success)}
         figures |= {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
-        if self.kind == "swing_up":
-            figures |= {f"worst_{m}": worst(self._told(outcome, m), seed=seed) for m in WORST}
-        return figures
+        return figures | {f"worst_{m}": worst(self._told(outcome, m), seed=seed) for m in WORST}
 
     def _told(self, outcome: Outcome, figure: str) -> NDArray[np.float64]:
-        """Of the trials that succeeded; for the time to upright of all, those that failed with the whole duration."""
+        """Of the trials that succeeded; for the settling time of all, those that failed with the whole duration."""
         if figure == "settling":
             return np.where(outcome.success, outcome.settling, self.duration)
         return getattr(outcome, figure)[outcome.success]
@@ -85,7 +91,11 @@ class Condition:
         rng = np.random.default_rng([seed, 1])
         one = self.plants if isinstance(self.plants, Plant) else self.plants[0]
         if self.kind == "swing_up":
-            return swing_up_starts(self.trials, rng)
+            starts = swing_up_starts(self.trials, rng)
+            if not self.tap:
+                return starts
+            size = self.tap * pendulum_frequency(one.theta) * rng.choice([-1.0, 1.0], self.trials)
+            return replace(starts, push=size, push_time=self.duration * rng.uniform(1 / 3, 1 / 2, self.trials))
         return balance_starts(one, self.trials, self.duration, rng)
 
     def _largest_push(self, policy: Any, sample_time: float, seed: int) -> NDArray[np.float64]:
@@ -108,7 +118,7 @@ def conditions(
     trials: int,
     small_trials: int,
     duration: float,
-    groups: Iterable[str] = GROUPS,
+    groups: Iterable[str] = USUAL_GROUPS,
     effects: Iterable[str] | None = None,
     seed: int = 0,
 ) -> list[Condition]:
@@ -137,7 +147,7 @@ def conditions(
         elif group == "parameters":
             found += [near_upright(n, group, p) for n, p in _other_plants(plant, small_trials, seed)]
         elif group == "delay":
-            found += [near_upright(f"delay {ms} ms", group, _later(plant, ms)) for ms in (4, 8, 16, 32)]
+            found += [near_upright(f"delay {ms} ms", group, later(plant, ms)) for ms in (4, 8, 16, 32)]
         elif group == "quantisation":
             for counts in (2048, 1024, 512, 256):
                 coarse = replace(sensors, encoder_counts=counts)
@@ -146,6 +156,9 @@ def conditions(
             for name in names:
                 if name not in carried:
                     found.append(near_upright(name, group, plant.with_effects(plant.default_effect(name))))
+        elif group == "map":
+            hanging = Condition("map", group, "swing_up", plant, sensors, small_trials, max(duration, 15.0))
+            found += _map(hanging, seed)
         else:
             hanging = Condition("swing-up", group, "swing_up", plant, sensors, trials, max(duration, 15.0))
             found += [hanging, *_harder(hanging, small_trials, effects, seed)]
@@ -153,23 +166,54 @@ def conditions(
 
 
 def _harder(plain: Condition, trials: int, effects: Iterable[str] | None, seed: int) -> list[Condition]:
-    """A swing-up with what a rig may have: a later command, a weaker supply, another θ, noisier readings, effects."""
+    """A swing-up with what a rig may have: a later command, a weaker supply, another θ, effects, noisier readings,
+    coarser encoders, a push."""
     plant, sensors = plain.plants, plain.sensors
     assert isinstance(plant, Plant)
     names = SWING_UP_EFFECTS if effects is None else [name for name in effects if name != "input_delay"]
-    rigs: list[tuple[str, Plant | Sequence[Plant]]] = [(f"{ms} ms late", _later(plant, ms)) for ms in (4, 8, 16, 24)]
+    rigs: list[tuple[str, Plant | Sequence[Plant]]] = [(f"{ms} ms late", later(plant, ms)) for ms in (4, 8, 16, 24)]
     rigs += [(f"supply {share} %", plant.replace(u_max=share / 100 * plant.u_max)) for share in (80, 60)]
     rigs += _other_plants(plant, trials, seed)
+    rigs += [(built_name(20, ms), built_later(plant, 20, ms, trials, seed)) for ms in (0, 8)]
     rigs += [(n, plant.with_effects(plant.default_effect(n))) for n in names if plant.effect(n) is None]
     found = [replace(plain, name=f"swing-up, {name}", plants=rig, trials=trials) for name, rig in rigs]
     for mrad in (1, 3):
         noise = np.hypot(sensors.noise_std, 1e-3 * mrad)
         noisy = replace(sensors, noise_std=(float(noise[0]), float(noise[1])))
         found.append(replace(plain, name=f"swing-up, noise {mrad} mrad", sensors=noisy, trials=trials))
-    return found
+    for counts in (1024, 512):
+        coarse = replace(sensors, encoder_counts=counts)
+        found.append(replace(plain, name=f"swing-up, {counts} counts", sensors=coarse, trials=trials))
+    return [*found, replace(plain, name="swing-up, pushed", trials=trials, tap=SWING_UP_PUSH)]
 
 
-def _later(plant: Plant, ms: float) -> Plant:
+def _map(plain: Condition, seed: int) -> list[Condition]:
+    """Swing-ups over delay and error of the rig."""
+    assert isinstance(plain.plants, Plant)
+    return [
+        replace(plain, name=map_name(ms, percent), plants=built_later(plain.plants, percent, ms, plain.trials, seed))
+        for percent in MAP_ERRORS
+        for ms in MAP_DELAYS
+    ]
+
+
+def map_name(ms: float, percent: float) -> str:
+    """Name of a condition of the group "map"."""
+    return f"map, ±{percent:g} %, {ms:g} ms late"
+
+
+def built_name(percent: float, ms: float) -> str:
+    """Name of rigs whose parts differ by so much, with a delay."""
+    return f"built ±{percent:g} %" + (f", {ms:g} ms late" if ms else "")
+
+
+def built_later(plant: Plant, percent: float, ms: float, n: int, seed: int) -> list[Plant]:
+    """n rigs whose masses, lengths, inertias, frictions and gain differ by up to `percent`, `ms` later than `plant`."""
+    rigs = built_plants(percent / 100, plant, n, seed) if percent else [plant] * n
+    return [later(rig, ms) for rig in rigs] if ms else rigs
+
+
+def later(plant: Plant, ms: float) -> Plant:
     """The plant with a delay of the command that is so much longer."""
     own = plant.effect("input_delay")
     d = min((own.parameters["d"] if own else 0.0) + ms * 1e-3, EFFECTS["input_delay"].parameters[0].upper)

@@ -11,7 +11,7 @@ from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
 from .comparison import Comparison
-from .conditions import GROUPS, Condition, conditions
+from .conditions import USUAL_GROUPS, Condition, conditions
 from .design import DEFAULT_SAMPLE_TIME, choose_sample_time, choose_sensors
 from .registry import make_controller
 from .statistics import Interval
@@ -39,7 +39,7 @@ def compare(
     duration: float = 20.0,
     sample_time: float | None = None,
     sensors: Sensors | None = None,
-    groups: Iterable[str] = GROUPS,
+    groups: Iterable[str] = USUAL_GROUPS,
     effects: Iterable[str] | None = None,
     seed: int = 0,
     jobs: int = 1,
@@ -66,7 +66,7 @@ def compare(
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
     small = small_trials or max(10, trials // 4)
-    T, sensors = _sample_time(plant, sample_time, controllers), choose_sensors(plant, sensors)
+    T, sensors = trial_period(plant, sample_time, controllers), choose_sensors(plant, sensors)
     policies, skipped = _build(controllers, design, T, sensors, trust)
     if not policies:
         raise ValueError("nothing to compare: " + ("; ".join(skipped.values()) or "no controllers were named"))
@@ -95,7 +95,8 @@ def compare(
     return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped, policies)
 
 
-def _sample_time(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:
+def trial_period(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:
+    """Sample time [s] of trials: the caller's, the plant's, or one that the first policy's period is a multiple of."""
     if sample_time is None and plant.sample_time is None:
         for given in controllers:
             if isinstance(given, Controller):

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .comparison import UNITS, Comparison
+from .conditions import MAP_DELAYS, MAP_ERRORS, map_name
 
 _TITLES = {
     "success": "success rate",
@@ -17,6 +18,7 @@ _TITLES = {
     "largest_q1": "largest arm angle",
     "largest_push": "largest push survived",
 }
+_MAP_TITLE = "swing-ups that succeed [%], over what the controller does not know"
 _TITLES |= {name: f"{_TITLES[name.removeprefix('worst_')]}, worst 5 %" for name in UNITS if name.startswith("worst_")}
 
 
@@ -36,11 +38,14 @@ def draw_comparison(comparison: Comparison, folder: Path) -> list[Path]:
             continue
         figure = Figure(layout="constrained")
         FigureCanvasAgg(figure)
-        if len(rows) == 1:
+        if group == "map":
+            _heat(figure, comparison, names)
+        elif len(rows) == 1:
             _bars(figure, comparison, rows[0], names)
         else:
             _maps(figure, comparison, rows, names)
-        figure.suptitle(f"{group.replace('_', ' ')}, 95 % intervals" if len(rows) == 1 else group)
+        title = f"{group.replace('_', ' ')}, 95 % intervals" if len(rows) == 1 else group
+        figure.suptitle(_MAP_TITLE if group == "map" else title, fontsize=10)
         path = folder / f"comparison_{group}.png"
         figure.savefig(path, dpi=110)
         paths.append(path)
@@ -78,6 +83,28 @@ def _maps(figure: Any, comparison: Comparison, rows: list[str], names: list[str]
         axis.set_yticks(range(len(rows)), rows, fontsize=8)
         title = "time to upright" if key == "settling" else _TITLES[key]
         axis.set_title(title + (f" [{UNITS[key]}]" if UNITS[key] else ""), fontsize=9)
+
+
+def _heat(figure: Any, comparison: Comparison, names: list[str]) -> None:
+    """Success in % over delay and error, a panel for each controller."""
+    across = min(3, len(names))
+    down = -(-len(names) // across)
+    figure.set_size_inches(1.2 + 3.4 * across, 1.0 + 2.0 * down)
+    axes = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+    for axis in axes.flat[len(names) :]:
+        axis.set_visible(False)
+    for axis, name in zip(axes.flat, names, strict=False):
+        rows = [[_value(comparison, name, map_name(ms, error), "success") for ms in MAP_DELAYS] for error in MAP_ERRORS]
+        axis.imshow(rows, cmap="RdYlGn", vmin=0.0, vmax=1.0, aspect="auto", origin="lower")
+        for i, row in enumerate(rows):
+            for j, x in enumerate(row):
+                colour = "white" if x < 0.15 or x > 0.85 else "black"
+                axis.text(j, i, f"{100 * x:.0f}", ha="center", va="center", fontsize=8, color=colour)
+        axis.set_title(name, fontsize=9)
+        axis.set_xticks(range(len(MAP_DELAYS)), [str(ms) for ms in MAP_DELAYS], fontsize=8)
+        axis.set_yticks(range(len(MAP_ERRORS)), [f"±{error}" if error else "0" for error in MAP_ERRORS], fontsize=8)
+    figure.supxlabel("command later by [ms]", fontsize=9)
+    figure.supylabel("error of the parts [%]", fontsize=9)
 
 
 def _value(comparison: Comparison, name: str, row: str, key: str) -> float:

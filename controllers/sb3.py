@@ -58,13 +58,27 @@ class Report(BaseCallback):
         return True
 
 
-class Then(BaseCallback):
-    """Calls `do`; for the end of an evaluation, where sb3 takes a callback."""
+class EveryNow(BaseCallback):
+    """Calls `do` about every `steps` env steps, and at the end: between two rollouts, when no step is half learned."""
 
-    def __init__(self, do: Callable[[], None]) -> None:
+    def __init__(self, do: Callable[[], None], steps: int) -> None:
         super().__init__()
-        self.do = do
+        self.do, self.steps = do, steps
+
+    def _on_training_start(self) -> None:
+        self.done_at = self.num_timesteps
+
+    def _on_rollout_start(self) -> None:
+        if self.model.num_timesteps // self.steps > self.done_at // self.steps:
+            self._do()
+
+    def _on_training_end(self) -> None:
+        if self.model.num_timesteps > self.done_at:
+            self._do()
+
+    def _do(self) -> None:
+        self.done_at = self.model.num_timesteps
+        self.do()
 
     def _on_step(self) -> bool:
-        self.do()
         return True

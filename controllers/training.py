@@ -8,25 +8,28 @@ policy.checkpoint/  only while learning or after an interruption: what `resume` 
 import math
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from furuta_gym.files import locked
 
 from .checkpoint import only_remains, read_checkpoint, remove_checkpoints, write_checkpoint
+from .curriculum import Evaluation, evaluation, on_drawn_rigs, reached
 from .layers import network_of
 from .learning_state import Arrays, memory_of, parameters_of, put_memory, put_parameters
 from .policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
-from .recipes import discount, observation_scale
+from .running_state import put_running_state, running_state
 from .sb3_files import algorithm_class, load_sb3
-from .training_record import OTHER_SEED, evaluate, record_of, write_record
+from .training_model import learning_env, learning_rigs, make_model
+from .training_record import OTHER_SEED, TRIALS, evaluate, record_of, write_record
 from .training_setup import Training
 
 __all__ = ["Training", "train"]
 
 _EVALUATIONS = 20  # on the way; the best network is kept
-_EVALUATION_ENVS = 32
+_EVALUATION_ENVS = 64
+_BEFORE_IT_WAS_KEPT = {"recipe": "plain", "reward_weights": {}, "arm_margin": 0.0}  # of records that do not say it
 
 
 def train(
@@ -41,8 +44,9 @@ def train(
 ) -> dict[str, Any]:
     """Learn, write `path` (*.zip) and its record beside it, and return the record.
 
-    resume: go on from the checkpoint of an interrupted run, else from the policy at `path`, up to `training.steps` in
-    all. It does not repeat what an uninterrupted run would have done: random streams start anew. trust: go on from a
+    resume: go on from the checkpoint of an interrupted run, up to `training.steps` in all; with the same steps it ends
+    where an uninterrupted run would have ended, to the last bit. Without a checkpoint go on from the policy at `path`,
+    on episodes of its own. trust: go on from a
     policy of stable-baselines3 too, which runs the code in it. tensorboard: folder for logs. command: as typed, for the
     record. progress(done, of) in env steps.
 
@@ -73,65 +77,73 @@ def train(
 
 
 class _Run:
-    """A model on its way, with its checkpoints' folder. resumed_at: steps at which earlier sittings ended. best: the
-    parameters with the best return so far."""
+    """A model on its way, with its checkpoints' folder. resumed_at: steps at which earlier sittings ended.
+    evaluations: all so far. best: the parameters that did best at the widest level so far."""
 
     def __init__(
         self,
         training: Training,
         folder: Path,
         model: Any,
-        best_return: float,
-        resumed_at: list[int],
+        resumed_at: Sequence[int] = (),
+        evaluations: Sequence[Evaluation] = (),
+        best_return: float = -math.inf,
         best: Arrays | None = None,
     ) -> None:
         self.training, self.folder, self.model = training, folder, model
-        self.best_return, self.resumed_at, self.best = best_return, resumed_at, best
+        self.resumed_at, self.evaluations = list(resumed_at), list(evaluations)
+        self.best_return, self.best = best_return, best
+        self.rigs = learning_rigs(model)
+        self.judges = training.judges(_EVALUATION_ENVS)
+        self.rigs.set_level(self.level)
         folder.mkdir(parents=True, exist_ok=True)
 
-    def learn(self, tensorboard: Any, progress: Callable[[int, int], None]) -> None:
-        from stable_baselines3.common.callbacks import EvalCallback
-        from stable_baselines3.common.vec_env import VecMonitor
+    @property
+    def level(self) -> float:
+        return reached(self.training.curriculum, self.evaluations)
 
-        from .sb3 import Report, Then
+    def learn(self, tensorboard: Any, progress: Callable[[int, int], None]) -> None:
+        from .sb3 import EveryNow, Report
 
         steps = self.training.steps
         if self.model.num_timesteps >= steps:
             return
-        trial = VecMonitor(self.training.batch(_EVALUATION_ENVS))
-        trial.seed(self.training.seed + OTHER_SEED)
-        evaluation = EvalCallback(
-            trial,
-            n_eval_episodes=_EVALUATION_ENVS,
-            eval_freq=max(1, steps // (_EVALUATIONS * self.training.recipe.envs)),
-            callback_on_new_best=Then(self._keep_best),
-            callback_after_eval=Then(lambda: self._keep(float(evaluation.best_mean_reward))),
-            verbose=0,
-        )
-        evaluation.best_mean_reward = self.best_return
         self.model.tensorboard_log = None if tensorboard is None else str(tensorboard)
         self.model.learn(
             steps - self.model.num_timesteps,
-            callback=[Report(progress, steps), evaluation],
+            callback=[Report(progress, steps), EveryNow(self._judge, max(1, steps // _EVALUATIONS))],
             tb_log_name=f"{self.training.task}-{self.training.algorithm}",
             reset_num_timesteps=not self.resumed_at,
         )
 
-    def _keep(self, best_return: float) -> None:
+    def _judge(self) -> None:
+        """Evaluate, keep the best, widen the ranges, and write a checkpoint."""
+        at = self.level
+        predict = lambda seen: self.model.predict(seen, deterministic=True)[0]  # noqa: E731
+        seed = self.training.seed + OTHER_SEED
+        found = evaluation(predict, self.judges, seed, int(self.model.num_timesteps), at)
+        self.model.logger.record("eval/mean_reward", found.mean)
+        self.model.logger.record("eval/success", found.success)
+        before = self.evaluations[-1].level if self.evaluations else at
+        if found.mean > self.best_return or at > before:
+            self.best_return, self.best = found.mean, parameters_of(self.model)
+        self.evaluations.append(found)
+        self.rigs.set_level(self.level)
+        self._keep()
+
+    def _keep(self) -> None:
         """Write a checkpoint."""
-        self.best_return = best_return
         state = self.training.identity | {
             "steps": int(self.model.num_timesteps),
-            "best_return": best_return if math.isfinite(best_return) else None,
+            "best_return": self.best_return if math.isfinite(self.best_return) else None,
             "resumed_at": self.resumed_at,
+            "evaluations": [e.to_dict() for e in self.evaluations],
         }
         arrays = {"model": parameters_of(self.model), "best": self.best or parameters_of(self.model)}
+        arrays["running"] = running_state(self.model, self.rigs)
         if self.training.recipe.off_policy:
             arrays["memory"] = memory_of(self.model)
         write_checkpoint(self.folder, state, arrays)
-
-    def _keep_best(self) -> None:
-        self.best = parameters_of(self.model)
 
     def finish(self, path: Path, command: str | None, spent: dict[str, float]) -> dict[str, Any]:
         """Play the best network in the trials that controllers are compared in, and write it with its record."""
@@ -140,6 +152,7 @@ class _Run:
             command=command,
             steps=int(self.model.num_timesteps),
             resumed_at=self.resumed_at,
+            evaluations=self.evaluations,
             best_return=self.best_return if math.isfinite(self.best_return) else None,
             spent=spent,
         )
@@ -148,6 +161,8 @@ class _Run:
         network = network_of(self.model)
         candidate = write_policy(self.folder / path.name, network, record)
         record["evaluation"] = evaluate(candidate, self.training)
+        if self.training.setup.random.active:
+            record["drawn_rigs"] = on_drawn_rigs(network, self.training.judges(TRIALS), self.training.seed + OTHER_SEED)
         write_policy(path, network, record, parameters_of(self.model))
         write_record(path.with_suffix(".json"), record)
         remove_checkpoints(self.folder)
@@ -157,31 +172,7 @@ class _Run:
 def _started(training: Training, folder: Path) -> _Run:
     """A run from nothing."""
     remove_checkpoints(folder)  # of a run that was killed before its first one
-    return _Run(training, folder, _model(training), -math.inf, [])
-
-
-def _model(training: Training) -> Any:
-    from torch import nn
-
-    from .sb3 import ScaledObservation
-
-    plan = training.recipe
-    scale = observation_scale(training.plant, training.history, training.observe_command)
-    network = {
-        "features_extractor_class": ScaledObservation,
-        "features_extractor_kwargs": {"scale": scale},
-        "net_arch": list(plan.layers),
-        "activation_fn": getattr(nn, plan.activation),
-    }
-    return algorithm_class(plan.name)(
-        "MlpPolicy",
-        _learning_env(training),
-        gamma=discount(training.setup.sample_time),
-        policy_kwargs=network | ({} if plan.log_std is None else {"log_std_init": plan.log_std}),
-        seed=training.seed,
-        device="cpu",
-        **plan.settings,
-    )
+    return _Run(training, folder, make_model(training))
 
 
 def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
@@ -192,16 +183,16 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
         raise ValueError(f"--resume: there is neither {folder} nor {path} to go on from; leave --resume out")
     known = read_record(path) if kept is None else kept[0]
     _check_same(training, known, source)
-    done, best_return, earlier = _progress(known, source)
+    done, best_return, earlier, evaluations = _progress(known, source)
     if kept is None and done >= training.steps:  # a checkpoint as far as that has yet to be made a policy
         raise ValueError(f"--resume: {source} has {done} steps already; give --steps a larger number (the total)")
     if kept is None and from_stable_baselines3(path):
         if not trust:
             raise ValueError(refusal(path))
-        model = load_sb3(path, training.recipe.name, _learning_env(training))
+        model = load_sb3(path, training.recipe.name, learning_env(training))
         best = parameters_of(model)
     else:
-        model = _model(training)
+        model = make_model(training)
         try:
             arrays = {"best": read_learning(path)} if kept is None else kept[1]
             best = arrays["best"]
@@ -212,8 +203,17 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
         except (ValueError, KeyError) as error:
             raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
     model.num_timesteps = done  # the network of a finished policy is the best, not the last
-    model.set_random_seed(training.seed + done)  # other episodes than those that it has seen
-    return _Run(training, folder, model, best_return, [*earlier, done], best)
+    run = _Run(training, folder, model, [*earlier, done], evaluations, best_return, best)
+    if kept is not None and "running" not in kept[1]:
+        raise ValueError(f"--resume: {source} was written by an earlier version; remove it and train anew")
+    if kept is not None:
+        try:
+            put_running_state(model, run.rigs, kept[1]["running"])
+        except (ValueError, KeyError, RuntimeError) as error:
+            raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
+    else:
+        model.set_random_seed(training.seed + done)  # other episodes than those that it has seen
+    return run
 
 
 def _check_same(training: Training, known: Mapping[str, Any], source: Path) -> None:
@@ -222,7 +222,7 @@ def _check_same(training: Training, known: Mapping[str, Any], source: Path) -> N
     env = known.get("env") or {}
     if not isinstance(env, Mapping):
         raise ValueError(f'--resume: {source}: "env" of its record must be a mapping, got {env!r}')
-    had = {**known, **env}
+    had = {**_BEFORE_IT_WAS_KEPT, **known, **env}
     for key, wanted in asked.items():
         if had.get(key) != wanted:
             raise ValueError(
@@ -231,8 +231,8 @@ def _check_same(training: Training, known: Mapping[str, Any], source: Path) -> N
             )
 
 
-def _progress(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int]]:
-    """Steps done, the best return so far, and the steps at which earlier sittings ended."""
+def _progress(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int], list[Evaluation]]:
+    """Steps done, the best return so far, the steps at which earlier sittings ended, and all evaluations."""
     done, best, earlier = known.get("steps"), known.get("best_return"), known.get("resumed_at") or []
     number = best is None or (isinstance(best, int | float) and not isinstance(best, bool))
     if not number or not isinstance(earlier, list) or not all(type(n) is int and n >= 0 for n in [done, *earlier]):
@@ -240,15 +240,11 @@ def _progress(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[
             f"--resume: {source}: its record does not say how far it is (steps, best_return, resumed_at); train anew "
             "under another name"
         )
-    return int(done), -math.inf if best is None else float(best), earlier  # type: ignore[arg-type]
-
-
-def _learning_env(training: Training) -> Any:
-    from stable_baselines3.common.vec_env import VecMonitor
-
-    from .sb3 import ScaledReward
-
-    return VecMonitor(ScaledReward(training.batch(training.recipe.envs), training.recipe.reward_scale))
+    try:
+        evaluations = [Evaluation.from_dict(one) for one in known.get("evaluations") or []]
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
+    return int(done), -math.inf if best is None else float(best), earlier, evaluations  # type: ignore[arg-type]
 
 
 def _check_output(path: Path, checkpoint: Path, resume: bool) -> None:

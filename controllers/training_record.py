@@ -2,18 +2,23 @@
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from furuta_gym.files import write_whole
 
-from .evaluation import compare
+from .conditions import conditions
+from .curriculum import Evaluation, reached
+from .design import choose_sensors
+from .evaluation import trial_period
 from .recipes import discount
+from .registry import make_controller
 from .training_setup import Training
 
 TRIALS = 200  # of the evaluation
+DURATION = 10.0  # s of a trial; a swing-up has 15
 OTHER_SEED = 1_000_000  # episodes that judge a network are not those that train it
 
 
@@ -23,15 +28,17 @@ def record_of(
     command: str | None,
     steps: int,
     resumed_at: list[int],
+    evaluations: Sequence[Evaluation],
     best_return: float | None,
     spent: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Everything but the evaluation. steps: done in all; resumed_at: steps at which a run was gone on with; spent: wall
-    and CPU seconds of the last sitting; best_return: mean return that chose the network."""
+    """Everything but the trials at the end. steps: done in all; resumed_at: steps at which a run was gone on with;
+    evaluations: on the way; spent: wall and CPU seconds of the last sitting; best_return: mean return that chose the
+    network."""
     plan, setup = training.recipe, training.setup
     return training.identity | {
         "command": command,
-        "env": training.env | {"velocity_cutoff": setup.sensors.velocity_cutoff, "arm_limit": setup.arm_limit},
+        "env": training.identity["env"] | {"velocity_cutoff": setup.sensors.velocity_cutoff},
         "not_trained_for": training.not_trained_for,
         "seed": training.seed,
         "steps": steps,
@@ -43,9 +50,13 @@ def record_of(
             "activation": plan.activation,
             "log_std_init": plan.log_std,
             "gamma": discount(setup.sample_time),
+            "last_rate": plan.last_rate,
+            "episode": plan.episode,
         }
         | dict(plan.settings),
         "best_return": best_return,
+        "level": reached(training.curriculum, evaluations),
+        "evaluations": [e.to_dict() for e in evaluations],
         "spent": dict(spent),
         "versions": versions(),
         "plant": training.plant.to_dict(),
@@ -54,11 +65,11 @@ def record_of(
 
 def evaluate(policy: Path, training: Training) -> dict[str, Any]:
     """Figures with intervals of `TRIALS` trials of the task on the nominal plant, as `furuta compare` plays them."""
-    seed = training.seed + OTHER_SEED
-    result = compare(training.plant, [str(policy)], trials=TRIALS, duration=10.0, groups=(training.task,), seed=seed)
-    (rows,) = result.scores.values()
-    (figures,) = rows.values()
-    settings = {key: result.settings[key] for key in ("trials", "sample_time", "seed")}
+    seed, plant = training.seed + OTHER_SEED, training.plant
+    T, sensors = trial_period(plant, None, [str(policy)]), choose_sensors(plant, None)
+    row = conditions(plant, sensors, TRIALS, 1, DURATION, (training.task,), seed=seed)[0]
+    figures = row.score(make_controller(policy, plant, T, sensors), T, seed)
+    settings = {"trials": TRIALS, "sample_time": T, "seed": seed}
     return settings | {name: interval.to_dict() for name, interval in figures.items()}
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -10,9 +10,11 @@ import numpy as np
 
 from furuta_gym.envs.options import TASKS, Options, Setup
 from furuta_gym.envs.ranges import as_mapping, never_drawn
+from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
 
-from .recipes import EPISODE, Recipe, recipe, training_period
+from .curriculum import Curriculum
+from .recipes import EPISODE, RECIPES, Recipe, recipe, training_period
 
 SCHEMA = "furuta-policy/1"
 
@@ -24,7 +26,9 @@ class Training:
     plant: rig. task: "balance" or "swing_up". algorithm: "ppo", "sac" or "tqc". steps: env steps in all.
     randomize: True for a plant from its covariance (or as its file says) for each episode, or ranges by name, see
     `furuta_gym.envs.ranges`; effect_probabilities: effects that come and go, as in `FurutaEnv`. sample_time [s],
-    history, observe_command: as in `FurutaEnv`; see `recipes.training_period`.
+    history, observe_command, reward_weights, noise_std [rad], arm_limit and arm_margin [rad]: as in `FurutaEnv`; see
+    `recipes.training_period`. recipe_name: of `recipes.RECIPES`, says the size of network and batch; `of_recipe` takes
+    the other fields from it too. curriculum: how ranges widen with success; None for their whole width from the start.
     Raises ValueError where the env would, or if the algorithm is unknown or steps < 1.
     """
 
@@ -38,6 +42,22 @@ class Training:
     sample_time: float | None = None
     history: int = 1
     observe_command: bool = False
+    reward_weights: Mapping[str, float] = field(default_factory=dict)
+    noise_std: float | None = None
+    arm_limit: float | None = None
+    arm_margin: float = 0.0
+    recipe_name: str = "plain"
+    curriculum: Curriculum | None = None
+
+    @classmethod
+    def of_recipe(cls, plant: Plant, name: str, **said: Any) -> "Training":
+        """A run as a recipe of `recipes.RECIPES` has it, except for what is said; None says nothing.
+
+        Raises ValueError for a name that is none."""
+        recipe("ppo", "balance", name)  # complains about the name
+        return cls(
+            plant, recipe_name=name, **RECIPES[name].of(plant) | {key: x for key, x in said.items() if x is not None}
+        )
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:
@@ -47,6 +67,8 @@ class Training:
         if self.seed < 0:
             raise ValueError(f"--seed {self.seed}: expected a whole number of at least 0")
         _ = self.recipe, self.setup  # both refuse what they cannot do
+        if self.curriculum is not None and not self.setup.random.active:
+            raise ValueError("a curriculum widens ranges, and nothing is drawn; say what to draw with --randomize")
         clock, period = self.plant.sample_time, self.setup.sample_time
         if clock is not None and abs(max(1, round(period / clock)) * clock - period) > 1e-9:
             raise ValueError(
@@ -65,6 +87,10 @@ class Training:
             "observe_command": self.observe_command,
             "randomize": self.randomize if isinstance(self.randomize, bool) else as_mapping(self.randomize),
             "effect_probabilities": dict(self.effect_probabilities),
+            "reward_weights": dict(self.reward_weights),
+            "noise_std": self.noise_std,
+            "arm_limit": self.arm_limit,
+            "arm_margin": self.arm_margin,
         }
 
     @cached_property
@@ -75,12 +101,14 @@ class Training:
     @property
     def not_trained_for(self) -> list[str]:
         """Effects and properties of a rig that no episode has."""
-        return never_drawn(self.setup.draws, self.setup.plant, self.effect_probabilities)
+        missing = never_drawn(self.setup.draws, self.setup.plant, self.effect_probabilities)
+        always = {"noise_std"} if max(np.broadcast_to(self.setup.sensors.noise_std, 2)) > 0 else set()
+        return [name for name in missing if name not in always]
 
     @cached_property
     def recipe(self) -> Recipe:
         """How the algorithm is set up for the task."""
-        return recipe(self.algorithm, self.task)
+        return recipe(self.algorithm, self.task, self.recipe_name)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -91,13 +119,21 @@ class Training:
             "task": self.task,
             "observation_size": int(np.prod(self.setup.observation_space.shape)),
             "sample_time": self.setup.sample_time,
-            "env": self.env,
+            "env": self.env | {"arm_limit": self.setup.arm_limit},
+            "recipe": self.recipe_name,
+            "curriculum": None if self.curriculum is None else asdict(self.curriculum),
             "plant_sha256": hashlib.sha256(self.plant.to_json().encode()).hexdigest(),
         }
 
     def batch(self, envs: int) -> Any:
-        """A `VecEnv` of so many rigs, with episodes of `recipes.EPISODE` seconds."""
+        """A `VecEnv` of so many rigs to learn on, with episodes of `recipe.episode` seconds."""
         from furuta_gym.envs.sb3 import FurutaVecEnv
 
-        longest = round(EPISODE / self.setup.sample_time)
-        return FurutaVecEnv(envs, plant=self.plant, max_episode_steps=longest, **self.env)
+        return FurutaVecEnv(envs, plant=self.plant, max_episode_steps=self._steps(self.recipe.episode), **self.env)
+
+    def judges(self, envs: int) -> FurutaVectorEnv:
+        """The same rigs to be judged on for `recipes.EPISODE` seconds, with Gymnasium's own interface."""
+        return FurutaVectorEnv(envs, plant=self.plant, max_episode_steps=self._steps(EPISODE), **self.env)
+
+    def _steps(self, duration: float) -> int:
+        return round(duration / self.setup.sample_time)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.parameters import pendulum_frequency
@@ -66,11 +67,13 @@ def swing_up_starts(n: int, rng: np.random.Generator) -> Starts:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened in L trials, arrays (L,). Where a trial failed, only `success` and `failed_at` mean something.
+    """What happened in L trials, arrays (L,). Where a trial failed, only `success`, `failed_at` and `left_travel`
+    mean something.
 
     rms_q1, rms_q2 [rad] over the whole trial (swing-up: over the holding time at its end); energy ∫u² dt [{u}² s];
     roughness: mean |Δu|/T [{u}/s]; settling [s]: from the push until |q2| stays below 0.05 rad (swing-up: from the
-    start until it stays below 0.2 rad from upright); largest_q1 [rad].
+    start, or the push, until it stays below 0.2 rad from upright); largest_q1 [rad]. left_travel: whether it failed
+    because the arm left its travel.
     """
 
     success: NDArray[np.bool_]
@@ -81,6 +84,7 @@ class Outcome:
     roughness: NDArray[np.float64]
     settling: NDArray[np.float64]
     largest_q1: NDArray[np.float64]
+    left_travel: NDArray[np.bool_]
 
 
 def as_lanes(policy: Any, lanes: int) -> Lanes:
@@ -117,6 +121,13 @@ def plants_off_by(share: float, plant: Plant, n: int, rng: np.random.Generator) 
         if th1 * th4 > 1.05 * th3 * th3 and th1 + th2 > 0:  # a mass matrix well away from singular
             drawn.append(plant.replace(theta=theta))
     return drawn
+
+
+def built_plants(share: float, plant: Plant, n: int, seed: int) -> list[Plant]:
+    """n rigs that could be built: masses, lengths, inertias, frictions and gain each off by up to `share`."""
+    batch = FurutaVectorEnv(n, plant, "swing_up", randomize={"theta": f"physical:{share:g}"})
+    batch.reset(seed=seed)
+    return batch.plants()
 
 
 def run_trials(
@@ -180,6 +191,7 @@ class _Score:
         self.T, self.n, self.swing_up, self.arm_travel = T, n, hold is not None, arm_travel
         self.alive = np.ones(L, dtype=bool)
         self.failed_at = np.full(L, np.inf)
+        self.left_travel = np.zeros(L, dtype=bool)
         self.settled = np.zeros(L)
         self.push_time = push_time
         self.hold_from = n - round(hold / T) if hold is not None else 0
@@ -194,6 +206,7 @@ class _Score:
         lost = self.alive & ~good
         if lost.any():
             self.failed_at[lost] = k * self.T
+            self.left_travel[lost] = ~(q1[lost] <= self.arm_travel)
             self.alive &= good
         X[:, ~self.alive] = 0.0  # keeps stopped trials from running off to infinity
         since = (k + 1) * self.T - self.push_time
@@ -216,4 +229,5 @@ class _Score:
             roughness=np.abs(np.diff(U, axis=0)).mean(axis=0) / self.T,
             settling=self.settled,
             largest_q1=self.largest,
+            left_travel=self.left_travel,
         )

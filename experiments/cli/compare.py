@@ -30,7 +30,8 @@ def compare_command(
     groups: Annotated[
         str,
         typer.Option(
-            help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, or all."
+            help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, "
+            "map (swing-ups over delay and error), or all."
         ),
     ] = "balance,push,parameters,delay",
     sample_time: Annotated[

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from . import options as opt
 from .output import counted, print_json
@@ -25,7 +28,15 @@ def train_command(
     ] = None,
     task: Annotated[str, typer.Option(help="balance, or swing_up (swing up and hold).")] = "balance",
     algo: Annotated[str, typer.Option(help="ppo, sac or tqc.")] = "ppo",
-    steps: Annotated[int, typer.Option(help="Env steps in all.", min=1)] = 2_000_000,
+    recipe: Annotated[
+        str,
+        typer.Option(
+            help="plain, or robust: for rigs that are late, differ and pull at a cable. Options given beat it."
+        ),
+    ] = "plain",
+    steps: Annotated[
+        int | None, typer.Option(help="Env steps in all; default: the recipe's, 2 or 8 million.", min=1)
+    ] = None,
     randomize: Annotated[
         bool,
         typer.Option("--randomize", help="Another rig for each episode: NAME=RANGE …, else θ from its covariance."),
@@ -37,10 +48,29 @@ def train_command(
     sample_time: Annotated[
         float | None, typer.Option(help="Of the policy, in seconds; default: about 0.02, a multiple of the plant's.")
     ] = None,
-    history: Annotated[int, typer.Option(help="Observations that the policy sees at once.", min=1)] = 1,
+    history: Annotated[
+        int | None, typer.Option(help="Observations that the policy sees at once; default: the recipe's.", min=1)
+    ] = None,
     observe_command: Annotated[
         bool, typer.Option("--observe-command", help="Show the policy its last command (for plants with a delay).")
     ] = False,
+    reward: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=WEIGHT in [0, 1] of centred, calm, sparing or gentle (changes of the command)."),
+    ] = None,
+    noise: Annotated[float | None, typer.Option(help="Noise of both angles [rad]; default: the plant file's.")] = None,
+    arm_limit: Annotated[
+        float | None, typer.Option(help="An arm beyond it ends the episode [rad]; default: the plant file's, else 2π.")
+    ] = None,
+    arm_margin: Annotated[
+        float | None, typer.Option(help="The reward falls to zero over so much before the arm's limit [rad].")
+    ] = None,
+    curriculum: Annotated[
+        float | None,
+        typer.Option(
+            help="Begin with a fifth of the ranges; widen them at this share of successful episodes, say 0.9."
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on after an interruption, or from a finished policy to more steps.")
     ] = False,
@@ -50,20 +80,27 @@ def train_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Learn to balance, or to swing up and hold, on the compiled environment; 200 trials at the end say how well."""
+    from controllers.curriculum import Curriculum
     from controllers.training import Training, train
     from furuta_gym.plant import Plant
 
-    training = Training(
+    training = Training.of_recipe(
         Plant.resolve(plant),
-        task,
-        algo,
-        steps,
-        seed,
-        _randomize(randomize, ranges),
-        _chances(effect_chance),
-        sample_time,
-        history,
-        observe_command,
+        recipe,
+        task=task,
+        algorithm=algo,
+        steps=steps,
+        seed=seed,
+        randomize=_randomize(randomize, ranges),
+        effect_probabilities=_chances("--effect-chance", effect_chance, "input_delay=0.5"),
+        sample_time=sample_time,
+        history=history,
+        observe_command=observe_command or None,
+        reward_weights=_chances("--reward", reward, "gentle=0.3") or None,
+        noise_std=noise,
+        arm_limit=arm_limit,
+        arm_margin=arm_margin,
+        curriculum=None if curriculum is None else Curriculum(curriculum),
     )
     try:
         with counted("steps") as tell:
@@ -88,6 +125,16 @@ def train_command(
     _report(output, record)
 
 
+FIGURES = {
+    "settling": "up after [s]",
+    "largest_q1": "largest q1 [rad]",
+    "energy": "effort ∫u² dt",
+    "roughness": "roughness [{u}/s]",
+    "rms_q1": "rms q1 [rad]",
+    "rms_q2": "rms q2 [rad]",
+}
+
+
 def _report(output: Path, record: dict[str, Any]) -> None:
     figures, spent = record["evaluation"], record["spent"]
     success = figures["success"]
@@ -95,33 +142,50 @@ def _report(output: Path, record: dict[str, Any]) -> None:
         f"{output}: {record['algorithm']}, {record['steps']} steps in {spent['wall_s']:.0f} s "
         f"({spent['cpu_s']:.0f} s of CPU); record in {output.with_suffix('.json')}"
     )
-    typer.echo(
-        f"  {figures['trials']} trials of {record['task']}: {100 * success['value']:.4g} % succeed "
-        f"({100 * success['low']:.0f}–{100 * success['high']:.0f} %)"
-    )
+    typer.echo(f"  {figures['trials']} trials of {record['task']}: {_rate(success)} succeed")
     if success["value"] > 0:
-        names = {"rms_q1": "rms q1 [rad]", "rms_q2": "rms q2 [rad]", "settling": "settling [s]"}
-        typer.echo("  " + ", ".join(f"{text} {figures[name]['value']:.3g}" for name, text in names.items()))
+        _figures(figures, record)
+    if drawn := record.get("drawn_rigs"):
+        typer.echo(
+            f"  On {drawn['episodes']} rigs drawn as in training: {_rate(drawn['success'])} succeed; "
+            f"return {drawn['return']:.3g}, of the worst 5 % {drawn['worst_return']:.3g}"
+        )
+    if record["curriculum"] is not None:
+        typer.echo(f"  The curriculum widened the ranges to {100 * record['level']:.0f} % of what was asked for.")
     typer.echo(f"  Not trained for: {', '.join(record['not_trained_for'])}.")
     if success["value"] < 0.95:
         typer.echo("  Not learned yet: give it more --steps (with --resume), another --seed, or --algo.")
 
 
-def _randomize(wanted: bool, ranges: list[str] | None) -> bool | dict[str, str]:
-    """What `--randomize` and the words after it say. Raises ValueError."""
+def _figures(figures: dict[str, Any], record: dict[str, Any]) -> None:
+    table = Table("", "typical", "worst 5 %", box=None, padding=(0, 2))
+    names = {**FIGURES, "settling": FIGURES["settling"] if record["task"] == "swing_up" else "settling [s]"}
+    for name, text in names.items():
+        worst = figures.get(f"worst_{name}", {}).get("value")
+        cells = f"{figures[name]['value']:.3g}", "–" if worst is None else f"{worst:.3g}"
+        table.add_row(escape(text.format(u=record["plant"]["unit"])), *cells)
+    Console(width=None if Console().is_terminal else 100).print(table)
+
+
+def _rate(success: dict[str, float]) -> str:
+    return f"{100 * success['value']:.4g} % ({100 * success['low']:.0f}–{100 * success['high']:.0f} %)"
+
+
+def _randomize(wanted: bool, ranges: list[str] | None) -> bool | dict[str, str] | None:
+    """What `--randomize` and the words after it say; None for nothing. Raises ValueError."""
     if ranges and not wanted:
         raise ValueError(f"{' '.join(ranges)}: a range belongs to --randomize; write --randomize {' '.join(ranges)}")
     from furuta_gym.envs.ranges import as_mapping
 
-    return as_mapping(ranges) if ranges else wanted
+    return as_mapping(ranges) if ranges else wanted or None
 
 
-def _chances(texts: list[str] | None) -> dict[str, float]:
+def _chances(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
     """`NAME=p` as {name: p}. Raises ValueError."""
     found = {}
     for text in texts or ():
         name, equals, value = (part.strip() for part in text.partition("="))
         if not name or not equals:
-            raise ValueError(f"--effect-chance {text!r}: expected NAME=p such as input_delay=0.5")
-        (found[name],) = opt.numbers(f"--effect-chance {name}", value, (1,))
+            raise ValueError(f"{option} {text!r}: expected NAME=p such as {example}")
+        (found[name],) = opt.numbers(f"{option} {name}", value, (1,))
     return found

@@ -57,6 +57,14 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         centred = ½ + ½/(1 + beyond(q1, 0.3, 1)),   calm = ½ + ½/(1 + beyond(√(q̇1² + q̇2²)/ω, 0.15, 1))
         and the last factor 1 − beyond(u/u_max, 0.3, 0.7)/4
 
+    `reward_weights` says how much of the reward each factor can take away: w = 1/2 of centred and calm, which are
+    (1 − w) + w/(1 + …), and 1/4 of the last factor, "sparing". A fifth factor, "gentle", has w = 0 unless it is given:
+
+        gentle = (1 − w) + w/(1 + |Δu|/(0.1 u_max))                 Δu: change of the command since the last action
+
+    and with `arm_margin` = m > 0 [rad] the reward falls to zero before the arm's limit: times
+    1 − beyond(q1, arm_limit − m, m).
+
     Ending an episode early only loses reward.
 
     ## Start
@@ -90,6 +98,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         the plant file says, else 4096 counts, no noise, no offset, 100 rad/s.
     history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
     normalize_action (False): see Action. scale_observation (False): see Observation.
+    reward_weights ({}): {name: weight in [0, 1]} of centred, calm, sparing, gentle; arm_margin (0): see Reward.
+    reward_scale (1): a factor on the reward. Learners of many kinds work best where returns are about ten.
     reward ("smooth"), start_spread (see Start): half-widths of q1, q2 [rad], q̇1, q̇2 [rad/s].
     arm_limit (the plant file's `arm_travel`, else 2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
     longest_step (2.5 ms): bound on the Runge–Kutta step h. Friction bounds it too, h λ ≤ 0.4 with λ the rate at which
@@ -170,6 +180,13 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.render_mode == "human":
             self._show()
         return observation, info
+
+    def set_level(self, level: float) -> None:
+        """From the next reset on, ranges reach only `level` in [0, 1] of the way; see `Randomization.narrowed`.
+
+        For a curriculum. Raises ValueError for another level."""
+        random = self.setup.random.narrowed(level, self.setup.numbers[k.RIG :])
+        self._reset_arguments = (*self._reset_arguments[:5], random.table, random.root, random.switches, random.ranges)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         if not self._ready:

@@ -21,9 +21,9 @@ from .randomization import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
 
 # Rows of a block before X.
-TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE = range(11)
+TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE, BEFORE = range(12)
 # What may differ from episode to episode beside the plant: `ranges.RIG` names them in this order.
-NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(11, 20)
+NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(12, 21)
 
 # Entries of `sizes`.
 (STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, SAMPLES, N_SIZES) = range(9)
@@ -31,7 +31,8 @@ NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = ran
 # Entries of `numbers`; of a pair or four the first is named. Flags say whether any episode can have it.
 SAMPLE_TIME, U_MAX, ACTION_SCALE, VELOCITY_GAIN, NOISY, JITTERY, PUSHED = range(7)
 COUNT1, ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, SPEED_SHARE, ARM_SPEED, START_Q2 = 7, *range(9, 16)
-TOLERANT, LONGEST, START_SPREAD, RIG = 16, 17, 18, 22  # RIG: the rows NOISE1 … of an episode in which nothing is drawn
+TOLERANT, LONGEST, START_SPREAD, CENTRED, CALM, SPARING, GENTLE, ARM_MARGIN, REWARD_SCALE = 16, 17, 18, *range(22, 28)
+RIG = 28  # the rows NOISE1 … of an episode in which nothing is drawn
 N_NUMBERS = RIG + N_FIXED - NOISE1
 
 BALANCE_LIMIT = 0.5  # rad; |q2| beyond it ends an episode of `balance`
@@ -48,17 +49,18 @@ FREE_COMMAND = 0.3  # of u_max
 # Reward: half-value widths of its factors (see `reward_of`).
 UPRIGHT_WIDTH = 0.2  # rad
 CENTRE_WIDTH = 1.0  # rad
-COMMAND_SHARE = 0.25
+CHANGE_WIDTH = 0.1  # of u_max
 
 
 @compiled(forceinline=True)
-def reward_of(q1, q2, v1, v2, command_share, speed_scale):
+def reward_of(q1, q2, v1, v2, command_share, numbers):
     """Reward in [0, 1] of true state and command / u_max; `FurutaEnv` has the formula."""
+    speed_scale, centre, rest = numbers[SPEED_SCALE], numbers[CENTRED], numbers[CALM]
     _, c = sincos(q2)
     upright = 0.25 * (1.0 + c) + 0.5 / (1.0 + 2.0 * (1.0 - c) / UPRIGHT_WIDTH**2)
-    centred = 0.5 + 0.5 / (1.0 + (q1 / CENTRE_WIDTH) ** 2)
-    calm = 0.5 + 0.5 / (1.0 + (v1 * v1 + v2 * v2) / (speed_scale * speed_scale))
-    return upright * centred * calm * (1.0 - COMMAND_SHARE * command_share * command_share)
+    centred = (1.0 - centre) + centre / (1.0 + (q1 / CENTRE_WIDTH) ** 2)
+    calm = (1.0 - rest) + rest / (1.0 + (v1 * v1 + v2 * v2) / (speed_scale * speed_scale))
+    return upright * centred * calm * (1.0 - numbers[SPARING] * command_share * command_share)
 
 
 @compiled(forceinline=True)
@@ -69,15 +71,28 @@ def _beyond(x, limit, width):
 
 
 @compiled(forceinline=True)
-def tolerant_reward_of(q1, q2, v1, v2, command_share, speed_scale):
+def tolerant_reward_of(q1, q2, v1, v2, command_share, numbers):
     """`reward_of` with flat tops: 1 where the rig is upright, centred and calm enough; `FurutaEnv` has the formula."""
+    speed_scale, centre, rest = numbers[SPEED_SCALE], numbers[CENTRED], numbers[CALM]
     _, c = sincos(q2)
     lean = math.sqrt(max(2.0 * (1.0 - c), 0.0))
     upright = 0.5 * min((1.0 + c) / (1.0 + math.cos(CALM_ANGLE)), 1.0)
     upright += 0.5 / (1.0 + _beyond(lean, CALM_ANGLE, UPRIGHT_WIDTH))
-    centred = 0.5 + 0.5 / (1.0 + _beyond(q1, CALM_TRAVEL, CENTRE_WIDTH))
-    calm = 0.5 + 0.5 / (1.0 + _beyond(math.sqrt(v1 * v1 + v2 * v2) / speed_scale, CALM_SPEED, 1.0))
-    return upright * centred * calm * (1.0 - COMMAND_SHARE * _beyond(command_share, FREE_COMMAND, 1.0 - FREE_COMMAND))
+    centred = (1.0 - centre) + centre / (1.0 + _beyond(q1, CALM_TRAVEL, CENTRE_WIDTH))
+    calm = (1.0 - rest) + rest / (1.0 + _beyond(math.sqrt(v1 * v1 + v2 * v2) / speed_scale, CALM_SPEED, 1.0))
+    sparing = 1.0 - numbers[SPARING] * _beyond(command_share, FREE_COMMAND, 1.0 - FREE_COMMAND)
+    return upright * centred * calm * sparing
+
+
+@compiled(forceinline=True)
+def extra_factors_of(q1, change_share, numbers):
+    """The factors of a gentle command (its change / u_max) and of the margin before the arm's limit, in [0, 1]."""
+    gentle, margin = numbers[GENTLE], numbers[ARM_MARGIN]
+    factor = (1.0 - gentle) + gentle / (1.0 + abs(change_share) / CHANGE_WIDTH)
+    if margin > 0.0:
+        near = min(max(abs(q1) - (numbers[ARM_LIMIT] - margin), 0.0) / margin, 1.0)
+        factor *= 1.0 - near * near
+    return factor
 
 
 @compiled
@@ -208,24 +223,29 @@ def _sense(lanes, streams, codes, sizes, numbers, work):
 def _judge(lanes, sizes, numbers):
     """Reward, termination and observation of all lanes at the end of an action."""
     L = lanes.shape[1]
-    arm, pendulum, u_max, scale = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX], numbers[SPEED_SCALE]
-    fastest = numbers[ARM_SPEED]
+    arm, pendulum, u_max = numbers[ARM_LIMIT], numbers[PENDULUM_LIMIT], numbers[U_MAX]
+    fastest, scale = numbers[ARM_SPEED], numbers[REWARD_SCALE]
     if numbers[TOLERANT] > 0.0:  # loops of their own: each becomes SIMD code
         for k in range(L):
             share = lanes[COMMAND, k] / u_max
             q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
-            lanes[REWARD, k] = tolerant_reward_of(q1, q2, v1, v2, share, scale)
+            lanes[REWARD, k] = tolerant_reward_of(q1, q2, v1, v2, share, numbers)
     else:
         for k in range(L):
             share = lanes[COMMAND, k] / u_max
             q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
-            lanes[REWARD, k] = reward_of(q1, q2, v1, v2, share, scale)
+            lanes[REWARD, k] = reward_of(q1, q2, v1, v2, share, numbers)
+    if numbers[GENTLE] > 0.0 or numbers[ARM_MARGIN] > 0.0:
+        for k in range(L):
+            change = (lanes[COMMAND, k] - lanes[BEFORE, k]) / u_max
+            lanes[REWARD, k] *= extra_factors_of(lanes[N_FIXED, k], change, numbers)
+            lanes[BEFORE, k] = lanes[COMMAND, k]
     for k in range(L):
         q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
         inside = abs(q1) <= arm and abs(q2) <= pendulum and abs(v1) + abs(v2) < 1e6 and abs(v1) <= fastest
         reward = lanes[REWARD, k]
         lanes[TERMINATED, k] = 0.0 if inside else 1.0
-        lanes[REWARD, k] = reward if reward >= 0.0 else 0.0  # not finite: no reward
+        lanes[REWARD, k] = scale * reward if reward >= 0.0 else 0.0  # not finite: no reward
         lanes[STEPS, k] += 1.0
     frame, history = sizes[FRAME], sizes[HISTORY]
     oldest = first_frame_row(sizes)

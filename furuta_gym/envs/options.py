@@ -22,6 +22,8 @@ from .ranges import RIG, draws, with_drawn_effects
 
 TASKS = ("balance", "swing_up")
 REWARDS = ("smooth", "tolerant")
+REWARD_WEIGHTS: dict[str, float] = {"centred": 0.5, "calm": 0.5, "sparing": 0.25, "gentle": 0.0}
+"""What each factor of the reward can take away, unless `reward_weights` says otherwise."""
 SAMPLE_TIME = 0.01  # s, where the plant has none of its own
 SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
 PUSH_RATE = 0.5  # 1/s, of pushes whose rate is not drawn
@@ -50,10 +52,13 @@ class Options:
     normalize_action: bool = False
     scale_observation: bool = False
     reward: str = "smooth"
+    reward_weights: Mapping[str, float] = field(default_factory=dict)
+    reward_scale: float = 1.0
     start_spread: tuple[float, float, float, float] | None = None
     action_time: float | None = None
     time_limit: float | None = None
     arm_limit: float | None = None
+    arm_margin: float = 0.0
     pendulum_limit: float | None = None
     longest_step: float = 2.5e-3
 
@@ -73,6 +78,7 @@ class Options:
                 raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
         if self.reward not in REWARDS:
             raise ValueError(f"reward must be one of {', '.join(REWARDS)}, got {self.reward!r}")
+        _check_weights(self.reward_weights)
         if self.start_spread is not None:
             spread = np.asarray(self.start_spread, dtype=float)
             if spread.shape != (4,) or not ((spread >= 0) & (spread <= 100)).all():
@@ -87,6 +93,8 @@ class Options:
         ):
             if getattr(self, name) is not None:
                 _check(name, getattr(self, name), low, high, unit)
+        _check("reward_scale", self.reward_scale, 1e-6, 1e6, "")
+        _check("arm_margin", self.arm_margin, 0.0, 1e3, "rad")
         _check("longest_step", self.longest_step, 1e-5, 0.05, "s")
         if self.sample_time is not None:
             _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
@@ -98,13 +106,22 @@ class Options:
             )
 
 
+def _check_weights(given: Any) -> None:
+    if not isinstance(given, Mapping):
+        raise ValueError(f"reward_weights must map {', '.join(REWARD_WEIGHTS)} to numbers, got {given!r}")
+    for name, value in given.items():
+        if name not in REWARD_WEIGHTS:
+            raise ValueError(f"reward_weights: the reward has no {name!r}; it has {', '.join(REWARD_WEIGHTS)}")
+        _check(f"reward_weights: {name}", value, 0.0, 1.0, "(what the factor can take away)")
+
+
 def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
     try:
         ok = low <= float(value) <= high
     except (TypeError, ValueError):
         ok = False
     if not ok:
-        raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}, got {value!r}")
+        raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}".rstrip() + f", got {value!r}")
 
 
 def _own_speed(plant: Plant) -> float:
@@ -132,6 +149,10 @@ class Setup:
         self.plant = plant
         self.sensors = _sensors(plant, options)
         self.arm_limit = float(options.arm_limit or plant.limit("arm_travel", 2 * math.pi))
+        if not options.arm_margin < self.arm_limit:
+            raise ValueError(
+                f"arm_margin must be less than the arm's limit of {self.arm_limit:g} rad, got {options.arm_margin:g}"
+            )
         self.supply = min(plant.u_max, plant.limit("supply", math.inf))
         self.speed_unit = _own_speed(plant) if options.scale_observation else 1.0
         # an action is never shorter than asked for, so that 20 ms are never more than 50 actions a second
@@ -217,6 +238,8 @@ class Setup:
         spread = k.START_BALANCE if balance else k.START_SWING_UP
         numbers[k.START_SPREAD : k.START_SPREAD + 4] = spread if o.start_spread is None else o.start_spread
         numbers[k.TOLERANT] = o.reward == "tolerant"
+        numbers[k.CENTRED : k.GENTLE + 1] = list((REWARD_WEIGHTS | dict(o.reward_weights)).values())
+        numbers[k.ARM_MARGIN], numbers[k.REWARD_SCALE] = o.arm_margin, o.reward_scale
         return numbers
 
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
@@ -238,7 +261,7 @@ def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:
     for name, entry in RIG.items():
         if name in setup.draws.ranges:
             part = rows[first : first + entry.values]
-            found[name] = part[0].copy() if entry.values == 1 else np.ascontiguousarray(part.T)
+            found[name] = part[0].copy() if entry.values == 1 else part.T.copy()
         first += entry.values
     return found
 

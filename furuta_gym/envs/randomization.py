@@ -7,7 +7,7 @@ distribution, truncated in the same way, drawn from the env's own stream.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -74,6 +74,35 @@ class Randomization:
             return float(self.table[_UPPER, row])
         chance = self.table[_TO, row]
         return max(delay.parameters["d"], 0.0 if math.isnan(chance) else float(chance), *drawn.tolist())
+
+    def narrowed(self, level: float, rig: NDArray[np.float64]) -> "Randomization":
+        """The same with every range drawn in: `level` in [0, 1] is how far it reaches from the plant's own value.
+
+        rig (8,): the rig's own values, `numbers[kernels.RIG:]`. 0 draws the plant itself (or the end of a range that
+        is next to it), 1 what was asked for. Chances of effects that act at a size of their own, and the covariance's
+        standard deviations, are multiplied by `level`. Raises ValueError for a level outside [0, 1].
+        """
+        if not 0.0 <= level <= 1.0:
+            raise ValueError(f"level must lie in [0, 1], got {level!r}")
+        ranges, switches = self.ranges.copy(), self.switches.copy()
+        switches[:, 2] *= level
+        for row in ranges:
+            if row[_KIND] == rg.PHYSICAL:
+                row[_A] *= level
+                continue
+            target = int(row[_TARGET])
+            own = float(self.table[_NOMINAL, target] if target >= 0 else rig[-1 - target])
+            if row[_KIND] == rg.NORMAL:
+                own = own if math.isfinite(own) else row[_A]
+                row[[_A, _LEAST, _MOST]] = own + level * (row[[_A, _LEAST, _MOST]] - own)
+                row[_B] *= level
+                continue
+            own = min(max(own, row[_A]), row[_B])
+            if row[_KIND] == rg.LOG_UNIFORM:
+                row[_A], row[_B] = own * (row[_A] / own) ** level, own * (row[_B] / own) ** level
+            else:
+                row[_A], row[_B] = own + level * (row[_A] - own), own + level * (row[_B] - own)
+        return replace(self, root=level * self.root, switches=switches, ranges=ranges)
 
     def describe(self, P: NDArray[np.float64]) -> dict[str, Any]:
         """What was drawn, from P (n,) or (n, N): theta, friction_sharpness, and each effect's parameters."""

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -159,6 +159,31 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         info |= {"final_obs": final_obs, "_final_obs": ended.copy()}
         info |= {"final_info": self._info(last, ended, np.zeros_like(ended)), "_final_info": ended.copy()}
         return out[0], rewards, terminated, truncated, info
+
+    def set_level(self, level: float) -> None:
+        """From the next reset of each env on, ranges reach only `level` in [0, 1] of the way; see
+        `Randomization.narrowed`. For a curriculum. Raises ValueError for another level."""
+        random = self.setup.random.narrowed(level, self.setup.numbers[k.RIG :])
+        self._tables = (random.table, random.root, random.switches, random.ranges)
+
+    def snapshot(self) -> dict[str, NDArray[Any]]:
+        """All that later steps depend on beside the options, as copies: the rigs, their random streams, who ended."""
+        return {
+            "lanes": self._lanes.copy(),
+            "streams": self._streams.view(np.int64).copy(),
+            "ended": self._ended.astype(np.uint8),
+        }
+
+    def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what `snapshot` of a batch with the same options gave. Raises ValueError if it does not fit."""
+        own = self.snapshot()
+        for name, value in own.items():
+            given = snapshot.get(name)
+            if given is None or given.shape != value.shape or given.dtype != value.dtype:
+                raise ValueError(f"the rigs' {name} must be {value.dtype} of shape {value.shape}")
+        self._lanes[:], self._streams[:] = snapshot["lanes"], snapshot["streams"].view(np.uint64)
+        self._ended[:] = snapshot["ended"].astype(bool)
+        self._seeded = self._ready = True
 
     def plants(self, indices: Sequence[int] | None = None) -> list[Plant]:
         """The plants of the present episodes, of all envs or of those asked for."""

@@ -69,14 +69,14 @@ def test_all_of_the_learning_comes_back(algorithm: str) -> None:
 
     from controllers import tensors
     from controllers.learning_state import memory_of, parameters_of, put_memory, put_parameters
-    from controllers.training import _model
+    from controllers.training_model import make_model
     from controllers.training_setup import Training
     from furuta_gym.plant import QUBE
 
     torch.set_num_threads(1)
-    first = _model(Training(QUBE, algorithm=algorithm, steps=10_000))
+    first = make_model(Training(QUBE, algorithm=algorithm, steps=10_000))
     first.learn(8192 if algorithm == "ppo" else 900)
-    other = _model(Training(QUBE, algorithm=algorithm, steps=10_000, seed=7))
+    other = make_model(Training(QUBE, algorithm=algorithm, steps=10_000, seed=7))
     kept = tensors.from_bytes(tensors.to_bytes(parameters_of(first)))
     put_parameters(other, kept)
     assert {name: value.tobytes() for name, value in parameters_of(other).items()} == {

@@ -10,7 +10,14 @@ import pytest
 from controllers import conditions as conditions_module
 from controllers import make_controller
 from controllers.comparison import Comparison
-from controllers.conditions import GROUPS, SWING_UP_EFFECTS, conditions
+from controllers.conditions import (
+    GROUPS,
+    MAP_DELAYS,
+    MAP_ERRORS,
+    SWING_UP_EFFECTS,
+    conditions,
+    map_name,
+)
 from controllers.evaluation import compare
 from controllers.plots import draw_comparison
 from controllers.statistics import Interval
@@ -210,6 +217,60 @@ def test_swing_ups_are_played_on_the_rigs_that_their_names_say():
         assert rows[f"swing-up, {name}"].plants == late.with_effects(late.default_effect(name))
 
 
+def test_swing_ups_with_rigs_that_could_be_built_coarse_encoders_and_a_push():
+    rows = {row.name: row for row in conditions(QUBE, Sensors(), 20, 40, 15.0, groups=("swing_up", "map"))}
+    for name in ("swing-up, built ±20 %", "swing-up, built ±20 %, 8 ms late"):
+        rigs = rows[name].plants
+        theta = np.array([rig.theta for rig in rigs])
+        assert len(rigs) == 40
+        assert (theta[:, 0] * theta[:, 3] > theta[:, 2] ** 2).all()
+        assert 0.1 < np.abs(theta[:, 4] / QUBE.theta[4] - 1).max() < 1.2**3 - 1
+        late = [rig.effect("input_delay") for rig in rigs]
+        assert late == ([None] * 40 if "late" not in name else [Effect("input_delay", {"d": 0.008})] * 40)
+    assert rows["swing-up, 512 counts"].sensors.encoder_counts == (512, 512)
+    pushed = rows["swing-up, pushed"].starts(0)
+    assert np.abs(pushed.push) == pytest.approx(0.5 * pendulum_frequency(QUBE.theta))
+    assert set(np.sign(pushed.push)) == {-1.0, 1.0}
+    assert ((pushed.push_time >= 5.0) & (pushed.push_time <= 7.5)).all()
+    assert len([row for row in rows.values() if row.group == "map"]) == len(MAP_DELAYS) * len(MAP_ERRORS)
+    corner = rows[map_name(24, 30)]
+    assert len({rig.theta.tobytes() for rig in corner.plants}) == 40
+    assert rows[map_name(0, 0)].plants == [QUBE] * 40
+
+
+def test_a_push_is_swung_back_and_timed():
+    """The designed swing-up comes back after it; one who is up before is not told the time of its swing-up."""
+    rows = {row.name: row for row in conditions(QUBE, Sensors(), 3, 3, 15.0, groups=("swing_up",))}
+    scores = replace(rows["swing-up, pushed"], tap=0.8).score(make_controller("swing-up", QUBE), 0.004, 0)
+    assert scores["success"].value == 1.0
+    assert 0.01 < scores["settling"].value < 2.0
+
+
+def test_who_left_the_travel_is_told_from_who_fell():
+    spin = lambda y: 10.0  # noqa: E731
+    starts = balance_starts(QUBE, 4, 2.0, np.random.default_rng(0), push=0.0)
+    fell = run_trials(QUBE, spin, starts, 2.0, 0.004)
+    assert not fell.success.any()
+    assert not fell.left_travel.any()
+    hanging = Starts(np.array([[0.0], [np.pi], [0.0], [0.0]]), np.zeros(1), np.zeros(1))
+    out = run_trials(QUBE, spin, hanging, 6.0, 0.004, swing_up=True)
+    assert out.left_travel.all()
+    assert out.failed_at[0] < 1.0
+
+
+def test_the_map_is_drawn(tmp_path, monkeypatch):
+    monkeypatch.setattr(conditions_module, "MAP_DELAYS", (0, 16))
+    monkeypatch.setattr(conditions_module, "MAP_ERRORS", (0, 20))
+    monkeypatch.setattr("controllers.plots.MAP_DELAYS", (0, 16))
+    monkeypatch.setattr("controllers.plots.MAP_ERRORS", (0, 20))
+    result = compare("qube", ["swing-up"], trials=4, small_trials=4, groups=("map",))
+    assert list(result.scores["swing-up"]) == [map_name(ms, e) for e in (0, 20) for ms in (0, 16)]
+    assert result.scores["swing-up"][map_name(0, 0)]["success"].value == 1.0
+    assert "map: as is" in str(result)
+    (path,) = draw_comparison(result, tmp_path)
+    assert path.name == "comparison_map.png"
+
+
 def test_the_largest_push_is_the_largest(comparison):
     """What is reported is survived, and a fifth more is not, played anew from the definition."""
     policy, pushed = make_controller("dlqr", QUBE), comparison.scores["dlqr"]["push"]["largest_push"].value
@@ -220,7 +281,7 @@ def test_the_largest_push_is_the_largest(comparison):
 
 def test_conditions_cover_the_library_and_the_covariance():
     known = TABLE_3.replace(covariance=Covariance(("theta1",), np.array([[1e-6]])))
-    rows = conditions(known, Sensors(), 20, 5, 20.0)
+    rows = conditions(known, Sensors(), 20, 5, 20.0, GROUPS)
     assert {row.group for row in rows} == set(GROUPS)
     assert {row.name for row in rows if row.group == "effects"} == set(EFFECTS)
     assert any("identified" in row.name for row in rows)

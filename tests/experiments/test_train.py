@@ -85,12 +85,106 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         train(training, path, progress=stop)
     assert not path.exists()
-    assert [len(list(kept.iterdir())) for kept in path.with_suffix(".checkpoint").iterdir()] == [4, 4]
+    assert [len(list(kept.iterdir())) for kept in path.with_suffix(".checkpoint").iterdir()] == [5, 5]
     refused(furuta("train", "--plant", "qube", "--algo", "sac", "-o", path), "exists", "--resume")
     record = train(training, path, resume=True)
     assert 1000 < record["resumed_at"][0] <= 2000
     assert record["steps"] == 2400
     assert not path.with_suffix(".checkpoint").exists()
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_resumed_run_equals_one_that_was_never_stopped(algorithm: str, tmp_path: Path) -> None:
+    """With a curriculum, noise and jitter: streams, rigs, networks, memory and level all come back."""
+    from controllers.curriculum import Curriculum
+    from controllers.policy_file import read_learning
+    from controllers.training import Training, train
+
+    training = Training(
+        QUBE,
+        algorithm=algorithm,
+        steps=40_960 if algorithm == "ppo" else 1600,
+        seed=4,
+        randomize={"theta": "physical:0.2", "jitter": "uniform:0,0.2", "push": "uniform:0,1"},
+        noise_std=1e-3,
+        observe_command=True,
+        curriculum=Curriculum(threshold=0.01, step=0.3, evaluations=1),
+    )
+    whole, stopped = tmp_path / "whole.zip", tmp_path / "stopped.zip"
+    expected = train(training, whole)
+
+    def stop(done: int, of: int) -> None:
+        if done > 0.7 * of:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(training, stopped, progress=stop)
+    np.random.seed(0)  # noqa: NPY002  (what another program does in between)
+    record = train(training, stopped, resume=True)
+    assert 0 < record["resumed_at"][0] < training.steps
+    assert record["evaluations"] == expected["evaluations"]
+    assert record["best_return"] == expected["best_return"]
+    first, second = read_learning(whole), read_learning(stopped)
+    assert {name: value.tobytes() for name, value in first.items()} == {n: v.tobytes() for n, v in second.items()}
+    for key in ("evaluation", "drawn_rigs", "level"):
+        assert record[key] == expected[key]
+
+
+def test_the_robust_recipe_gives_what_nobody_says(tmp_path: Path) -> None:
+    path = tmp_path / "policy.zip"
+    limited = QUBE.replace(limits={"arm_travel": 2.5}).save(tmp_path / "rig.json")
+    words = ("--recipe", "robust", "--steps", 1, "--history", 4, "--reward", "gentle=0.6", "--reward", "calm=0.2")
+    words = ("--task", "swing_up", *words)
+    result = furuta("train", "--plant", limited, "-o", path, *words, "--noise", 0.001, "--curriculum", 0.8)
+    assert result.exit_code == 0, result.output
+    assert "200 trials of swing_up" in result.stdout
+    assert json.loads(path.with_suffix(".json").read_text())["evaluation"]["worst_settling"]["value"] > 0
+    assert "widened the ranges to 20 %" in result.stdout
+    record = json.loads(path.with_suffix(".json").read_text())
+    env = record["env"]
+    assert (record["recipe"], record["settings"]["net_arch"], env["history"]) == ("robust", [64, 64], 4)
+    assert env["reward_weights"] == {"gentle": 0.6, "calm": 0.2}
+    assert (env["arm_limit"], env["arm_margin"], env["noise_std"]) == (2.5, 1.0, 0.001)
+    assert env["randomize"]["arm_spring.k"] == "uniform:0,0.6"
+    assert env["observe_command"] is True
+    assert not {"theta", "input_delay", "arm_spring", "noise_std"} & set(record["not_trained_for"])
+    assert record["curriculum"]["threshold"] == 0.8
+    assert record["drawn_rigs"]["episodes"] == 200
+    policy = make_controller(path, QUBE, 0.004)
+    assert (policy.history, policy.arm_limit, policy.every) == (4, 2.5, 5)
+
+
+def test_levels_follow_success() -> None:
+    from controllers.curriculum import Curriculum, Evaluation, reached
+
+    rule = Curriculum(threshold=0.8, first=0.2, step=0.5, evaluations=2)
+    past: list[Evaluation] = []
+    levels = []
+    for success in (1.0, 0.5, 0.9, 0.7, 1.0, 1.0, 0.9, 0.0):
+        past.append(Evaluation(len(past), rule.level(past), 1.0, 0.0, success))
+        levels.append(past[-1].level)
+    assert levels == [0.2, 0.2, 0.2, 0.2, 0.7, 0.7, 1.0, 1.0]
+    assert (rule.level(past), reached(None, past)) == (1.0, 1.0)
+    assert Evaluation.from_dict(past[0].to_dict()) == past[0]
+
+
+def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:
+    """One episode for each rig: of balancers those that stay, of swing-ups those that end upright."""
+    from controllers.curriculum import play
+    from controllers.training import Training
+
+    still = lambda seen: np.zeros((len(seen), 1), dtype=np.float32)  # noqa: E731
+    total, success = play(still, Training(QUBE).judges(8), 0, 1.0)
+    assert not success.any()
+    assert (total > 0).all()
+    assert (total < 100).all()
+    hanging = Training(QUBE, "swing_up").judges(8)
+    total, success = play(still, hanging, 0, 1.0)
+    assert not success.any()
+    swing_up = make_controller("controllers/policies/swing-up-qube.zip", QUBE, 0.02)
+    total, success = play(lambda seen: swing_up.predict(seen), hanging, 0, 1.0)
+    assert success.all()
+    assert (total > 300).all()
 
 
 def test_a_run_that_was_killed_before_its_first_checkpoint_is_given_again(tmp_path: Path) -> None:
@@ -121,9 +215,10 @@ def test_a_trusted_file_of_stable_baselines3_goes_on(trained: Path, tmp_path: Pa
     """As `furuta train` wrote them once: a zip of stable-baselines3 and the record beside it."""
     from controllers.learning_state import put_parameters
     from controllers.policy_file import read_learning, read_policy
-    from controllers.training import Training, _model
+    from controllers.training_model import make_model
+    from controllers.training_setup import Training
 
-    model = _model(Training(QUBE))
+    model = make_model(Training(QUBE))
     put_parameters(model, read_learning(trained))
     path = tmp_path / "policy.zip"
     model.save(path)
@@ -145,6 +240,12 @@ def test_one_run_at_a_time(tmp_path: Path) -> None:
 
 
 REFUSED = {
+    "recipe": (("--plant", "large", "--recipe", "stew"), ("stew", "plain, robust")),
+    "reward": (("--plant", "large", "--reward", "upright=1"), ("upright", "centred, calm, sparing, gentle")),
+    "weight": (("--plant", "large", "--reward", "calm"), ("calm", "gentle=0.3")),
+    "margin": (("--plant", "large", "--arm-margin", "7"), ("arm_margin", "limit of 6.28")),
+    "curriculum": (("--plant", "large", "--curriculum", "0.9"), ("nothing is drawn", "--randomize")),
+    "threshold": (("--plant", "large", "--randomize", "--curriculum", "90"), ("threshold", "(0, 1]")),
     "plant": (("--plant", "none.json"), ("none.json", "table3")),
     "algo": (("--plant", "large", "--algo", "ddpg"), ("ddpg", "ppo, sac, tqc")),
     "task": (("--plant", "large", "--task", "juggle"), ("juggle", "balance, swing_up")),

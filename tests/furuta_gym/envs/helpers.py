@@ -29,6 +29,7 @@ OPTION_SETS: dict[str, dict[str, Any]] = {
     "exact_sensors": {"encoder_counts": 0.0, "sample_time": 0.02},
     "noise_and_jitter": {"noise_std": (1e-3, 2e-3), "jitter": 0.2, "encoder_offset": (0.01, -0.02)},
     "frames": {"history": 3, "observe_command": True, "normalize_action": True},
+    "reward": {"reward_weights": {"gentle": 0.4, "calm": 0.1}, "arm_margin": 2.0, "reward_scale": 0.5, "delay": 0.01},
     "delay": {"delay": 0.013, "history": 2},
     "delay_and_jitter": {"delay": 0.031, "jitter": 0.3, "noise_std": 1e-3},
     "memory": {

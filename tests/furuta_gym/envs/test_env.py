@@ -168,6 +168,58 @@ def test_reward_prefers_upright_centred_calm_and_gentle():
     assert reward((0, np.pi, 0, 0)) < 0.01
 
 
+@pytest.mark.parametrize("reward", ["smooth", "tolerant"])
+def test_weights_of_the_reward_and_the_margin_of_the_arm(reward):
+    """Each weight is what its factor can take away; the last two factors are those of the documentation."""
+    common = {"plant": "qube", "task": "swing_up", "reward": reward}
+    without = FurutaEnv(**common, reward_weights={"centred": 0, "calm": 0, "sparing": 0})
+    state = (1.5, 0.0, 8.0, -3.0)
+    with_all = {
+        "centred": ({"centred": 0.9}, lambda plain, full: 0.1 + 0.9 * (2 * plain - 1)),
+        "calm": ({"calm": 0.2}, lambda plain, full: 0.8 + 0.2 * (2 * plain - 1)),
+        "sparing": ({"sparing": 0.8}, lambda plain, full: 1 - 0.8 * 4 * (1 - plain)),
+    }
+
+    def factor(u, **options):
+        values = []
+        for env in (FurutaEnv(**common, **options), without):
+            env.reset(options={"state": state})
+            values.append(env.step([u])[1])
+        return values[0] / values[1]
+
+    off = dict.fromkeys(with_all, 0.0)
+    for name, (weights, expected) in with_all.items():
+        plain = factor(8.0, reward_weights={key: w for key, w in off.items() if key != name})
+        assert plain < 0.99
+        assert factor(8.0, reward_weights=off | weights) == pytest.approx(expected(plain, None), rel=1e-9)
+    gentle, was = FurutaEnv(**common, reward_weights=off | {"gentle": 0.6}, reward_scale=0.5), 0.0
+    for env in (gentle, without):
+        env.reset(options={"state": state})
+    for u in (3.0, 3.0, -7.0, 20.0):
+        share = (min(u, 10.0) - was) / 10.0
+        was = min(u, 10.0)
+        expected = 0.5 * (0.4 + 0.6 / (1 + abs(share) / 0.1))
+        assert gentle.step([u])[1] == pytest.approx(expected * without.step([u])[1], rel=1e-9)
+    inner = factor(0.0, reward_weights=off, arm_limit=2.0, arm_margin=1.0)
+    assert inner == pytest.approx(1 - 0.5**2, abs=0.05)  # the arm is near 1.5 rad after the step
+    assert factor(0.0, reward_weights=off, arm_limit=2.0, arm_margin=0.4) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"reward_weights": {"upright": 1.0}}, "the reward has no 'upright'; it has centred"),
+        ({"reward_weights": {"calm": 1.5}}, r"calm must lie in \[0, 1\]"),
+        ({"reward_weights": "calm=1"}, "must map"),
+        ({"arm_limit": 1.0, "arm_margin": 1.0}, "less than the arm's limit of 1 rad"),
+        ({"reward_scale": 0.0}, "reward_scale must lie in"),
+    ],
+)
+def test_bad_rewards_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        FurutaEnv(**options)
+
+
 @pytest.mark.parametrize("name", ["none", *EFFECTS])
 def test_step_equals_the_core_of_the_plant(name):
     """With each effect: states against `advance`, readings against `Sensors`, velocities against the filter."""

@@ -70,6 +70,60 @@ def test_a_low_supply_cuts_the_command_and_leaves_the_scale():
     assert env.step([0.2])[4]["command"] == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("vector", [False, True])
+def test_ranges_widen_with_the_level(vector):
+    """Level 0 is the plant itself, or the end of a range that is next to it; 1 is what was asked for."""
+    rig = QUBE.replace(u_max=10.0)
+    asked = (
+        "theta=physical:0.3 input_delay=uniform:0,0.03 actuator_lag=uniform:0.01,0.02 u_max=uniform:4,8 "
+        "noise_std=normal:0.002,0.0001 arm_backlash=chance:0.8 jitter=loguniform:0.01,0.1"
+    )
+
+    def drawn(level):
+        if vector:
+            env = FurutaVectorEnv(300, rig, "swing_up", randomize=asked)
+            env.set_level(level)
+            info = env.reset(seed=1)[1]
+            effects, rig_ = info["plant"]["effects"], info["rig"]
+            theta = info["plant"]["theta"]
+        else:
+            env = FurutaEnv(rig, "swing_up", randomize=asked)
+            env.set_level(level)
+            infos = [env.reset(seed=seed)[1] for seed in range(300)]
+            effects = {
+                name: {key: np.array([i["plant"]["effects"][name][key] for i in infos]) for key in values}
+                for name, values in infos[0]["plant"]["effects"].items()
+            }
+            rig_ = {name: np.array([i["rig"][name] for i in infos]) for name in infos[0]["rig"]}
+            theta = np.array([i["plant"]["theta"] for i in infos])
+        slack = (effects["arm_backlash"]["b"] > 0).astype(float)
+        return {
+            "delay": effects["input_delay"]["d"],
+            "lag": effects["actuator_lag"]["T"],
+            "u_max": rig_["u_max"],
+            "noise": rig_["noise_std"],
+            "jitter": rig_["jitter"],
+            "mass": theta[:, 4] / rig.theta[4],
+            "slack": slack,
+        }
+
+    wide = {name: (v.min(), v.max()) for name, v in drawn(1.0).items()}
+    half, none = drawn(0.5), drawn(0.0)
+    ends = {"delay": 0.0, "lag": 0.01, "u_max": 8.0, "noise": 0.0, "jitter": 0.01, "mass": 1.0, "slack": 0.0}
+    for name, value in ends.items():
+        np.testing.assert_allclose(none[name], value, rtol=1e-12, atol=1e-15)
+        assert wide[name][0] < wide[name][1]
+    assert half["delay"].max() == pytest.approx(0.015, rel=0.05)
+    assert half["lag"].max() == pytest.approx(0.015, rel=0.05)
+    assert half["u_max"].min() == pytest.approx(6.0, rel=0.05)
+    assert half["noise"].mean() == pytest.approx(0.001, rel=0.05)
+    assert half["jitter"].max() == pytest.approx(np.sqrt(0.001), rel=0.1)
+    assert 0.15 < np.abs(half["mass"] - 1).max() < (1.15**3 - 1) * 1.01
+    assert half["slack"].mean() == pytest.approx(0.4, abs=0.08)
+    with pytest.raises(ValueError, match="level must lie"):
+        drawn(1.5)
+
+
 def test_pushes_come_as_often_and_as_hard_as_asked():
     """Without gravity's help in one sample, q̇2 jumps by the push; the arm answers by M's coupling."""
     env = FurutaVectorEnv(1, "qube", randomize="push=5 push_rate=10", pendulum_limit=1e3, arm_limit=1e3,

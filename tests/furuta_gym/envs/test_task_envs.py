@@ -30,7 +30,7 @@ def test_both_checkers_are_silent(env_id):
 def test_as_learners_expect_it(env_id, tmp_path):
     env = gym.make(env_id)
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
-    assert 0 < env.spec.reward_threshold < 250
+    assert 0 < env.spec.reward_threshold < 250 * env.unwrapped.setup.options.reward_scale
     assert env.metadata["render_fps"] == 50
     file = QUBE.replace(u_max=7.0, sample_time=0.006).save(tmp_path / "rig.json")
     env = gym.make(env_id, plant=str(file))
@@ -45,7 +45,7 @@ def test_as_learners_expect_it(env_id, tmp_path):
 def test_speeds_come_from_every_sample():
     """An action of 20 ms on a clock of 4 ms is five equal actions of FurutaID-v0, observed at the end."""
     fast = FurutaEnv("qube", "swing_up", noise_std=1e-3, delay=0.007)
-    slow = gym.make("FurutaSwingUp-v0", reward="smooth", noise_std=1e-3, delay=0.007).unwrapped
+    slow = gym.make("FurutaSwingUp-v0", reward="smooth", reward_scale=1.0, noise_std=1e-3, delay=0.007).unwrapped
     first = fast.reset(seed=4)[0], slow.reset(seed=4)[0]
     pace = np.sqrt(QUBE.theta[4] / QUBE.theta[3])
     scale = np.array([1, 1, 1, pace, pace])
@@ -80,8 +80,8 @@ def test_the_tolerant_reward_is_the_documented_one():
         centred = 0.5 + 0.5 / (1 + beyond(q1, 0.3, 1.0))
         calm = 0.5 + 0.5 / (1 + beyond(np.hypot(v1, v2) / omega, 0.15, 1.0))
         expected = upright * centred * calm * (1 - 0.25 * beyond(info["command"] / 10, 0.3, 0.7))
-        assert reward == pytest.approx(expected, rel=1e-9)
-        flat += reward == 1.0
+        assert reward == pytest.approx(0.1 * expected, rel=1e-9)
+        flat += reward == 0.1
     assert 20 < flat < 150
 
 
