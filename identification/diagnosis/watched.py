@@ -30,12 +30,18 @@ class Tried:
 
 
 class Watched:
-    """A `Fitter` that tells of each fit. watch: called from the threads that fit; what it raises ends the search."""
+    """A `Fitter` that tells of each fit to the records of the first. Fits to thinned ones are not told, as their
+    likelihoods compare with no others. watch: called from the threads that fit; what it raises ends the search."""
 
     def __init__(self, fitter: Fitter, watch: Callable[[Tried], None]) -> None:
         self._fitter, self._watch = fitter, watch
+        self._samples: int | None = None
 
     def __call__(self, plant: Plant, noise: Noise, records: Sequence[Record], **asked: Any) -> Fit:
         found = self._fitter(plant, noise, records, **asked)
-        self._watch(Tried(found.plant, -found.value, asked.get("effort") in ("coarse", "quick")))
+        samples = sum(len(r.t) for r in records)
+        if self._samples is None:
+            self._samples = samples
+        if samples == self._samples:
+            self._watch(Tried(found.plant, -found.value, asked.get("effort") in ("coarse", "quick")))
         return found
