@@ -78,7 +78,11 @@ def _best_of(problem: PredictionError, starts: list[NDArray[np.float64]], reach:
             best = first
         if first.converged or first.value - 2.0 * (before - first.value) > reach:
             break
-        at = [(fitted.value, fitted.z) for _, fitted in fits[: (len(fits) + 1) // 2] if not fitted.converged]
+        at = [
+            (fitted.value, fitted.z)
+            for value, fitted in fits[: (len(fits) + 1) // 2]
+            if not fitted.converged and value - fitted.value > tolerance  # else it goes on where it stands, for ever
+        ]
         if len(fits) == 1 and first.value < reach - _WORTH:
             break  # low enough for a full fit
     assert best is not None

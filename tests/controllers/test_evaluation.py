@@ -317,7 +317,7 @@ class TestBadInput:
             compare("qube", ["dlqr"], trials=2, groups=("balanse",))
 
     def test_unknown_effect(self):
-        with pytest.raises(ValueError, match="library has"):
+        with pytest.raises(ValueError, match="a plant can have"):
             compare("qube", ["dlqr"], trials=2, groups=("effects",), effects=["arm_sprig"])
 
     def test_nothing_left(self):

@@ -349,7 +349,7 @@ def test_a_state_that_leaves_all_bounds_terminates():
         ({"task": "juggle"}, "balance, swing_up"),
         ({"plant": "no-such-rig"}, "table3, qube, large"),
         ({"plant": TABLE_3.replace(u_max=9.0), "randomize": True}, "covariance"),
-        ({"effect_probabilities": {"gremlins": 0.5}}, "library has"),
+        ({"effect_probabilities": {"gremlins": 0.5}}, "a plant can have"),
         ({"effect_probabilities": {"arm_spring": 1.5}}, r"\[0, 1\]"),
         ({"effect_probabilities": ["arm_spring"]}, "map effect names"),
         ({"sample_time": 0}, "sample_time must lie in"),

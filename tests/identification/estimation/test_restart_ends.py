@@ -1,0 +1,27 @@
+"""Short fits of a restart come to an end, whatever the optimiser does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification.estimation import restarts
+from identification.estimation.optimise import Expansion, Optimum
+
+
+@pytest.mark.timeout(30)
+def test_a_start_that_no_longer_improves_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A descent that stands still without having converged would otherwise be tried again for ever."""
+    tried: list[float] = []
+
+    def stands_still(problem: Any, z: np.ndarray, *_: Any, **__: Any) -> Optimum:
+        tried.append(float(z[0]))
+        value = max(10.0 * float(z[0]) - 3.0 * len(tried), 40.0)
+        return Optimum(z, value, Expansion(value, z, np.eye(1)), 1, False, "no further descent")
+
+    monkeypatch.setattr(restarts, "minimise", stands_still)
+    best = restarts._best_of(None, [np.array([x]) for x in (7.0, 8.0, 6.0)], 39.0, 0.05)  # type: ignore[arg-type]
+    assert best.value == 40.0
+    assert len(tried) < 20
