@@ -18,6 +18,7 @@ from experiments.cli.errors import explained
 from experiments.cli.output import check_folder, counted, errors, write_json
 from experiments.studies.leaderboard.blocks import Block, run
 from experiments.studies.leaderboard.contestants import chosen
+from experiments.studies.leaderboard.options import WORK, Backend, Jobs, PlantName, Trials, Work
 from experiments.studies.leaderboard.page import spent_on
 from experiments.studies.leaderboard.rigs import DURATION, robust_conditions
 from experiments.studies.leaderboard.summary import Cell, as_json, cell
@@ -81,14 +82,12 @@ def main(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON and table.")] = Path(
         "out/robust_policy"
     ),
-    work: Annotated[Path, typer.Option(help="Folder of trainings and trials; a run goes on there.")] = Path(
-        "out/leaderboard"
-    ),
-    plant: Annotated[str, typer.Option(help="qube, large, table3 or a plant file.")] = "qube",
+    work: Work = WORK,
+    plant: PlantName = "qube",
     seeds: Annotated[int, typer.Option(help="Trainings.", min=1)] = 5,
-    trials: Annotated[int, typer.Option(help="Of each rig and seed.", min=1)] = 200,
-    backend: Annotated[str, typer.Option(help="loky, or dask (cluster at DASK_SCHEDULER_ADDRESS, or here).")] = "loky",
-    jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
+    trials: Trials = 200,
+    backend: Backend = "loky",
+    jobs: Jobs = 1,
 ) -> None:
     """Does one policy swing up rigs that are late, differ and pull at a cable?"""
     with explained():

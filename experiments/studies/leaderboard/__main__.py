@@ -23,6 +23,7 @@ from furuta_gym.plant import Plant
 
 from .blocks import Block, collected, run
 from .contestants import Contestant, chosen
+from .options import WORK, Backend, Jobs, PlantName, Trials, Work
 from .page import cells_of, draw, spent_on, tables
 from .rigs import DURATION, leaderboard_conditions
 from .summary import as_json
@@ -34,15 +35,13 @@ def main(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for JSON, tables and picture.")] = Path(
         "out/leaderboard"
     ),
-    work: Annotated[Path, typer.Option(help="Folder of trainings and trials; a run goes on there.")] = Path(
-        "out/leaderboard"
-    ),
-    plant: Annotated[str, typer.Option(help="qube, large, table3 or a plant file.")] = "qube",
+    work: Work = WORK,
+    plant: PlantName = "qube",
     only: Annotated[str, typer.Option(help="Contestants, separated by commas; default: all.")] = "",
     seeds: Annotated[int, typer.Option(help="Trainings of each learned one.", min=1)] = 5,
-    trials: Annotated[int, typer.Option(help="Of each condition and seed.", min=1)] = 200,
-    backend: Annotated[str, typer.Option(help="loky, or dask (cluster at DASK_SCHEDULER_ADDRESS, or here).")] = "loky",
-    jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 1,
+    trials: Trials = 200,
+    backend: Backend = "loky",
+    jobs: Jobs = 1,
     page_only: Annotated[bool, typer.Option("--page-only", help="Run nothing; show what is there.")] = False,
 ) -> None:
     """Who swings up best on rigs that nobody told it of?"""

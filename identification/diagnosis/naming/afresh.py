@@ -21,31 +21,28 @@ from .multistart import Start, best_of, multi_start
 from .search import Search
 from .suspects import price
 
-_STARTS = 3  # of those that the logs suggest
-_SAMPLE_TIME, _LONGEST = 8e-3, 40.0  # s: of the thinned records, all of them together
-_FIRST, _MORE = 4, 20  # iterations from every start, and of the best one of each effect
-_FULL = 3  # effects that are fitted to all samples
-
 
 def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> Fit | None:
     """The best fit of model (5) with one effect among those that start at `starts`; None where none is to be had.
 
     nominal: the model without effects, which gives the records. starts: from `estimation.start.candidates`."""
     names = [n for n in search.only or EFFECTS if n in EFFECTS]
-    records = nominal.records
-    share = min(1.0, _LONGEST / sum(r.duration for r in records))
-    thin = replace(nominal, records=tuple(reduced(r, share * r.duration, _SAMPLE_TIME, clock=True) for r in records))
-    plants = [replace(nominal.plant, theta=start.plant.theta) for start in starts[:_STARTS]]
-    noises = [start.noise for start in starts[:_STARTS]]
+    policy, records = search.policy, nominal.records
+    share = min(1.0, policy.thinned_length / sum(r.duration for r in records))
+    thin = replace(nominal, records=tuple(reduced(r, share * r.duration, policy.thinned, clock=True) for r in records))
+    plants = [replace(nominal.plant, theta=start.plant.theta) for start in starts[: policy.log_starts]]
+    noises = [start.noise for start in starts[: policy.log_starts]]
     effects = [e for n in names for e in grid_of(nominal.plant.default_effect(n), nominal.plant)]
     if not (plants and effects):
         return None
     tried = {e: [Start((e.name,), p.with_effects(e), v) for p, v in zip(plants, noises, strict=True)] for e in effects}
-    fits = _fitted({start: start for starts in tried.values() for start in starts}, thin, search, _FIRST)
-    best = [min(starts, key=lambda start: fits[start].value) for starts in tried.values()]
-    ends = best_of(_fitted({start: fits[start] for start in best}, thin, search, _MORE))
+    fits = _fitted(
+        {start: start for starts in tried.values() for start in starts}, thin, search, policy.round_iterations
+    )
+    best = [min(group, key=lambda start: fits[start].value) for group in tried.values()]
+    ends = best_of(_fitted({start: fits[start] for start in best}, thin, search, policy.settling))
     order = sorted(ends, key=lambda name: cost(ends[name]))
-    full = [Start((n,), ends[n].plant, ends[n].noise, ends[n].zeros) for n in order[:_FULL]]
+    full = [Start((n,), ends[n].plant, ends[n].noise, ends[n].zeros) for n in order[: policy.fitted_whole]]
     found = best_of(multi_start(full, nominal, search, halve=False))
     return min(found.values(), key=cost, default=None)
 
