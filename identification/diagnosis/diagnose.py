@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from .naming.afresh import afresh, cost
 from .naming.fits import Fit, Fitter, added, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.journal import FitJournal
-from .naming.search import Search
+from .naming.search import NOTHING_YET, Search
 from .naming.upheld import upheld
 from .outcome import Diagnosis, structured
 from .policy import MOST_EFFECTS, DecisionPolicy
@@ -110,7 +110,7 @@ def searched(
     search = Search(anchor, only, policy, progress, fitter)
     unexplained = math.sqrt(nominal.noise.torque[0] / 0.1)
     naming, after, rest = _settled(
-        lambda joining: _named(search, nominal, before, held, most, joining),
+        lambda joined: _named(search, nominal, before, held, most, joined),
         lambda: afresh(nominal, _own_starts(logs, before.plant), search),
         search,
         dragged=unexplained > policy.strong * rms,
@@ -151,9 +151,9 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
 
 
 def _named(
-    search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, joining: Fit | None
+    search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, joined: Mapping[str, Fit]
 ) -> tuple[Naming, Estimate, Where]:
-    """The search for names, the estimate with what was found, and what that leaves. joining: see `name_effects`."""
+    """The search for names, the estimate with what was found, and what that leaves. joined: see `name_effects`."""
     logs, policy = held.logs, search.policy
     known: dict[int, tuple[Fit, float]] = {}  # a search asks for the same fit again
 
@@ -167,7 +167,7 @@ def _named(
         name = added(fitted, without).name
         return law_change(without.plant, fitted.plant, name, other, moved(logs, fitted.zeros))
 
-    naming = upheld(name_effects(nominal, search, most, left, held, joining, change), search, held)
+    naming = upheld(name_effects(nominal, search, most, left, held, joined, change), search, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
@@ -192,23 +192,27 @@ _Answer = tuple[Naming, Estimate, Where]
 
 
 def _settled(
-    named: Callable[[Fit | None], _Answer], other: Callable[[], Fit | None], search: Search, dragged: bool = False
+    named: Callable[[Mapping[str, Fit]], _Answer],
+    other: Callable[[], Mapping[str, Fit]],
+    search: Search,
+    dragged: bool = False,
 ) -> _Answer:
-    """named(joining): the names. other(): the best fit of one effect from the logs' own starts, which joins the search
-    at once where model (5) is `dragged` away by what is missing. Else the search is made again with it, if names leave
-    structure and that fit beats the best single effect so far."""
+    """named(joined): the names. other(): the best fits of one effect from the logs' own starts, which join the search
+    at once where model (5) is `dragged` away by what is missing. Else the search is made again with them, if names
+    leave structure and one of them beats the best single effect so far."""
     if dragged:
         search.progress("fitting every effect from other starts, as much is missing")
         return named(other())
-    naming, after, rest = named(None)
+    naming, after, rest = named(NOTHING_YET)
     if not rest.matters and _verdict(naming, rest, search.policy)[0] != "unknown":
         return naming, after, rest
     search.progress("fitting every effect from other starts, as structure is left")
     fresh = other()
     best = naming.rankings[0][0].fit if naming.rankings else naming.nominal
-    if fresh is None or cost(fresh) > cost(best) - search.policy.believed:
+    first = min(fresh, key=lambda name: cost(fresh[name]), default=None)
+    if first is None or cost(fresh[first]) > cost(best) - search.policy.believed:
         return naming, after, rest
-    search.progress(f"searching again with {added(fresh, naming.nominal).name}")
+    search.progress(f"searching again with {first}")
     again = named(fresh)
     return again if cost(again[0].final) < cost(naming.final) - search.policy.believed else (naming, after, rest)
 

@@ -69,7 +69,6 @@ class DecisionPolicy:
     log_starts: int = _rule(3, "of the logs' own starts, from each of which every effect is fitted", COST, "starts")
     thinned: float = _rule(8e-3, "sample time of the records on which that is done", COST, "s")
     thinned_length: float = _rule(40.0, "of them, all together", COST, "s")
-    settling: int = _rule(20, "iterations of the best such start of each effect and size", COST, "iterations")
     fitted_whole: int = _rule(3, "effects of these that are fitted to all samples", COST, "effects")
     reach: float = _rule(25.0, "fits this near to the best go on", DEV, "nats")
     round_iterations: int = _rule(4, "iterations in a round of the multi-start", COST, "iterations")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kalman.noise_model import TORQUE
-from .long_logs import part_of
+from .long_logs import glimpse_of
 from .optimise import Optimum, minimise
 from .prediction_error import PredictionError, quietest
 
@@ -33,12 +33,16 @@ def restarted(problem: PredictionError, found: Optimum, iterations: int, toleran
     Nothing is tried where the fit converged with as little torque noise as can be told from none: then nothing is
     left that a stalled fit could have hidden. On long logs a part of them tells whether a restart comes lower.
     """
-    part = part_of(problem)
-    if part is None or not _may_have_stalled(problem, found):
+    if not _may_have_stalled(problem, found):
+        return found
+    part = glimpse_of(problem)
+    if part is None:
         return _rounds(problem, found, iterations, tolerance, exact)
     there = minimise(part, found.z, iterations, tolerance, exact=False)
     lower = _rounds(part, there, iterations, tolerance, exact=False)
-    again = found if lower is there else minimise(problem, lower.z, iterations, tolerance, exact=exact)
+    if lower.value > part.value(found.z) - len(found.z):  # what other samples move the minimum by
+        return found
+    again = minimise(problem, lower.z, iterations, tolerance, exact=exact)
     return again if again.value < found.value else found
 
 

@@ -141,7 +141,7 @@ def reduced(
     clock: keep the time of the record, which an effect that follows time needs; else it starts at zero."""
     T = float(np.median(np.diff(record.t)))
     n, m = len(record.t), max(1, int(sample_time / T + 0.5))
-    length = min(n, max(int(duration / T), 50))
+    length = min(n, max(int(min(duration / T, n)), 50))
     speed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(record.y, axis=0)).sum(axis=1))])
     first = int(np.argmax(speed[length - 1 :: 1] - speed[: n - length + 1])) if length < n else 0
     index = np.arange(first, first + length, m)

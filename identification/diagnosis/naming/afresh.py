@@ -7,7 +7,7 @@ model; on thinned records a fit of every effect from there takes tenths of a sec
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from furuta_gym.plant import EFFECTS
@@ -16,16 +16,17 @@ from ...estimation.pool import shared_pool
 from ...estimation.start import Start as LogStart
 from ...estimation.start import reduced
 from .discrete import grid_of
-from .fits import Fit
+from .fits import Fit, added
 from .multistart import Start, best_of, multi_start
 from .search import Search
 from .suspects import price
 
 
-def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> Fit | None:
-    """The best fit of model (5) with one effect among those that start at `starts`; None where none is to be had.
+def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> dict[str, Fit]:
+    """The best fits of model (5) with one effect among those that start at `starts`, by the effect's name.
 
-    nominal: the model without effects, which gives the records. starts: from `estimation.start.candidates`."""
+    nominal: the model without effects, which gives the records. starts: from `estimation.start.candidates`; without
+    any, nothing is found."""
     names = [n for n in search.only or EFFECTS if n in EFFECTS]
     policy, records = search.policy, nominal.records
     share = min(1.0, policy.thinned_length / sum(r.duration for r in records))
@@ -33,34 +34,36 @@ def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> Fit | No
     plants = [replace(nominal.plant, theta=start.plant.theta) for start in starts[: policy.log_starts]]
     noises = [start.noise for start in starts[: policy.log_starts]]
     effects = [e for n in names for e in grid_of(nominal.plant.default_effect(n), nominal.plant)]
-    if not (plants and effects):
-        return None
     tried = {e: [Start((e.name,), p.with_effects(e), v) for p, v in zip(plants, noises, strict=True)] for e in effects}
-    fits = _fitted(
-        {start: start for starts in tried.values() for start in starts}, thin, search, policy.round_iterations
-    )
-    best = [min(group, key=lambda start: fits[start].value) for group in tried.values()]
-    ends = best_of(_fitted({start: fits[start] for start in best}, thin, search, policy.settling))
+    if not (plants and effects):
+        return {}
+    first = _one_round([start for group in tried.values() for start in group], thin, search)
+    best = [first[min(group, key=lambda start: first[start].value)] for group in tried.values()]
+    on = [_start_at(fitted, nominal) for fitted in best]
+    ends = best_of(multi_start(on, thin, search, halve=False))
     order = sorted(ends, key=lambda name: cost(ends[name]))
-    full = [Start((n,), ends[n].plant, ends[n].noise, ends[n].zeros) for n in order[: policy.fitted_whole]]
-    found = best_of(multi_start(full, nominal, search, halve=False))
-    return min(found.values(), key=cost, default=None)
+    full = [_start_at(ends[name], nominal) for name in order[: policy.fitted_whole]]
+    return best_of(multi_start(full, nominal, search, halve=False))
 
 
-def _fitted(starts: Mapping[Start, Start | Fit], thin: Fit, search: Search, iterations: int) -> dict[Start, Fit]:
-    def run(at: Start | Fit) -> Fit:
+def _start_at(fitted: Fit, nominal: Fit) -> Start:
+    return Start((added(fitted, nominal).name,), fitted.plant, fitted.noise, fitted.zeros)
+
+
+def _one_round(starts: Sequence[Start], thin: Fit, search: Search) -> dict[Start, Fit]:
+    def run(at: Start) -> Fit:
         return search.fitter(
             at.plant,
             at.noise,
             thin.records,
             anchor=search.anchor,
             policy=search.policy,
-            iterations=iterations,
+            iterations=search.policy.round_iterations,
             effort="coarse",
             zeros=at.zeros,
         )
 
-    return dict(zip(starts, shared_pool().map(run, starts.values()), strict=True))
+    return dict(zip(starts, shared_pool().map(run, starts), strict=True))
 
 
 def cost(fitted: Fit) -> float:

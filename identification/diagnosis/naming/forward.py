@@ -6,7 +6,7 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
@@ -18,7 +18,7 @@ from ..locate.location import Where
 from ..policy import DecisionPolicy
 from .fits import Fit
 from .pairs import two_for_one
-from .search import Search
+from .search import NOTHING_YET, Search
 from .suspects import Ranking, Suspect, alike, slight
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
@@ -119,7 +119,7 @@ def name_effects(
     most: int = 6,
     left: Left = nothing_left,
     witness: Witness = NoWitness(),  # noqa: B008  (no state)
-    held: Fit | None = None,
+    joined: Mapping[str, Fit] = NOTHING_YET,
     change: Change = never_small,
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
@@ -128,11 +128,11 @@ def name_effects(
     nominal: the model without effects. most: effects at most. left(fit): evidence [nats] of torques that a fit
     does not explain; a further effect that leaves more than it explains is not what is missing, only something that
     takes its shape. witness: while a model is far off on data that no fit saw, these decide about a further effect, and
-    not how small it is beside the largest. held: a fit with one effect that takes part as it is. change(without,
+    not how small it is beside the largest. joined: fits with one effect from other starts. change(without,
     fit, other): how much a further effect changes the torques beside a look-alike.
     """
     judge = _Judge(search.policy, left, witness, change)
-    grown = _grow(search, _Grown(nominal, nominal), most, judge, held)
+    grown = _grow(search, _Grown(nominal, nominal), most, judge, joined)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
         grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
     policy = search.policy
@@ -189,7 +189,7 @@ class _Judge:
         return self.witness.far(before) and self.witness.confirms(before, after)
 
 
-def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, held: Fit | None = None) -> _Grown:
+def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, joined: Mapping[str, Fit] = NOTHING_YET) -> _Grown:
     """Effects added one at a time, until no further one is believed."""
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
     found, last, refused = list(so_far.found), (), None
@@ -200,8 +200,8 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, held: Fit | 
             absorbed = {name: s.absorbed for name, s in table.items()}
         worth = partial(judge.counts, found, current=current)
         complete = step > 0 and bool(names) and judge.left(current) <= 0.0
-        joining = held if step == 0 else None
-        current, last = search.refits(current, names, table, held=joining, worth=worth, nothing_left=complete)
+        joining = NOTHING_YET if step else joined
+        current, last = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
         if step == 0:
             nominal = current
         if not last or last[0].net < search.policy.believed:

@@ -8,7 +8,7 @@ without the effect carries part of it).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +24,10 @@ from .scores import Score, scores
 from .suspects import Ranking, Suspect, alike, price, shortlist, slight
 
 Scorer = Callable[..., dict[str, Score]]
+
+
+NOTHING_YET: Mapping[str, Fit] = {}
+"""No fits."""
 
 
 def _silent(text: str) -> None:
@@ -59,12 +63,14 @@ class _Chase:
         return self.fits[self.name]
 
     def rivals(self, policy: DecisionPolicy) -> dict[str, Effect]:
-        """What might be mistaken for the best, each with where it starts: fitted effects as they are, declared
-        look-alikes that no score suggested as their scores or defaults have them."""
+        """What might be mistaken for the best, each with where it starts: fitted effects as they are, suggested ones
+        that have not been fitted, and declared look-alikes that no score suggested as their scores or defaults have
+        them."""
         best = self.name
         found = {n: added(self.fits[n], self.current) for n in rivals_of(best, self.fits, policy) if n != best}
+        found |= {n: start for n, start in self.suggested.items() if n not in self.fits}
         for name in self.table:
-            if alike(name, best) and name not in self.fits:
+            if alike(name, best) and name not in self.fits and name not in found:
                 found[name] = self.table[name].start or self.current.plant.default_effect(name)
         return found
 
@@ -111,23 +117,26 @@ class Search:
         table: dict[str, Score],
         thorough: bool = False,
         held: Fit | None = None,
+        joined: Mapping[str, Fit] = NOTHING_YET,
         worth: Callable[[float], bool] = lambda gain: True,
         effort: Effort = "restarted",
         nothing_left: bool = False,
     ) -> tuple[Fit, Ranking]:
         """Suspects fitted; the model without any is fitted again from the best one's θ, so that neither stopped early.
 
-        held: a fit with an effect more than `current` that takes part as it is. worth(gain [nats]): whether the best
+        held: a fit with an effect more than `current` that takes part as it is. joined: coarse fits of effects from
+        elsewhere; the best of them replaces a start at θ of `current`. worth(gain [nats]): whether the best
         is fitted to the end, with what effort; else it stays as coarsely fitted as it is. nothing_left: `current`
         leaves no structure; then no other starts are tried where the first ones do not pay for their parameters.
         """
         suggested = {name: start for name in names if (start := table[name].start) is not None}
         if held is not None:
             suggested[added(held, current).name] = added(held, current)
+        suggested |= {name: added(fitted, current) for name, fitted in joined.items()}
         if not suggested:
             return current, ()
-        fits = self._started(current, suggested, held, thorough)
-        chase = _Chase(fits, suggested, table, current, held, effort)
+        fits = dict(joined) or self._started(current, suggested, held, thorough)
+        chase = _Chase(fits, suggested, table, current, held, effort, resized=set(joined))
         hopeless = nothing_left and all(
             current.value - f.value < price(name, current.samples) for name, f in fits.items()
         )

@@ -160,11 +160,11 @@ def settled(first: Any, second: Any, other: Any, dragged: bool = False) -> tuple
     """What `_settled` decides between two searches, and which were made ("with": the one that `other` joins)."""
     made: list[str] = []
 
-    def named(joining: Any) -> Any:
-        made.append("without" if joining is None else "with")
-        return first if joining is None else second
+    def named(joined: Any) -> Any:
+        made.append("with" if joined else "without")
+        return second if joined else first
 
-    return _settled(named, lambda: other, search({}), dragged), made
+    return _settled(named, lambda: {other.plant.effects[0].name: other}, search({}), dragged), made
 
 
 @pytest.mark.parametrize(("better", "verdict"), [(7.0, "unknown"), (60.0, "named")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -188,4 +189,17 @@ def test_a_fit_that_joins_is_found_where_no_score_suggests_it() -> None:
     joining = a_fit("input_gain_asymmetry", value=-5000.0)
     values = {"arm_spring": -700.0, "input_gain_asymmetry": [Bowl(-5000.0)]}
     assert accepted(named(values, "arm_spring")) == ["arm_spring"]
-    assert accepted(named(values, "arm_spring", held=joining)) == ["input_gain_asymmetry"]
+    assert accepted(named(values, "arm_spring", joined={"input_gain_asymmetry": joining})) == ["input_gain_asymmetry"]
+
+
+def test_effects_suggested_by_a_score_are_fitted_from_a_joined_fit_only() -> None:
+    """Model (5) is far away there, and its θ is no place to start from."""
+    joined = {"input_delay": a_fit("input_delay", value=-5000.0)}
+    told: list[str] = []
+    values = {"arm_spring": -700.0, "input_delay": -5000.0}
+    by = replace(search({"": 0.0, **values}, "arm_spring"), progress=told.append)
+    found = name_effects(a_fit(), by, joined=joined)
+    assert accepted(found) == ["input_delay"]
+    assert {s.name for s in found.rankings[0]} >= {"arm_spring", "input_delay"}
+    at_first = told[1 : told.index("scoring the library (step 2)")]
+    assert all("parameters of" in text or "to the end" in text or "without" in text for text in at_first)
