@@ -61,12 +61,20 @@ def ending_in_order() -> Iterator[None]:
             signal.signal(name, handler)
 
 
-@contextmanager
-def temporary_folder(name: str) -> Iterator[Path]:
+def new_temporary_folder(name: str) -> Path:
     """A folder of random name in the temporary folder, for this user only; those of killed processes are removed."""
     place = Path(tempfile.gettempdir()) / f"furuta-{name}"
     for left in stale(place, r"\w{8}"):
         shutil.rmtree(left, ignore_errors=True)
     prefix = re.sub(r"new$", "", temporary_name(place).name)
-    with tempfile.TemporaryDirectory(prefix=prefix, dir=place.parent) as folder:
-        yield Path(folder)
+    return Path(tempfile.mkdtemp(prefix=prefix, dir=place.parent))
+
+
+@contextmanager
+def temporary_folder(name: str) -> Iterator[Path]:
+    """A `new_temporary_folder` that goes at the end."""
+    folder = new_temporary_folder(name)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

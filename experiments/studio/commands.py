@@ -21,7 +21,7 @@ def files(session: Session) -> str:
 def _typed(path: Path, session: Session) -> str:
     if path.resolve().is_relative_to(session.folder.resolve()):
         return os.fspath(path.resolve().relative_to(session.folder.resolve()))
-    return path.name if path.parent.name.startswith("furuta-studio-") else os.fspath(path)
+    return path.name if session.was_dropped(path) else os.fspath(path)
 
 
 def _reading(session: Session) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 import warnings
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.report.contents import Verdict
 from furuta_gym.plant import Plant
+from furuta_gym.processes import new_temporary_folder
 from identification import Log, LogError, RigMapping, load_mapping, propose, read_logs, read_table
 from identification.logs.rig_file import find_mapping
 
@@ -69,8 +70,13 @@ class Session:
     def private(self) -> Path:
         """A folder of this tab alone, which goes with it."""
         if self._dropped is None:
-            self._dropped = Path(tempfile.mkdtemp(prefix="furuta-studio-"))
+            self._dropped = new_temporary_folder("studio")
+            weakref.finalize(self, shutil.rmtree, self._dropped, ignore_errors=True)  # a page or a test may forget it
         return self._dropped
+
+    def was_dropped(self, path: Path) -> bool:
+        """Whether a file came into the page and lies in no folder of the user."""
+        return path.parent == self._dropped
 
     @property
     def journal(self) -> Path:
@@ -103,7 +109,7 @@ class Session:
         others = [(p, t) for p, t in zip(self.paths, self.tables, strict=True) if p.name != path.name]
         if len(others) >= MOST_FILES:
             raise LogError(f"{path.name}: there are {MOST_FILES} logs already. Remove one first.")
-        if not self.paths and (known := find_mapping(path)) is not None and path.parent != self._dropped:
+        if not self.paths and (known := find_mapping(path)) is not None and not self.was_dropped(path):
             self.given = load_mapping(known)
         kept = [*others, (path, table)]
         before = self.paths, self.tables

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import shlex
 from pathlib import Path
 
@@ -65,6 +66,18 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path, spring_log: Path, m
     monkeypatch.setattr("experiments.studio.session.LARGEST_FILE", 1000)
     with pytest.raises(LogError, match="at most 1000"):
         Session(tmp_path).drop("large.csv", spring_log.read_bytes())
+
+
+def test_what_was_dropped_goes_with_its_session_also_where_nobody_closes_it(tmp_path: Path, spring_log: Path) -> None:
+    session = Session(tmp_path)
+    session.drop("spring.csv", spring_log.read_bytes())
+    (path,) = session.paths
+    assert session.was_dropped(path)
+    assert not session.was_dropped(spring_log)
+    assert path.parent.stat().st_mode & 0o777 == 0o700
+    del session
+    gc.collect()
+    assert not path.parent.exists()
 
 
 def test_the_commands_shown_are_commands(tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
