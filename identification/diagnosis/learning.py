@@ -14,6 +14,7 @@ from ..discrepancy.learned import most_likely_surface
 from ..estimation.identify import identify
 from ..estimation.zeros import moved
 from ..kalman.coordinates import Zeros
+from ..kalman.noise_model import Noise
 from ..kalman.record import stretches
 from ..logs.kind import kind_of
 from .gap_change import GapChange
@@ -34,7 +35,7 @@ def with_learned(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     estimate = diagnosis.after if diagnosis.confirmed else diagnosis.before
     assert estimate is not None
     try:
-        learned = learned_from(plant, estimate.zeros, held, refitted=plant is estimate.plant)
+        learned = learned_from(plant, estimate.zeros, held, _noise_of(diagnosis), refitted=plant is estimate.plant)
     except ValueError:  # the filter loses a log: nothing to learn from
         return diagnosis
     if learned is None:
@@ -44,36 +45,52 @@ def with_learned(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     return replace(diagnosis, learned=learned, summary=summary)
 
 
-def learned_from(plant: Plant, zeros: Zeros, held: HeldOut, refitted: bool = True) -> Learned | None:
+def _noise_of(diagnosis: Diagnosis) -> Noise | None:
+    naming = diagnosis.naming
+    return None if naming is None else (naming.final if diagnosis.confirmed else naming.nominal).noise
+
+
+def learned_from(
+    plant: Plant, zeros: Zeros, held: HeldOut, noise: Noise | None = None, refitted: bool = True
+) -> Learned | None:
     """The torque that a plant lacks on the arm, learned from the fitted logs and judged by the held-out ones.
 
-    zeros: of the fitted logs' encoders. refitted: whether θ is estimated again beside it. None where the logs ask for
-    no such torque. Raises ValueError if the filter loses a log.
+    zeros: of the fitted logs' encoders. noise: of the plant's fit, from which the next goes on. refitted: whether θ is
+    estimated again beside it, where anything can come of it. None where the logs ask for no such torque. Raises
+    ValueError if the filter loses a log.
     """
     records = [stretch.record for stretch in stretches(moved(held.logs, zeros))]
     surface = most_likely_surface(plant, records, refitted)
     if surface.evidence < held.policy.believed:
         return None
     found = plant.with_effects(surface.effect)
+    if reason := _no_judge(held):
+        return Learned(found, surface.evidence, None, False, reason)
     if refitted:
         bare = found.replace(covariance=None, checks={}, provenance={})
-        found = identify(held.logs, bare, zeros=zeros).plant
+        found = identify(held.logs, bare, noise=noise, zeros=zeros).plant
     change, reason = _judged(plant, found, held)
     return Learned(found, surface.evidence, change, not reason, reason or _praise(change))
 
 
+def _no_judge(held: HeldOut) -> str:
+    """Why the held-out logs cannot say whether what is learned holds; empty if they can."""
+    if not held.whole:
+        return "no other log was held out, and one log cannot tell whether it holds elsewhere"
+    fitted = {kind_of(log) for log in held.logs}
+    if all(kind_of(log) in fitted for log in held.whole):
+        return "no held-out log is of another kind of experiment, and one kind cannot tell whether it holds"
+    return ""
+
+
 def _judged(plant: Plant, found: Plant, held: HeldOut) -> tuple[GapChange | None, str]:
     """How the gap changes, and why the torque is not added; an empty reason if it is."""
-    if not held.whole:
-        return None, "no other log was held out, and one log cannot tell whether it holds elsewhere"
     try:
         change = held.change(held.gap(plant), held.gap(found))
     except ValueError as error:
         return None, f"held-out data could not be predicted with it: {error}"
     fitted = {kind_of(log) for log in held.logs}
     others = [part for part in change.by_kind if part.name not in fitted]
-    if not others:
-        return change, "no held-out log is of another kind of experiment, and one kind cannot tell whether it holds"
     if worse := [part.name for part in change.by_kind if part.closed.value < 0.0]:
         return change, f"the error on held-out data grows: {', '.join(worse)}"
     if not all(part.closed.interval[0] > 0.0 for part in others):

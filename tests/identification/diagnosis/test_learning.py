@@ -64,7 +64,8 @@ def test_it_is_added_where_it_holds_in_another_experiment_and_the_gap_shrinks():
 def test_without_another_experiment_it_is_refused(monkeypatch, whole, reason):
     surface = Surface(Effect("arm_learned", {"c00": 0.1}), 100.0)
     monkeypatch.setattr(learning, "most_likely_surface", lambda *_: surface)
-    found = learning.learned_from(TABLE_3, {}, HeldOut((loop_log(duration=4.0)[0],), whole, POLICY), refitted=False)
+    monkeypatch.setattr(learning, "identify", lambda *_, **__: pytest.fail("a fit of which nothing can come"))
+    found = learning.learned_from(TABLE_3, {}, HeldOut((loop_log(duration=4.0)[0],), whole, POLICY))
     assert found is not None
     assert not found.added
     assert reason in found.reason
@@ -98,7 +99,8 @@ def test_it_changes_the_plant_where_it_is_added_and_never_the_verdict(monkeypatc
     assert (told.verdict, told.found) == (before.verdict, before.found)
     assert told.summary.endswith("so it is.")
     assert told.plant is (plant if added else TABLE_3)
-    assert asked == [((TABLE_3, {0: (0.1, 0.0)}, held), {"refitted": True})]
+    noise = before.naming and before.naming.final.noise
+    assert asked == [((TABLE_3, {0: (0.1, 0.0)}, held, noise), {"refitted": True})]
     assert told.learned is not None
     assert told.learned.to_dict()["added"] is added
     assert learning.with_learned(replace(before, rest=rest()), held).learned is None, "nothing that matters"
