@@ -162,7 +162,8 @@ def run_trials(
     control = as_lanes(policy, L)
     P, codes, rows = pack(plants)
     h_max = integration_step(max(p.sharpest for p in plants), LONGEST_STEP, T)
-    u_max = np.array([p.u_max for p in plants])
+    supply = np.array([p.supply for p in plants])
+    slew = np.array([p.limit("slew", np.inf) for p in plants]) * T
     impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright
     first_push, push_samples = np.round(starts.push_time / T), max(1, round(PUSH_LENGTH / T))
     X = np.zeros((rows, L))
@@ -173,7 +174,8 @@ def run_trials(
     for k in range(n):
         if not score.watch(k, X):
             break
-        u = np.minimum(np.maximum(control(sensors.read(X, P, codes, rng)), -u_max), u_max)
+        u = np.clip(control(sensors.read(X, P, codes, rng)), -supply, supply)
+        u = np.clip(u, U[k] - slew, U[k] + slew)
         U[k + 1] = np.where(score.alive, u, 0.0)
         W[1] = impulse / (push_samples * T) * ((k >= first_push) & (k < first_push + push_samples))
         advance(X, t[k], t[k + 1], held, U, k + 1, W, P, codes, h_max)

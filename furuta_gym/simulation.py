@@ -133,14 +133,17 @@ class LivePlant:
         return self.sensors.read(self._X, self._P, self._codes, self.rng)[:, 0]
 
     def step(self, command: float, torque: Sequence[float] | NDArray[np.float64] = (0.0, 0.0)) -> None:
-        """Go on by one sample under a command [{u}], clipped to ±u_max, and torques (2,) [{u}] on the two rows.
+        """Go on by one sample under a command [{u}], within the rig's supply and slew, and torques (2,) [{u}] on the two
+        rows.
 
         Raises FloatingPointError where the motion leaves all bounds."""
         if self._row + 1 >= len(self._U):
             self._shift()
         self._row += 1
         t, T = self.t, self.sample_time
-        self._U[self._row, 0] = min(max(command, -self.plant.u_max), self.plant.u_max)
+        most = self._slew * T
+        command = min(max(command, -self._supply), self._supply)
+        self._U[self._row, 0] = min(max(command, self._U[self._row - 1, 0] - most), self._U[self._row - 1, 0] + most)
         self._W[:, 0] = torque
         advance(self._X, t, t + T, self._given, self._U, self._row, self._W, self._P, self._codes, self._h_max)
         if not np.abs(self._X[:4, 0]).max() < _BOUND:
@@ -165,6 +168,7 @@ class LivePlant:
         self._h_max = integration_step(plant.sharpest, self._longest_step, self.sample_time)
         p, self._codes, self._rows = plant.packed()
         self._P = p[:, None]
+        self._supply, self._slew = plant.supply, plant.limit("slew", np.inf)
         self.plant = plant
 
     def _shift(self) -> None:
@@ -188,7 +192,9 @@ def simulate(
     q2_limit: float = np.inf,
     longest_step: float = LONGEST_STEP,
 ) -> Simulation:
-    """Simulate `duration` seconds with commands u = clip(policy(y) + d(t), ±u_max) held for `sample_time`.
+    """Simulate `duration` seconds with commands u = policy(y) + d(t) held for `sample_time`.
+
+    Commands stay within ±u_max, and within the supply and the slew of the plant's limits where it has them.
 
     policy: called with readings y (2,) [rad] once a sample, gives the command [{u}]; `open_loop()` commands nothing.
     sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.

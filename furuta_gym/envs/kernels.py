@@ -21,9 +21,9 @@ from .randomization import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
 
 # Rows of a block before X.
-TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE, BEFORE = range(12)
+TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE, BEFORE, WANTED = range(13)
 # What may differ from episode to episode beside the plant: `ranges.RIG` names them in this order.
-NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(12, 21)
+NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(13, 22)
 
 # Entries of `sizes`.
 (STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, SAMPLES, N_SIZES) = range(9)
@@ -31,8 +31,13 @@ NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = ran
 # Entries of `numbers`; of a pair or four the first is named. Flags say whether any episode can have it.
 SAMPLE_TIME, U_MAX, ACTION_SCALE, VELOCITY_GAIN, NOISY, JITTERY, PUSHED = range(7)
 COUNT1, ARM_LIMIT, PENDULUM_LIMIT, SPEED_LIMIT, SPEED_SCALE, SPEED_SHARE, ARM_SPEED, START_Q2 = 7, *range(9, 16)
-TOLERANT, LONGEST, START_SPREAD, CENTRED, CALM, SPARING, GENTLE, ARM_MARGIN, REWARD_SCALE = 16, 17, 18, *range(22, 28)
-RIG = 28  # the rows NOISE1 … of an episode in which nothing is drawn
+TOLERANT, LONGEST, START_SPREAD, CENTRED, CALM, SPARING, GENTLE, ARM_MARGIN, REWARD_SCALE, SLEW = (
+    16,
+    17,
+    18,
+    *range(22, 29),
+)
+RIG = 29  # the rows NOISE1 … of an episode in which nothing is drawn
 N_NUMBERS = RIG + N_FIXED - NOISE1
 
 BALANCE_LIMIT = 0.5  # rad; |q2| beyond it ends an episode of `balance`
@@ -239,6 +244,8 @@ def _judge(lanes, sizes, numbers):
         for k in range(L):
             change = (lanes[COMMAND, k] - lanes[BEFORE, k]) / u_max
             lanes[REWARD, k] *= extra_factors_of(lanes[N_FIXED, k], change, numbers)
+    if numbers[GENTLE] > 0.0 or numbers[ARM_MARGIN] > 0.0 or numbers[SLEW] < math.inf:
+        for k in range(L):
             lanes[BEFORE, k] = lanes[COMMAND, k]
     for k in range(L):
         q1, q2, v1, v2 = lanes[N_FIXED, k], lanes[N_FIXED + 1, k], lanes[N_FIXED + 2, k], lanes[N_FIXED + 3, k]
@@ -313,12 +320,25 @@ def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, 
 
 
 @compiled
+def _slew(lanes, most):
+    """Bring every COMMAND nearer to what is WANTED, by at most `most`."""
+    for k in range(lanes.shape[1]):
+        lanes[COMMAND, k] += min(max(lanes[WANTED, k] - lanes[COMMAND, k], -most), most)
+
+
+@compiled
 def step_lanes(lanes, streams, codes, sizes, numbers, work):
     """One action of every lane of a block, standing in row COMMAND, held for SAMPLES samples."""
     period, scale = numbers[SAMPLE_TIME], numbers[ACTION_SCALE]
     for k in range(lanes.shape[1]):
         lanes[COMMAND, k] = min(max(lanes[COMMAND, k] * scale, -lanes[SUPPLY, k]), lanes[SUPPLY, k])
+    if numbers[SLEW] < math.inf:
+        for k in range(lanes.shape[1]):
+            lanes[WANTED, k] = lanes[COMMAND, k]
+            lanes[COMMAND, k] = lanes[BEFORE, k]
     for _ in range(sizes[SAMPLES]):
+        if numbers[SLEW] < math.inf:
+            _slew(lanes, numbers[SLEW] * period)
         for k in range(lanes.shape[1]):
             lanes[SPAN, k] = period
         if numbers[JITTERY] > 0.0:

@@ -153,7 +153,7 @@ class Setup:
             raise ValueError(
                 f"arm_margin must be less than the arm's limit of {self.arm_limit:g} rad, got {options.arm_margin:g}"
             )
-        self.supply = min(plant.u_max, plant.limit("supply", math.inf))
+        self.supply = plant.supply
         self.speed_unit = _own_speed(plant) if options.scale_observation else 1.0
         # an action is never shorter than asked for, so that 20 ms are never more than 50 actions a second
         self.samples = max(1, math.ceil((options.action_time or 0.0) / self.sample_time - 1e-6))
@@ -240,6 +240,7 @@ class Setup:
         numbers[k.TOLERANT] = o.reward == "tolerant"
         numbers[k.CENTRED : k.GENTLE + 1] = list((REWARD_WEIGHTS | dict(o.reward_weights)).values())
         numbers[k.ARM_MARGIN], numbers[k.REWARD_SCALE] = o.arm_margin, o.reward_scale
+        numbers[k.SLEW] = plant.limit("slew", math.inf)
         return numbers
 
     def _spaces(self) -> tuple[spaces.Box, spaces.Box]:

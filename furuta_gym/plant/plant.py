@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -143,6 +144,11 @@ class Plant:
     def limit(self, name: str, otherwise: float) -> float:
         """The rig's limit `name` (see `limits.LIMITS`), or what to take where the file has none."""
         return float((self.limits or {}).get(name, otherwise))
+
+    @property
+    def supply(self) -> float:
+        """Largest command [{u}] that the motor gets: u_max, or the rig's supply if that is less."""
+        return min(self.u_max, self.limit("supply", math.inf))
 
     @property
     def sharpness(self) -> tuple[float, float]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from experiments.bench import HiddenEffect, Rig
 from identification.estimation.identify import identify
+from identification.estimation.long_logs import glimpse_of
 from identification.estimation.optimise import TOLERANCE, minimise
 from identification.estimation.restarts import restarted
-from tests.factories import bench_log
+from tests.factories import bench_log, loop_log
 
 STRONG = {
     "servo": Rig("servo", [HiddenEffect("arm_spring", 2.0)], individual=3, scatter=0.08, sample_time=4e-3),
@@ -28,6 +30,23 @@ def test_a_strong_cable_is_sized_to_a_hundredth(name: str) -> None:
     assert estimate.value("arm_spring.k") == pytest.approx(k, rel=0.01)
     for theta, true in list(rig.truth()["theta"].items())[2:5]:
         assert estimate.value(theta) == pytest.approx(true, rel=0.05)
+
+
+def test_a_glimpse_has_its_minimum_near_that_of_all_samples():
+    """Within the errors of both: θ of a fit of the glimpse, and of all."""
+    log, plant = loop_log(duration=12.0)
+    estimate = identify(log, plant)
+    problem, optimum = estimate.problem, estimate.optimum
+    assert problem is not None
+    assert optimum is not None
+    glimpse = glimpse_of(problem)
+    assert glimpse is not None
+    assert len(glimpse.records[0].t) * 8e-3 == pytest.approx(12.0, rel=0.01)
+    there = minimise(glimpse, optimum.z, 20)
+    spread = np.sqrt(np.diag(np.linalg.inv(there.expansion.information)))
+    assert np.all(np.abs(there.z - optimum.z) < 4.0 * spread)
+    assert np.any(there.z != optimum.z)
+    assert glimpse_of(problem.on(glimpse.records)) is None, "nothing is saved there"
 
 
 def test_a_restart_leaves_a_good_fit_alone_and_mends_a_stalled_one() -> None:
