@@ -91,7 +91,7 @@ class Examination:
             "design": self.design.to_dict() if self.design else None,
             "remarks": self.remarks,
         }
-        return _plain(found | {"runtime_s": self.diagnosis.runtime_s + self.seconds})
+        return plain(found | {"runtime_s": self.diagnosis.runtime_s + self.seconds})
 
 
 def examine(
@@ -147,10 +147,10 @@ def _titles(names: Sequence[str], last: str) -> str:
     return joined([EFFECTS[name].title for name in names], last)
 
 
-def _plain(data: Any) -> Any:
+def plain(data: Any) -> Any:
     """The same with None for NaN and infinities, which JSON does not know."""
     if isinstance(data, dict):
-        return {key: _plain(value) for key, value in data.items()}
+        return {key: plain(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_plain(value) for value in data]
+        return [plain(value) for value in data]
     return None if isinstance(data, float) and not math.isfinite(data) else data

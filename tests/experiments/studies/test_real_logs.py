@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import typer
 from typer.testing import CliRunner
@@ -24,6 +28,11 @@ def test_a_measured_rig_is_fitted_and_told_to_be_incomplete(real_data: Path) -> 
     assert "torque noise fitted to these logs" in text
     assert "θ7" in text
     assert to_json([found])["rigs"][0]["held_out"]["another run"]["rms_q1"] == float(gap.rms[0])
+    no_gap: Any = SimpleNamespace(to_dict=lambda: {"by_log": [{"closed_fraction": math.nan}]})
+    data = to_json([replace(found, diagnosis=no_gap)])
+    assert json.loads(json.dumps(data, allow_nan=False))["rigs"][0]["diagnosis"] == {
+        "by_log": [{"closed_fraction": None}]
+    }
 
 
 def test_a_folder_without_logs_is_a_sentence(tmp_path: Path) -> None:
