@@ -34,6 +34,8 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(recorded: Path
         ("compare", "--plant", "qube", "--controllers", "lqr", "-o", blocked),
         ("diagnose", recorded, "-o", blocked),
         ("trials", "-o", blocked),
+        ("train", "--plant", "qube", "-o", blocked / "policy.zip"),
+        ("bench", "record", "--rig", "rig-01", "--duration", "1", "-o", blocked / "log.csv"),
     ):
         refused(furuta(*command), "taken", "nothing can be written")
 
@@ -68,7 +70,19 @@ def test_columns_and_units_may_be_given_one_by_one(tmp_path: Path):
     log = some_log(tmp_path / "log.csv")
     log.write_text(log.read_text().replace("t,q1,q2,u", "s,arm,rod,volts"))
     each = [word for pair in ("t=s", "q1=arm", "q2=rod", "u=volts") for word in ("--columns", pair)]
-    reading = (*each, "--unit", "q1=rad", "--unit", "q2=rad", "--input-unit", "V", "--pendulum-zero", "upright")
+    reading = (
+        *each,
+        "--unit",
+        "q1=rad",
+        "--unit",
+        "q2=rad",
+        "--input-unit",
+        "V",
+        "--pendulum-zero",
+        "upright",
+        "--flip",
+        "none",
+    )
     done = furuta("init", log, "-o", tmp_path / "rig.toml", *reading)
     assert done.exit_code == 0, done.output
     kept = tomllib.loads((tmp_path / "rig.toml").read_text(encoding="utf-8"))
