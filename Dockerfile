@@ -1,5 +1,6 @@
 # docker build -t furuta . && docker run --rm -v "$PWD":/work furuta identify log.csv -o rig.json
-# Every command but `train` and `studio`: the extras rl and studio are left out.
+# Every command but `train` and `studio`; `demo` leaves its policies out, and `compare` has no `planned`: the extras rl,
+# studio and plan are left out. Where your user has another number than 1000, add --user "$(id -u)": it then compiles anew.
 FROM python:3.13-slim AS build
 WORKDIR /source
 COPY . .

@@ -56,8 +56,11 @@ core:  ## source distribution and wheel, and the wheel alone at work outside of 
 constraints:  ## the newest versions that pyproject.toml allows, to constraints.txt; then run make test
 	rm -rf build/constraints
 	$(PYTHON) -m venv build/constraints
+	build/constraints/bin/pip install --quiet --retries 0 --timeout 20 --no-deps --index-url $(TORCH_INDEX) torch \
+		2> /dev/null || echo "torch comes from pip's own index"
 	build/constraints/bin/pip install --quiet ".[$(EXTRAS)]"
-	build/constraints/bin/pip freeze --exclude furuta-gym | sed 's/+[^ ]*$$//' > build/constraints.txt
+	build/constraints/bin/pip freeze --exclude furuta-gym > build/frozen.txt
+	sed 's/+[^ ]*$$//' build/frozen.txt > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 
 clean:

@@ -28,7 +28,15 @@ def in_the_way(home: Path) -> str:
 
 
 def main() -> None:
-    """Run `furuta`; exit code 2 and a sentence where another package is in the way."""
+    """Run `furuta`; a sentence and exit code 2 where another package is in the way, 130 at Ctrl-C while it loads."""
+    try:
+        _start()
+    except KeyboardInterrupt:
+        print("Interrupted. Nothing was written; results of an earlier run are as they were.", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+def _start() -> None:
     trouble = in_the_way(Path(__file__).parent)
     if trouble:
         print(f"Error: {trouble}", file=sys.stderr)

@@ -216,7 +216,13 @@ def _words(text: str | None) -> str:
 
 PLANT_WORDS = """A plant file is the model of one rig with numbers in it. `furuta identify` and `furuta diagnose`
 write it, `Plant.save` and `Plant.load` write and read it in Python, and every command that takes `--plant` reads it.
-`gymnasium.make("FurutaID-v0", plant="rig.json")` simulates it."""
+`gymnasium.make("FurutaID-v0", plant="rig.json")` simulates it.
+
+To read it in another language, you need a JSON reader, UTF-8, and five keys. `theta` and `friction_sharpness` go into
+[equation (5)](../explanation/model.md). `unit` says what the command is in, and `u_max` its largest size. Each entry of
+`effects` adds the equation of its name in the [effects page](effects.md). A program that does not know an effect should
+refuse the file, as the rest is another plant without it. Angles are in rad, times in s. Keys that you do not know may
+be left out."""
 
 DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`. Most of its keys are those of
 `Diagnosis.to_dict()`. The file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes

@@ -87,8 +87,10 @@ def record_command(
         run.write(output)
         if reveal:
             run.write_truth(output.with_suffix(".truth.json"))
-    except (ValueError, PendulumLost, OSError) as error:
+    except (ValueError, PendulumLost) as error:
         raise _refuse(str(error)) from error
+    except OSError as error:
+        raise _refuse(f"output {output}: nothing can be written there ({error.strerror})") from error
     if as_json:
         facts = {"log": str(output), "samples": len(run.t), "duration": float(run.t[-1])}
         typer.echo(json.dumps(facts | ({"truth": run.truth} if reveal else {}), ensure_ascii=False, indent=2))

@@ -14,6 +14,9 @@ EXPECTED = (ValueError, OSError, FloatingPointError)
 """What bad input raises here (LogError, DesignError and JSON errors are ValueErrors). Anything else is a bug."""
 
 
+logging.getLogger("furuta").addHandler(logging.NullHandler())  # else logging itself prints each warning again
+
+
 @contextmanager
 def explained(traceback: bool = False) -> Iterator[None]:
     """Turn expected errors into a message on stderr and exit code 2, and warnings into lines on stderr.

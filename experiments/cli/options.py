@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -38,7 +39,7 @@ def output_file(path: Path, endings: Iterable[str], inputs: Iterable[Path] = ())
     if path.is_dir():
         raise ValueError(f"output {path} is a folder; expected the name of a file")
     check_folder(path.parent)
-    if any(path.resolve() == i.resolve() for i in inputs):
+    if any(os.path.realpath(path) == os.path.realpath(i) for i in inputs):  # goes through loops of links
         raise ValueError(f"output {path} is also an input and would be lost; choose another name")
     return path
 

@@ -27,8 +27,12 @@ def _option(help: str, *names: str) -> Any:
     return typer.Option(*names, help=help, rich_help_panel=_PANEL)
 
 
-Columns = Annotated[str | None, _option("Names in the file: t=Time,q1=theta,q2=alpha,u=volts.")]
-Unit = Annotated[str | None, _option("Angles in rad (default), deg or counts; or q1=deg,q2=rad.")]
+Columns = Annotated[
+    list[str] | None, _option("Names in the file: t=Time,q1=theta,q2=alpha,u=volts; it may be repeated.")
+]
+Unit = Annotated[
+    list[str] | None, _option("Angles in rad (default), deg or counts; or q1=deg,q2=rad; it may be repeated.")
+]
 PendulumZero = Annotated[str | None, _option("Where the file's q2 is zero: upright (default) or hanging.")]
 Flip = Annotated[list[str] | None, _option("Turn the sign of q1, q2 or u; repeat it, or use commas; none turns none.")]
 EncoderCounts = Annotated[str | None, _option("Counts per revolution, one number or two: 2048 or 2048,4096.")]
@@ -74,15 +78,16 @@ class Reading:
         mapping: Path | None,
         as_given: bool,
         flip: list[str] | None,
-        columns: str | None,
-        unit: str | None,
+        columns: list[str] | None,
+        unit: list[str] | None,
         **said: Any,
     ) -> Reading:
         """From the values of the options. Raises LogError."""
         from identification.logs.rig_mapping import RigMapping
 
         turned = None if flip is None else ",".join(f for f in flip if f != "none")
-        return cls(RigMapping.of(columns, unit, flip=turned, **said), mapping, as_given)
+        named, units = (",".join(texts) if texts else None for texts in (columns, unit))
+        return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
 
 
 def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -210,7 +215,7 @@ def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]
     whole = propose(tables, mapping.without(*lacking))
     names = ", ".join(mapping.columns.get(ours, ours) for ours in lacking)
     there = ", ".join(list(tables[0].columns)[:20]) or "none"
-    options = whole.mapping.options()
+    options = whole.mapping.options() if set(lacking) <= set(whole.mapping.columns) else ""
     first = f"no column {names}. Found: {there}. Expected t, q1 (arm), q2 (pendulum), u."
     return [f"{first} It may be read with {options}" if options else first, *(str(p) for p in whole.fatal)]
 

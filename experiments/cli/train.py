@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from . import options as opt
-from .output import counted, print_json
+from .output import check_folder, counted, print_json
 
 
 def train_command(
@@ -84,6 +84,7 @@ def train_command(
     from controllers.training import Training, train
     from furuta_gym.plant import Plant
 
+    check_folder(output.parent)
     training = Training.of_recipe(
         Plant.resolve(plant),
         recipe,

@@ -255,6 +255,10 @@ class Plant:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Plant":
         """Read a plant file. Raises FileNotFoundError or ValueError, each naming the file."""
+        if os.path.isdir(path):
+            raise ValueError(
+                f"{path} is a folder; expected a plant file, as `furuta identify LOG -o rig.json` writes it"
+            )
         try:
             return cls.from_dict(read_json(Path(path).read_text(encoding="utf-8")))
         except (json.JSONDecodeError, UnicodeDecodeError):

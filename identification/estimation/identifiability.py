@@ -93,8 +93,8 @@ class Identifiability:
     def summary(self) -> str:
         head = {"good": "all parameters are identified", "weak": "some parameters are weak"}.get(self.level, "")
         if self.level == "not identifiable":
-            head = f"these logs do not tell {spoken(self.unidentified)}"
-        return ". ".join([head, *self.advice])
+            head = f"these logs do not show {spoken(self.unidentified)}"
+        return ": ".join([head, "; ".join(self.advice)] if self.advice else [head])
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -136,7 +136,7 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
         lost += [n for n in EVERYTHING if n in ARM or n in PENDULUM]
         advice.append(
             f"the arm is held or its encoder is not read ({degrees}): only ratios of the pendulum's own parameters "
-            "could be told; let the arm move and drive it"
+            "could be found; let the arm move and drive it"
         )
     elif pendulum_still:
         lost += PENDULUM

@@ -39,7 +39,7 @@ def main(reader: str, path: str) -> int:
         print("it unfolds to more memory than a log may take", file=sys.stderr)
         return BROKEN
     except Exception as error:  # libraries raise whatever a broken file leads them to
-        print(error or type(error).__name__, file=sys.stderr)
+        print(str(error) or type(error).__name__, file=sys.stderr)
         return BROKEN
     out = sys.stdout.buffer
     out.write(json.dumps([facts, list(arrays)]).encode() + b"\n")

@@ -59,7 +59,10 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
     check_file(path)
     assert reader is not None  # a folder was refused
-    return reader(path)
+    table = reader(path)
+    if table.columns and not max(map(len, table.columns.values())):
+        raise LogError(f"{path.name}: 0 samples. There is a header, and no row below it. Expected one row per sample.")
+    return table
 
 
 def ending_of(path: Path) -> str:

@@ -28,8 +28,9 @@ def check_file(path: Path) -> None:
     if not what:
         return
     nearby: list[str] = []
+    folder, pattern = (path, "*.*") if os.path.isdir(path) else (path.parent, f"*{path.suffix or '.*'}")
     with suppress(OSError, ValueError):  # a name that is none
-        nearby = sorted(p.name for p in path.parent.glob(f"*{path.suffix}") if p != path)[:5]
+        nearby = sorted(p.name for p in folder.glob(pattern) if p != path and p.is_file())[:5]
     hint = f" In that folder: {', '.join(nearby)}." if nearby else ""
     raise LogError(f"{path}: this log {what}. Expected a file.{hint}")
 

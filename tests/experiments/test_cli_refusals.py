@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from experiments.cli.reading import Reading
 from furuta_gym.plant import QUBE
-from tests.commands import furuta, refused
+from tests.commands import furuta, refused, some_log
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -27,6 +34,8 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(recorded: Path
         ("compare", "--plant", "qube", "--controllers", "lqr", "-o", blocked),
         ("diagnose", recorded, "-o", blocked),
         ("trials", "-o", blocked),
+        ("train", "--plant", "qube", "-o", blocked / "policy.zip"),
+        ("bench", "record", "--rig", "rig-01", "--duration", "1", "-o", blocked / "log.csv"),
     ):
         refused(furuta(*command), "taken", "nothing can be written")
 
@@ -54,3 +63,57 @@ def test_a_run_of_one_sample_is_no_log(tmp_path: Path):
     refused(furuta("simulate", "--plant", "qube", "--controller", "lqr", "--sample-time", "0.5", *to), "--sample-time")
     refused(furuta("simulate", "--plant", "qube", "--duration", "0.005", *to), "--duration is too short")
     assert not list(tmp_path.iterdir())
+
+
+def test_columns_and_units_may_be_given_one_by_one(tmp_path: Path):
+    """`furuta init` and refusals name one option for each column, and people copy all of them."""
+    log = some_log(tmp_path / "log.csv")
+    log.write_text(log.read_text().replace("t,q1,q2,u", "s,arm,rod,volts"))
+    each = [word for pair in ("t=s", "q1=arm", "q2=rod", "u=volts") for word in ("--columns", pair)]
+    reading = (
+        *each,
+        "--unit",
+        "q1=rad",
+        "--unit",
+        "q2=rad",
+        "--input-unit",
+        "V",
+        "--pendulum-zero",
+        "upright",
+        "--flip",
+        "none",
+    )
+    done = furuta("init", log, "-o", tmp_path / "rig.toml", *reading)
+    assert done.exit_code == 0, done.output
+    kept = tomllib.loads((tmp_path / "rig.toml").read_text(encoding="utf-8"))
+    assert kept["columns"] == {"t": "s", "q1": "arm", "q2": "rod", "u": "volts"}
+    assert (kept["units"]["q1"], kept["units"]["q2"]) == ("rad", "rad")
+    said = Reading.of(None, False, None, columns=None, unit=["q1=deg", "q2=counts"]).said
+    assert (said.unit_q1, said.unit_q2) == ("deg", "counts")
+
+
+def test_a_link_that_leads_back_to_itself_is_told(tmp_path: Path):
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    refused(furuta("identify", tmp_path / "loop.csv", "-o", tmp_path / "rig.json"), "leads back to itself")
+
+
+def test_a_folder_given_for_a_plant_is_told(recorded: Path, tmp_path: Path):
+    refused(furuta("validate", tmp_path, recorded), "is a folder", "expected a plant file", "furuta identify")
+
+
+def test_what_may_be_guessed_of_a_file_without_columns_is_not_offered(tmp_path: Path):
+    log = some_log(tmp_path / "log.csv")
+    log.write_text("\n".join(row.split(",")[0] for row in log.read_text().splitlines()))
+    told = furuta("identify", log, "-o", tmp_path / "rig.json")
+    refused(told, "no column q1, q2, u")
+    assert "may be read with" not in told.stderr
+
+
+def test_a_warning_is_printed_once(tmp_path: Path):
+    log = some_log(tmp_path / "log.csv", q2=np.zeros(400))
+    run = [sys.executable, "-c", "from experiments.cli import main; main()", "identify", str(log)]
+    told = subprocess.run(
+        [*run, "-o", str(tmp_path / "rig.json")], capture_output=True, text=True, timeout=120, cwd=ROOT
+    )
+    assert told.returncode == 2
+    assert told.stderr.count("q2 is 0 rad in every sample") == 1, told.stderr

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -61,3 +62,15 @@ def test_an_installation_that_is_not_whole(tmp_path: Path) -> None:
 
 def test_the_script_is_this_one() -> None:
     assert 'furuta = "furuta_command:main"' in (HOME / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_ctrl_c_while_the_program_loads(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    class Loading(types.ModuleType):
+        def __getattr__(self, name: str) -> None:
+            raise KeyboardInterrupt if name == "main" else AttributeError(name)
+
+    monkeypatch.setitem(sys.modules, "experiments.cli", Loading("experiments.cli"))
+    with pytest.raises(SystemExit) as ended:
+        furuta_command.main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err.startswith("Interrupted. Nothing was written")

@@ -15,6 +15,7 @@ from .values import Confidence
 
 SPOKEN = {"t": "time", "q1": "arm angle", "q2": "pendulum angle", "u": "command"}
 _MOST = 8  # columns that are tried as angles
+_LARGEST = 1e100  # the third power of a smaller number is finite
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Choice:
 
 
 def numeric(table: Table) -> dict[str, np.ndarray]:
-    """The columns that hold numbers (dates as seconds), of the table's length, NaN where a cell is empty."""
+    """The columns that hold numbers (dates as seconds), of the table's length, NaN where a cell is empty or so large
+    that nothing can be computed of it (`check_numbers` names it)."""
     found = {}
     for name, values in table.columns.items():
         try:
@@ -37,7 +39,7 @@ def numeric(table: Table) -> dict[str, np.ndarray]:
             if values.dtype.kind in "OUS" and len(values) and _mostly_numbers(values):
                 found[name] = np.full(len(values), np.nan)
     length = max(map(len, found.values()), default=0)
-    return {name: values for name, values in found.items() if len(values) == length}
+    return {n: np.where(np.abs(x) < _LARGEST, x, np.nan) for n, x in found.items() if len(x) == length}
 
 
 def _mostly_numbers(cells: np.ndarray) -> bool:
