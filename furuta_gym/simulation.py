@@ -133,8 +133,7 @@ class LivePlant:
         return self.sensors.read(self._X, self._P, self._codes, self.rng)[:, 0]
 
     def step(self, command: float, torque: Sequence[float] | NDArray[np.float64] = (0.0, 0.0)) -> None:
-        """Go on by one sample under a command [{u}], within the rig's supply and slew, and torques (2,) [{u}] on the two
-        rows.
+        """Go on by one sample under a command [{u}], within supply and slew, and torques (2,) [{u}] on the two rows.
 
         Raises FloatingPointError where the motion leaves all bounds."""
         if self._row + 1 >= len(self._U):

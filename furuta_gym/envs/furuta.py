@@ -32,8 +32,9 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Action
     Box(-u_max, u_max, (1,), float32): the command in the plant's own unit (V or N·m), clipped to ±u_max and held for
     one sample, or for `action_time`. Where the plant file has limits of the rig, the command stays within its `supply`
-    and nears the action by at most `slew` · T a sample, from none at reset. With `normalize_action=True` Box(-1, 1, (1,)): the share of u_max, which is what
-    learners want and what the checkers of Gymnasium and stable-baselines3 recommend.
+    and nears the action by at most `slew` · T a sample, from none at reset. With `normalize_action=True`
+    Box(-1, 1, (1,)): the share of u_max, which is what learners want and what the checkers of Gymnasium and
+    stable-baselines3 recommend.
 
     ## Observation
     Box((5,), float32): [q1, sin q2, cos q2, v1, v2] in rad and rad/s. The angles are encoder readings (counts, offset,
