@@ -102,10 +102,8 @@ def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
     learned = None
     if diagnosis and diagnosis.after:
         everything = tuple(log for files in rig.held_out.values() for log in _read(folder, rig, files))
-        held, noise = (
-            HeldOut(tuple(logs), everything, diagnosis.policy),
-            diagnosis.naming and diagnosis.naming.final.noise,
-        )
+        held = HeldOut(tuple(logs), everything, diagnosis.policy)
+        noise = diagnosis.naming and diagnosis.naming.final.noise
         learned = learned_from(after, diagnosis.after.zeros, held, noise)
     more = _gaps(learned.plant, folder, rig) if learned else {}
     return Finding(rig, estimate, unbounded, diagnosis, *before_and_after, learned=learned, gaps_learned=more)

@@ -39,11 +39,8 @@ def glimpse_of(problem: PredictionError) -> PredictionError | None:
     if (part := part_of(problem)) is not None:
         return part
     thin = [reduced(r, math.inf, THINNED, clock=True) for r in problem.records]
-    return (
-        problem.on(thin)
-        if all(2 * len(t.t) <= len(r.t) + 1 for t, r in zip(thin, problem.records, strict=True))
-        else None
-    )
+    pairs = zip(thin, problem.records, strict=True)
+    return problem.on(thin) if all(2 * len(short.t) <= len(r.t) + 1 for short, r in pairs) else None
 
 
 def begin(problem: PredictionError, iterations: int) -> NDArray[np.float64]:
