@@ -105,6 +105,94 @@ def test_a_tutorial_runs_as_it_stands_and_prints_what_it_shows(name: str, tmp_pa
             assert numbers == pytest.approx(kept, rel=0.05, abs=0.02)
 
 
+def test_masses_and_lengths_have_the_error_bars_that_the_page_shows(tmp_path: Path) -> None:
+    """docs/explanation/model.md, on the plant file that the first tutorial writes."""
+    tutorial = [code for code, _ in run_pages.kept(DOCS / "tutorials" / "first_log.md")]
+    (saves,) = [i for i, code in enumerate(tutorial) if ".save(" in code]
+    blocks = run_pages.kept(DOCS / "explanation" / "model.md")
+    printed = run_pages.run([*tutorial[: saves + 1], *(code for code, _ in blocks)], tmp_path, "model")
+    for (_, shown), said in zip(blocks, printed[saves + 1 :], strict=True):
+        assert NUMBER.sub("#", said) == NUMBER.sub("#", shown)
+        numbers, kept = ([float(number) for number in NUMBER.findall(text)] for text in (said, shown))
+        assert numbers == pytest.approx(kept, rel=0.1, abs=0.002)
+
+
+def test_the_page_on_training_scripts_runs_as_it_stands(tmp_path: Path) -> None:
+    """But for the learning itself, which the tutorials do."""
+    import gymnasium
+    import numpy as np
+
+    from furuta_gym.plant import Plant
+    from furuta_gym.plant.covariance import Covariance
+
+    plant = Plant.resolve("qube")
+    known = Covariance(tuple(f"theta{i + 1}" for i in range(9)), np.diag((0.01 * plant.theta) ** 2))
+    plant.replace(covariance=known).save(tmp_path / "rig.json")
+    first, *others = (code for code, _ in run_pages.kept(DOCS / "how-to" / "own_training_script.md"))
+    first = "\n".join(line for line in first.splitlines() if "PPO" not in line)
+    asked = "print(observation.shape, 'plant' in info, envs.observation_space.shape)"
+    try:
+        (*_, printed) = run_pages.run([first, *others, asked], tmp_path, "own_training_script")
+    finally:
+        gymnasium.registry.pop("MyRig-v0", None)
+    assert printed.strip() == "(18,) True (4, 18)"
+
+
+TITLED = re.compile(r'^```python title="([^"]*)"\n(.*?)^```', re.DOTALL | re.MULTILINE)
+
+
+def test_the_effect_of_the_page_is_a_declaration_and_equals_its_oracle() -> None:
+    import math
+    import textwrap
+
+    import numpy as np
+
+    from furuta_gym.plant import EFFECTS
+
+    page = (DOCS / "how-to" / "add_an_effect.md").read_text(encoding="utf-8")
+    (_, module), (_, library), (_, branch) = TITLED.findall(page)
+    scope: dict[str, object] = {"__package__": "furuta_gym.plant.effects", "__name__": "furuta_gym.plant.effects.mine"}
+    exec(compile(module, __file__, "exec"), scope)
+    (effect,) = scope["MY_EFFECTS"]  # type: ignore[misc]
+    assert effect.name not in EFFECTS
+    assert set(effect.mistaken_for) <= set(EFFECTS)
+    assert effect.sentence({"μ": 0.15}, "V") == "The gear loses 15 % of the motor's torque to friction"
+    source = (ROOT / "furuta_gym" / "plant" / "effects" / "library.py").read_text(encoding="utf-8")
+    assert library.splitlines()[1].replace(", *MY_EFFECTS", "") in source.splitlines()
+    for v1, r1, tau, μ in np.random.default_rng(0).uniform(0.0, 1.0, (5, 4)) * [2.0, 90.0, 3.0, 0.5] - [1, 0, 1.5, 0]:
+        oracle = {"name": effect.name, "arm": 0.0, "p": {"μ": μ}, "tau": tau, "r1": r1, "v1": v1, "tanh": math.tanh}
+        exec(textwrap.dedent(branch).removeprefix("el"), oracle)
+        assert effect.kernels["torque"].py_func(v1, r1, tau, μ) == (pytest.approx(oracle["arm"]), 0.0)
+
+
+@pytest.mark.skipif(
+    os.environ.get("FURUTA_TUTORIALS") != "all", reason="compiles anew: run it with FURUTA_TUTORIALS=all"
+)
+@pytest.mark.timeout(1800)
+def test_the_effect_of_the_page_is_simulated_estimated_and_named(tmp_path: Path) -> None:
+    """The page, step by step, on a copy of the packages."""
+    page = DOCS / "how-to" / "add_an_effect.md"
+    (_, module), (_, library), _ = TITLED.findall(page.read_text(encoding="utf-8"))
+    for package in ("furuta_gym", "identification", "controllers"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    effects = tmp_path / "furuta_gym" / "plant" / "effects"
+    (effects / "mine.py").write_text(module, encoding="utf-8")
+    imported, listed = library.splitlines()
+    text = (effects / "library.py").read_text(encoding="utf-8").replace("\n\nEFFECTS", f"\n{imported}\n\nEFFECTS", 1)
+    text = text.replace(listed.replace(", *MY_EFFECTS", ""), listed)
+    assert text.count("MY_EFFECTS") == 2
+    (effects / "library.py").write_text(text, encoding="utf-8")
+    blocks = run_pages.kept(page)
+    (tmp_path / "use.py").write_text("\n".join(code for code, _ in blocks), encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "FURUTA_CACHE": str(tmp_path / "cache")}
+    used = subprocess.run([sys.executable, "use.py"], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert used.returncode == 0, used.stderr
+    shown = "".join(text for _, text in blocks)
+    assert NUMBER.sub("#", used.stdout) == NUMBER.sub("#", shown)
+    numbers, kept = ([float(number) for number in NUMBER.findall(text)] for text in (used.stdout, shown))
+    assert numbers == pytest.approx(kept, rel=0.05, abs=0.001)
+
+
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     """Every link and anchor is checked; a page outside of the navigation is an error as well."""
     if not all(importlib.util.find_spec(name) for name in ("mkdocs", "material", "mkdocstrings")):

@@ -1,7 +1,9 @@
 """The C header, compiled by the machine's compiler, against the Python controller."""
 
+import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,6 +72,49 @@ def test_compiled_header_gives_the_same_commands(case, tmp_path):
     from_python = np.array([controller(step) for step in y])
     assert 0.02 < np.mean(np.abs(from_python) >= plant.u_max - 1e-6) < 0.98  # limited at times, not always
     assert from_c == pytest.approx(from_python, abs=1e-9 * plant.u_max)
+
+
+FIRMWARE = """
+static long arm, pendulum;
+static double volts;
+static long arm_count(void) { return arm; }
+static long pendulum_count(void) { return pendulum; }
+static void motor_volts(float u) { volts = u; }
+static void watchdog_kick(void) {}
+"""
+SESSION = """
+#include <stdio.h>
+int main(void)
+{
+    int start;
+    while (scanf("%d %ld %ld", &start, &arm, &pendulum) == 3) {
+        if (start) control_start();
+        control_tick();
+        printf("%.9g %d\\n", volts, controller.off);
+    }
+    return 0;
+}
+"""
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")
+def test_the_firmware_of_the_page_balances_and_stays_off_until_its_button(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```c\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    controller = make_controller("lqr", QUBE, 0.004)
+    export_c(controller, tmp_path / "lqr.h", single=True)
+    (tmp_path / "main.c").write_text(FIRMWARE + code + SESSION)
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    subprocess.run([str(COMPILER), *flags, "-o", tmp_path / "main", tmp_path / "main.c", "-lm"], check=True, timeout=60)
+    steps = [(0, 0, 2048), (1, 10, 2058), (0, 11, 2055), (0, 0, 0), (0, 0, 2048), (1, 10, 2058)]
+    text = "\n".join(" ".join(str(number) for number in step) for step in steps)
+    said = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
+    volts, off = zip(*((float(u), int(o)) for u, o in map(str.split, said.stdout.splitlines())), strict=True)
+    count = 2 * np.pi / 4096
+    controller.reset()
+    law = [controller(count * np.array([q1, q2 - 2048.0])) for _, q1, q2 in steps[1:3]]
+    assert volts == pytest.approx([0.0, *law, 0.0, 0.0, law[0]], abs=1e-3)
+    assert off == (0, 0, 0, 4, 4, 0)  # hanging is farther than horizontal, and stays the reason
 
 
 def test_header_says_what_a_reader_needs():

@@ -146,8 +146,8 @@ def stop_elements(effects: Effects) -> list[tuple[float, float]]:
     return [(p["κ"], p["d"]), (p["κ2"], p["d2"])] if p else []
 
 
-def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta) -> tuple[float, float]:
-    """Right-hand sides that the effects add to the arm's and to the pendulum's row."""
+def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, tau=0.0) -> tuple[float, float]:
+    """Right-hand sides that the effects add to the arm's and to the pendulum's row; tau: the motor's torque."""
     r1, r2 = sharpness(r, effects)
     arm = pendulum = 0.0
     for name, p in effects.items():
@@ -221,7 +221,7 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
     )
     g = np.array([0.0, -th5 * sin(q2)])
     friction = np.array([th6 * v1 + coulomb1, th7 * v2 + th9 * tanh(r2 * v2)])
-    extra = np.array(extra_torques(t, q1, q2, v1, v2, th, r, effects, theta))
+    extra = np.array(extra_torques(t, q1, q2, v1, v2, th, r, effects, theta, tau))
     for (kappa, d), deflection in zip(stop_elements(effects), stops, strict=True):
         extra[0] -= kappa * min(max(deflection, -d), d)
     right = np.array([into_arm + w[0], w[1]]) + extra - C @ np.array([v1, v2]) - friction - g

@@ -36,7 +36,7 @@ def _signal(name: str, values: dict[str, float], rng: np.random.Generator) -> np
     rows = []
     for _ in range(20):
         t, q1, q2, v1, v2, u = rng.uniform(-3.0, 3.0, 6)
-        args = abs(t), q1, q2, v1, v2, TABLE_3.theta, 100.0, {name: values}, TABLE_3.theta
+        args = abs(t), q1, q2, v1, v2, TABLE_3.theta, 100.0, {name: values}, TABLE_3.theta, u
         y1, y2 = reference.measured(q1, q2, {name: values})
         rows.append(
             [*reference.extra_torques(*args), reference.static_command(u, {name: values}) - u, y1 - q1, y2 - q2]
