@@ -12,7 +12,7 @@ from identification.validation.gap import Gap
 from . import search_figures, tables
 from .contents import Block, Fact, Figure, Page, Section, Text, Verdict
 from .validation_page import Said, about, adequacy, doubts_of, effects_of, error_in_words, facts, footer, gap_sections
-from .words import find_missing, joined
+from .words import find_missing, joined, opening
 
 _FITTED = "These logs were fitted. The test is a log that was not."
 
@@ -31,7 +31,7 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
             estimate.valid,
             "The parameters were identified; the error was not measured.",
         )
-        doubts: list[str] = [f"{remark[:1].upper()}{remark[1:]}."]
+        doubts: list[str] = [f"{opening(remark)}."]
     else:
         badge, good = judged.badge, judged.good and estimate.valid
         headline = f"{judged.words}: {error_in_words(gap, 'the fitted logs')}"
@@ -68,5 +68,5 @@ def _parameters(estimate: Estimate) -> Section:
     if estimate.u_max_guessed:
         limit = f"{estimate.plant.u_max:g} {estimate.plant.unit}"
         said.append(f"u_max = {limit} is guessed from the largest command; set it with `--u-max`")
-    blocks += [Text(f"{text[:1].upper()}{text[1:]}.", "note") for text in said]
+    blocks += [Text(f"{opening(text)}.", "note") for text in said]
     return Section("parameters", "Parameters", tuple(blocks))

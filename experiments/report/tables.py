@@ -53,7 +53,9 @@ def _value(estimate: Estimate, name: str) -> str:
     if name not in estimate.names:
         return "—"
     remark = " (at its bound)" if name in estimate.at_bound else ""
-    if name in (*estimate.identifiability.unidentified, *estimate.identifiability.weak):
+    if name in estimate.identifiability.unidentified:
+        remark += " (not identified)"
+    elif name in estimate.identifiability.weak:
         remark += " (weak)"
     i = estimate.names.index(name)
     return rounded(float(estimate.values[i]), float(estimate.std[i])).replace(" ", "\u00a0") + remark

@@ -62,6 +62,11 @@ def find_missing(logs: Sequence[str], held_out: Sequence[str] = ()) -> str:
     return f"Find what is missing: `furuta diagnose {shlex.join(words)}`."
 
 
+def opening(text: str) -> str:
+    """With a capital letter, unless a symbol begins it: Θ6 is no parameter."""
+    return text if text.startswith(("θ", "u_max")) else f"{text[:1].upper()}{text[1:]}"
+
+
 def joined(parts: Sequence[str], last: str) -> str:
     """a, b and c."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}" if parts else ""

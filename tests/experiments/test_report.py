@@ -306,6 +306,8 @@ def test_the_first_screen_of_identify_and_validate(examined, checked):
         assert "-o diagnosis" in first
     before = examined.diagnosis.before
     assert rounded(before.value("theta1"), float(before.std[0])) in text_of(checked[0])
+    assert "Θ" not in checked[0]  # θ6 begins a sentence there
+    assert text_of(checked[0]).count("(not identified)") == len(before.identifiability.unidentified) > 0
     fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", ["a.csv"]))
     assert "a.csv: fitted by this plant, so this is no test on new data." in text_of(fitted)
 
