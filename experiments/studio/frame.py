@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping
+import weakref
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from nicegui import ui
 
+from . import LARGEST_FILE
 from .work import Cancelled, off_loop, sentence
 
 if TYPE_CHECKING:
@@ -114,6 +116,35 @@ def put_texts(texts: Mapping[ui.label, str], moving: bool = False) -> None:
 def view(name: str) -> Any:
     """The module that draws a view."""
     return import_module(f".views.{VIEWS[name]}", __package__)
+
+
+def drop_place(
+    frame: Frame, label: str, dropped: Callable[[Frame, Any], Awaitable[None]], refused: str, most: int = 1
+) -> ui.upload:
+    """A place where files are dropped, at most so many. dropped: takes them. refused: said of those that are too large.
+
+    FastAPI keeps the handlers of an upload for good, so that they must not hold the frame of a tab that is closed."""
+    reference = weakref.ref(frame)
+
+    async def take(event: Any) -> None:
+        if (found := reference()) is not None:
+            await dropped(found, event)
+
+    def refuse() -> None:
+        if (found := reference()) is not None:
+            found.failure = refused
+            found.show()
+
+    handlers: dict[str, Any] = {"on_multi_upload": take, "max_files": most} if most > 1 else {"on_upload": take}
+    upload = ui.upload(
+        label=label,
+        multiple=most > 1,
+        auto_upload=True,
+        max_file_size=LARGEST_FILE,
+        on_rejected=refuse,
+        **handlers,
+    )
+    return upload.classes("drop").props("flat bordered")
 
 
 def light(state: str, word: str) -> None:

@@ -15,6 +15,7 @@ from nicegui.server import Server
 
 from . import LARGEST_FILE
 from .page import draw, load
+from .work import keep_little
 
 HOST = "127.0.0.1"
 _OVERHEAD = 100_000  # bytes that a form adds to a file
@@ -88,6 +89,7 @@ def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[st
     if port is not None:
         require_free(port)
     port = port or free_port()
+    keep_little()
     path = register(Path.cwd(), [log.resolve() for log in logs])
 
     async def tell() -> None:

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import logging
+import sys
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 _logger = logging.getLogger("furuta.studio")
 T = TypeVar("T")
 EXPECTED = (ValueError, OSError, FloatingPointError)
+AFTERWARDS = 2.0  # s from a computation until memory is given back: whoever asked has dropped by then what is not kept
+MOST_KEPT = 1 << 20  # bytes of free memory that glibc may keep at the end of what it has for a thread
+_library = ctypes.CDLL(None) if sys.platform == "linux" else None
+_malloc_trim = getattr(_library, "malloc_trim", None)  # glibc alone has it
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
 class Cancelled(Exception):
@@ -52,7 +60,7 @@ def sentence(error: BaseException) -> str:
 
 
 async def off_loop(function: Callable[..., T], *arguments: Any) -> T:
-    """Run in a thread; the compiled code lets others run meanwhile."""
+    """Run in a thread; the compiled code lets others run meanwhile. Memory that it no longer needs is given back."""
     try:
         return await asyncio.to_thread(function, *arguments)
     except (*EXPECTED, Cancelled):
@@ -60,6 +68,35 @@ async def off_loop(function: Callable[..., T], *arguments: Any) -> T:
     except Exception:
         _logger.exception("a computation of the studio failed")
         raise
+    finally:
+        _give_back_soon()
+
+
+def keep_little() -> None:
+    """Have threads give back what they free at the end of their memory, and have large arrays outside of it.
+
+    glibc keeps the memory that a thread has freed for this thread, and the more the larger the arrays were. Threads
+    take turns with the computations, so that each would come to hold as much as the largest of them needs."""
+    if _library is not None and _malloc_trim is not None:
+        _library.mallopt(_M_TRIM_THRESHOLD, MOST_KEPT)
+        _library.mallopt(_M_MMAP_THRESHOLD, MOST_KEPT)
+
+
+_due: WeakSet[asyncio.AbstractEventLoop] = WeakSet()  # loops that will give memory back
+
+
+def _give_back_soon() -> None:
+    """Have what is free between things that are kept given back too, once for all computations of some seconds."""
+    loop, trim = asyncio.get_running_loop(), _malloc_trim
+    if trim is None or loop in _due:
+        return
+
+    def give_back() -> None:
+        _due.discard(loop)
+        loop.run_in_executor(None, trim, 0)
+
+    _due.add(loop)
+    loop.call_later(AFTERWARDS, give_back)
 
 
 class Latest:

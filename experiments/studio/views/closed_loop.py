@@ -16,7 +16,7 @@ from controllers import CONTROLLERS, Controller, make_controller
 from furuta_gym import EFFECTS, Effect, Plant, Sensors
 
 from .. import LARGEST_FILE, charts, commands
-from ..frame import Frame, command_line, heading, message
+from ..frame import Frame, command_line, drop_place, heading, message
 from ..loop import Conditions, Loop, traces
 from ..what_if import Choice, moved_by_hand
 from ..work import off_loop, sentence
@@ -69,13 +69,8 @@ def _controllers(frame: Frame, playing: Playing, plant: Plant) -> None:
         ui.button(text, icon="play_arrow", on_click=lambda: begin(frame, plant)).mark("play").set_enabled(
             not frame.doing
         )
-        ui.upload(
-            label="Drop a policy here (.zip)",
-            auto_upload=True,
-            max_file_size=LARGEST_FILE,
-            on_upload=lambda event: _dropped(frame, event),
-            on_rejected=lambda: _failed(frame, f"The file was refused: expected at most {LARGEST_FILE} bytes."),
-        ).classes("drop").props("flat bordered accept=.zip").style("max-width: 320px")
+        refused = f"The file was refused: expected at most {LARGEST_FILE} bytes."
+        drop_place(frame, "Drop a policy here (.zip)", _dropped, refused).props("accept=.zip").style("max-width: 320px")
     policy = frame.session.policy
     if policy is not None and playing.name == str(policy) and _foreign(policy) and not frame.session.trusted:
         message(

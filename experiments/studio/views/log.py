@@ -13,7 +13,7 @@ from identification import save_mapping
 from identification.logs.formats import READERS
 
 from .. import LARGEST_FILE, MOST_FILES, charts, commands
-from ..frame import Frame, command_line, heading, light, message
+from ..frame import Frame, command_line, drop_place, heading, light, message
 from ..saved import ENDING, open_session
 from ..work import off_loop, sentence
 
@@ -26,18 +26,9 @@ _LIGHTS = {"sure": ("good", "sure"), "likely": ("doubt", "likely"), "open": ("ba
 def show(frame: Frame) -> None:
     session = frame.session
     with ui.row().classes("wrap-row"):
-        upload = ui.upload(
-            label=f"Drop logs of one rig here ({', '.join(sorted(READERS))}), or a saved session ({ENDING})",
-            multiple=True,
-            auto_upload=True,
-            max_file_size=LARGEST_FILE,
-            max_files=MOST_FILES,
-            on_multi_upload=lambda event: _dropped(frame, event),
-            on_rejected=lambda: _failed(
-                frame, f"A file was refused. Expected at most {MOST_FILES} files of {LARGEST_FILE // 1_000_000} MB."
-            ),
-        )
-        upload.classes("drop").props("flat bordered")
+        label = f"Drop logs of one rig here ({', '.join(sorted(READERS))}), or a saved session ({ENDING})"
+        refused = f"A file was refused. Expected at most {MOST_FILES} files of {LARGEST_FILE // 1_000_000} MB."
+        drop_place(frame, label, _dropped, refused, MOST_FILES)
         if not session.paths:
             ui.button("Open the demo's log", on_click=lambda: _demo(frame)).props("outline")
     if not session.paths or session.proposal is None:
