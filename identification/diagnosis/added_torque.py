@@ -52,19 +52,22 @@ def added_torque(plant: Plant, names: Sequence[str], signals: Signals) -> NDArra
 
 def law_change(before: Plant, after: Plant, name: str, other: str, logs: Sequence[Log]) -> float:
     """How much the torque that a motion asks for changes from one plant to another that has the effect `name` besides,
-    as a share of the torque of its effect `other`: rms over rms, along the longest log.
+    as a share of the torque of its effect `other`: deviation over deviation along the longest log, on the rows on which
+    `name` acts.
 
-    θ counts with the effects, as it takes back most of what an effect that only mends another's form adds. Infinite
-    where one of the two is no function of the motion, or where the filter loses the log."""
+    θ counts with the effects, as it takes back most of what an effect that only mends another's form adds. Constant
+    parts do not count: a tilted base holds the pendulum with a torque beside which the form of its pull on the arm
+    would be nothing. Infinite where one of the two is no function of the motion, or where the filter loses the log."""
     if not all(is_function_of_motion(EFFECTS[n]) for n in (name, other)):
         return math.inf
     try:
         signals = motion_of(after, logs)
     except ValueError:
         return math.inf
-    change = _asked_for(after, signals) - _asked_for(before, signals)
-    size = float(np.sum(added_torque(after, [other], signals) ** 2))
-    return math.sqrt(float(np.sum(change**2)) / size) if size > 0.0 else math.inf
+    rows = [row for row, joint in enumerate(("arm", "pendulum")) if joint in EFFECTS[name].place] or [0, 1]
+    change = (_asked_for(after, signals) - _asked_for(before, signals))[:, rows]
+    size = float(np.sum(np.var(added_torque(after, [other], signals)[:, rows], axis=0)))
+    return math.sqrt(float(np.sum(np.var(change, axis=0))) / size) if size > 0.0 else math.inf
 
 
 def _asked_for(plant: Plant, signals: Signals) -> NDArray[np.float64]:

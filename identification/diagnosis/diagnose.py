@@ -104,16 +104,17 @@ def searched(
         text = f"{error}. Nothing can be said about missing effects."
         return Diagnosis("insufficient_excitation", text, None, None, None, None, math.nan, rms, 0.0, policy)
     long_enough(logs, policy)  # or nothing could be said after the search
-    anchor = _anchor(before.plant, policy)
+    starts = _own_starts(logs, before.plant)
+    dragged = math.sqrt(before.noise.torque[0] / 0.1) > policy.strong * rms
+    anchor = _anchor(_middle(starts, policy) if starts and dragged else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress, fitter)
-    unexplained = math.sqrt(nominal.noise.torque[0] / 0.1)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),
-        lambda: afresh(nominal, _own_starts(logs, before.plant), search),
+        lambda: afresh(nominal, starts, search),
         search,
-        dragged=unexplained > policy.strong * rms,
+        dragged,
     )
     verdict, summary = _verdict(naming, rest, policy)
     if not naming.accepted:
@@ -223,6 +224,12 @@ def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:
         return candidates([stretch.piece for stretch in stretches(logs)], plant.replace(effects=()))
     except ValueError:
         return []
+
+
+def _middle(starts: Sequence[Start], policy: DecisionPolicy) -> Plant:
+    """Of the first start values, which share the ratios of the pendulum's row, the one of middle scale."""
+    first = sorted((start.plant for start in starts[: policy.log_starts]), key=lambda plant: plant.theta[3])
+    return first[len(first) // 2]
 
 
 def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:

@@ -165,18 +165,25 @@ class _Judge:
         """Whether a further effect leaves more than it explains."""
         return bool(found) and self.left(suspect.fit) > suspect.net and not self.confirmed(current, suspect.fit)
 
+    def minor(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
+        """Whether a further effect explains too little beside every other one, whatever comes after it."""
+        return all(suspect.gain < self.policy.least_share * other.gain for other, *_ in found)
+
+    def mends_form(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
+        """Whether a further effect, the last of `together`, is a look-alike of another and hardly changes its torques.
+        Data that no fit saw ask for the right form, too, and say nothing about it."""
+        *others, (newest, *_) = together
+        return any(
+            alike(newest.name, other.name) and self.change(before, suspect.fit, other.name) < self.policy.form
+            for other, *_ in others
+        )
+
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
 
-        Not if it is just what was missing, nor if data that no fit saw ask for it: except for a look-alike that
-        hardly changes the torques, as those data ask for the right form, too."""
+        Not if it is just what was missing, nor if data that no fit saw ask for it."""
         *others, (newest, *_) = together
         policy = self.policy
-        if any(
-            alike(newest.name, other.name) and self.change(before, suspect.fit, other.name) < policy.form
-            for other, *_ in others
-        ):
-            return True
         if not slight(newest.name, newest.gain, others, policy):
             return False
         enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
@@ -190,9 +197,13 @@ class _Judge:
 
 
 def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, joined: Mapping[str, Fit] = NOTHING_YET) -> _Grown:
-    """Effects added one at a time, until no further one is believed."""
+    """Effects added one at a time, until no further one is believed.
+
+    An effect that leaves more than it explains, or is small beside the others, stays for the time being: where several
+    are missing, it may be right, and only the next ones show it. In the end data that no fit saw must ask for it."""
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
     found, last, refused = list(so_far.found), (), None
+    doubts: list[_Grown] = []  # before each effect that only data which no fit saw can justify, with what followed it
     for step in range(len(found), most):
         search.progress(f"scoring the library (step {step + 1})")
         names, table = search.suspects(current, step)
@@ -211,14 +222,21 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, joined: Mapp
             break
         if judge.much_left(found, last[0]) and judge.takes_shape(found, last[0], current):
             current, last = search.refits(current, names, table, thorough=True, worth=worth)
-        if judge.takes_shape(found, last[0], current):
+        leaves_more = judge.takes_shape(found, last[0], current)
+        if leaves_more and judge.minor(found, last[0]):
             refused = last[0]
             break
         together = search.reconsidered([*found, last], judge.confirmed)
-        if judge.slight(together, last[0], current):
+        small = judge.slight(together, last[0], current)
+        if judge.mends_form(together, last[0], current) or (small and judge.minor(together[:-1], together[-1][0])):
             refused = last[0]
             break
+        if leaves_more or small:
+            doubts.append(_Grown(nominal, current, tuple(found), last, absorbed, last[0]))
         found, last, current = together, (), together[-1][0].fit
+    for before in doubts:
+        if not judge.confirmed(before.current, current):
+            return before
     return _Grown(nominal, current, tuple(found), last, absorbed, refused)
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3
-from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis import diagnose as module
+from identification.diagnosis.diagnose import diagnose, searched
+from identification.diagnosis.held_out import HeldOut
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from tests.factories import loop_log, scaled_effect
@@ -96,3 +100,27 @@ def test_a_pendulum_set_to_zero_a_count_off_is_nothing_unknown():
     assert found.verdict == "none", found.summary
     assert "zero in the first log is off by 1." in found.summary
     assert found.plant.theta == pytest.approx(diagnose(log, start=TABLE_3, only=["arm_spring"]).plant.theta, rel=0.05)
+
+
+class _Asked(Exception):
+    """A fit was asked for with this anchor."""
+
+
+@pytest.mark.parametrize(("torque", "dragged"), [(1e-9, False), (1e-3, True)])
+def test_no_prior_holds_the_search_where_what_is_missing_has_dragged_the_pendulum(
+    monkeypatch: pytest.MonkeyPatch, torque: float, dragged: bool
+) -> None:
+    """Several effects at once take the pendulum out of model (5): its row can end at a hundredth of its scale."""
+    known = module.identify([PLAIN])
+    collapsed = known.plant.replace(theta=TABLE_3.theta * np.array([1, *4 * [0.01], 1, 0.01, 1, 0.01]), covariance=None)
+    assert known.noise is not None
+    told = replace(known, plant=collapsed, noise=replace(known.noise, torque=(torque, 1e-9)))
+    monkeypatch.setattr(module, "identify", lambda *_: told)
+
+    def fitter(*_: object, anchor: Any, **__: object) -> Any:
+        raise _Asked(*(anchor.theta[2:5] / TABLE_3.theta[2:5]))
+
+    with pytest.raises(_Asked) as found:
+        searched(HeldOut((PLAIN,), (), POLICY), None, 1, None, lambda text: None, fitter)
+    scale = np.array(found.value.args)
+    assert np.all((scale > 0.2) & (scale < 5.0)) if dragged else scale == pytest.approx(0.01)

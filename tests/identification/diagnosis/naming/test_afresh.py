@@ -79,10 +79,22 @@ def test_what_an_effect_changes_counts_theta_with_it():
     names = "pendulum_stribeck", "pendulum_quadratic_drag"
     after = before.with_effects(drag, wide)
     signals = motion_of(after, [log])
-    sizes = [np.sum(added_torque(after, [n], signals) ** 2) for n in names]
+    sizes = [np.var(added_torque(after, [n], signals)[:, 1]) for n in names]
     alone = law_change(before, after, *names, [log])
     assert alone == pytest.approx(math.sqrt(sizes[0] / sizes[1]))
     assert law_change(before, taken_back, *names, [log]) < 0.05 * alone
+
+
+def test_the_torque_that_holds_a_pendulum_on_a_tilted_base_makes_no_spring_of_the_arm_small():
+    tilt = Effect("base_tilt", {"αx": 0.0, "αy": 0.06, "G1": 0.0})  # a torque on both joints, nearly constant upright
+    spring = Effect("arm_spring", {"k": 0.02, "q1n": 0.0})
+    log, _ = loop_log(duration=4.0)
+    before = TABLE_3.with_effects(tilt)
+    after = before.with_effects(tilt, spring)
+    signals = motion_of(after, [log])
+    pull, held = (added_torque(after, [n], signals) for n in ("arm_spring", "base_tilt"))
+    assert np.sum(pull**2) < 0.01 * np.sum(held**2)
+    assert law_change(before, after, "arm_spring", "base_tilt", [log]) > 0.1
 
 
 def test_an_effect_with_a_memory_has_no_such_change():

@@ -203,3 +203,52 @@ def test_effects_suggested_by_a_score_are_fitted_from_a_joined_fit_only() -> Non
     assert {s.name for s in found.rankings[0]} >= {"arm_spring", "input_delay"}
     at_first = told[1 : told.index("scoring the library (step 2)")]
     assert all("parameters of" in text or "to the end" in text or "without" in text for text in at_first)
+
+
+CHAIN = {
+    "base_tilt": -2000.0,
+    "base_tilt input_delay": -2700.0,
+    "base_tilt input_delay arm_spring": -5000.0,
+    "base_tilt input_delay arm_spring arm_hysteresis": -5420.0,
+}
+
+
+class Wants(Told):
+    """Held-out data that are far off, and agree with a model as soon as it has some effect."""
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def far(self, fitted: Any) -> bool:
+        return True
+
+    def confirms(self, without: Any, fitted: Any) -> bool:
+        return fitted.plant.effect(self.name) is not None and without.plant.effect(self.name) is None
+
+
+def _leaves(fit: Any) -> float:
+    """The delay leaves more than it explains, because the spring is still missing."""
+    return 800.0 if len(fit.plant.effects) == 2 else 50.0
+
+
+def test_an_effect_that_leaves_much_stays_where_the_next_ones_justify_it() -> None:
+    names = ("base_tilt", "input_delay", "arm_spring")
+    assert accepted(named(CHAIN, *names, left=_leaves, witness=Wants("arm_spring"))) == list(names)
+
+
+def test_without_the_agreement_of_held_out_data_it_goes_with_all_that_followed() -> None:
+    names = ("base_tilt", "input_delay", "arm_spring")
+    found = named(CHAIN, *names, left=_leaves)
+    assert accepted(found) == ["base_tilt"]
+    assert found.refused is not None
+    assert found.refused.name == "input_delay"
+
+
+def test_a_chain_ends_before_the_first_effect_that_held_out_data_do_not_ask_for() -> None:
+    """The last is small beside the others, and held-out data are as good without it."""
+    names = ("base_tilt", "input_delay", "arm_spring", "arm_hysteresis")
+    found = named(CHAIN, *names, left=_leaves, witness=Wants("arm_spring"))
+    assert accepted(found) == list(names[:3])
+    assert found.refused is not None
+    assert found.refused.name == "arm_hysteresis"
+    assert accepted(named(CHAIN, *names, left=_leaves, witness=Wants("arm_hysteresis"))) == list(names)
