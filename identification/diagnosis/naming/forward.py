@@ -167,7 +167,7 @@ class _Judge:
 
     def minor(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
         """Whether a further effect explains too little beside every other one, whatever comes after it."""
-        return all(suspect.gain < self.policy.least_share * other.gain for other, *_ in found)
+        return all(suspect.gain < self.policy.doubtful_share * other.gain for other, *_ in found)
 
     def mends_form(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is a look-alike of another and hardly changes its torques.
