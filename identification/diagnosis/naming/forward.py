@@ -5,11 +5,9 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
 
 from furuta_gym.plant import EFFECTS
 
@@ -17,9 +15,10 @@ from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from ..policy import DecisionPolicy
 from .fits import Fit
+from .judge import Change, Judge, Left, NoWitness, Witness, never_small, nothing_left
 from .pairs import two_for_one
 from .search import NOTHING_YET, Search
-from .suspects import Ranking, Suspect, alike, slight
+from .suspects import Ranking, Suspect, alike
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
 _VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
@@ -65,54 +64,6 @@ class _Grown:
     refused: Suspect | None = None
 
 
-Left = Callable[[Fit], float]
-"""Evidence [nats] of torques that a fit does not explain."""
-
-
-def nothing_left(fitted: Fit) -> float:
-    """A `Left` that never sees anything."""
-    return 0.0
-
-
-Change = Callable[[Fit, Fit, str], float]
-"""How much a further effect changes the torques of a model, as a share of the torque of an effect found before;
-infinite where nobody can say."""
-
-
-def never_small(before: Fit, after: Fit, other: str) -> float:
-    """A `Change` that says nothing."""
-    return math.inf
-
-
-class Witness(Protocol):
-    """Data that no fit saw."""
-
-    def far(self, fitted: Fit) -> bool:
-        """Whether a fit predicts them much worse than noise would."""
-        ...
-
-    def confirms(self, without: Fit, fitted: Fit) -> bool:
-        """Whether a further effect brings the prediction nearer for certain, and by a share that matters."""
-        ...
-
-    def denies(self, without: Fit, fitted: Fit) -> bool:
-        """Whether they speak against one effect beside others."""
-        ...
-
-
-class NoWitness:
-    """A `Witness` that never says anything."""
-
-    def far(self, fitted: Fit) -> bool:
-        return False
-
-    def confirms(self, without: Fit, fitted: Fit) -> bool:
-        return False
-
-    def denies(self, without: Fit, fitted: Fit) -> bool:
-        return False
-
-
 def name_effects(
     nominal: Fit,
     search: Search,
@@ -131,7 +82,7 @@ def name_effects(
     not how small it is beside the largest. joined: fits with one effect from other starts. change(without,
     fit, other): how much a further effect changes the torques beside a look-alike.
     """
-    judge = _Judge(search.policy, left, witness, change)
+    judge = Judge(search.policy, left, witness, change)
     grown = _grow(search, _Grown(nominal, nominal), most, judge, joined)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
         grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
@@ -142,61 +93,7 @@ def name_effects(
     return Naming(grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused)
 
 
-@dataclass(frozen=True)
-class _Judge:
-    """Whether a further effect is one, or only mends the form of those found."""
-
-    policy: DecisionPolicy
-    left: Left
-    witness: Witness
-    change: Change
-
-    def counts(self, found: Sequence[Ranking], gain: float, current: Fit) -> bool:
-        """Whether a further effect of some gain [nats] may be one at all. The witness is asked last: it takes time."""
-        largest = max((ranking[0].gain for ranking in found), default=0.0)
-        return gain >= self.policy.least_share * largest or (gain > self.policy.believed and self.witness.far(current))
-
-    def much_left(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
-        """Whether a further effect leaves so much that a better fit of it, or of another, may have been missed."""
-        largest = max((ranking[0].gain for ranking in found), default=math.inf)
-        return self.left(suspect.fit) > max(suspect.net, self.policy.own_share * largest)
-
-    def takes_shape(self, found: Sequence[Ranking], suspect: Suspect, current: Fit) -> bool:
-        """Whether a further effect leaves more than it explains."""
-        return bool(found) and self.left(suspect.fit) > suspect.net and not self.confirmed(current, suspect.fit)
-
-    def minor(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
-        """Whether a further effect explains too little beside every other one, whatever comes after it."""
-        return all(suspect.gain < self.policy.doubtful_share * other.gain for other, *_ in found)
-
-    def mends_form(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
-        """Whether a further effect, the last of `together`, is a look-alike of another and hardly changes its torques.
-        Data that no fit saw ask for the right form, too, and say nothing about it."""
-        *others, (newest, *_) = together
-        return any(
-            alike(newest.name, other.name) and self.change(before, suspect.fit, other.name) < self.policy.form
-            for other, *_ in others
-        )
-
-    def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
-        """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
-
-        Not if it is just what was missing, nor if data that no fit saw ask for it."""
-        *others, (newest, *_) = together
-        policy = self.policy
-        if not slight(newest.name, newest.gain, others, policy):
-            return False
-        enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
-        if enough and self.left(suspect.fit) <= 0.0 and self.left(before) > policy.believed:
-            return False
-        return not self.confirmed(before, newest.fit)
-
-    def confirmed(self, before: Fit, after: Fit) -> bool:
-        """Whether data that no fit saw, from which a model is far off, ask for a further effect."""
-        return self.witness.far(before) and self.witness.confirms(before, after)
-
-
-def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, joined: Mapping[str, Fit] = NOTHING_YET) -> _Grown:
+def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mapping[str, Fit] = NOTHING_YET) -> _Grown:
     """Effects added one at a time, until no further one is believed.
 
     An effect that leaves more than it explains, or is small beside the others, stays for the time being: where several
@@ -228,7 +125,9 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: _Judge, joined: Mapp
             break
         together = search.reconsidered([*found, last], judge.confirmed)
         small = judge.slight(together, last[0], current)
-        if judge.mends_form(together, last[0], current) or (small and judge.minor(together[:-1], together[-1][0])):
+        exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
+        mends_form = not exchanged and judge.mends_form(together, last[0], current)
+        if mends_form or (small and judge.minor(together[:-1], together[-1][0])):
             refused = last[0]
             break
         if leaves_more or small:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from .fits import Fit
-from .forward import Naming, Witness
+from .forward import Naming
+from .judge import Witness
 from .multistart import between
 from .search import Search
 from .suspects import Suspect, alike, price

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from identification.diagnosis.naming.forward import Naming, name_effects, nothing_left
+from identification.diagnosis.naming.forward import Naming, name_effects
+from identification.diagnosis.naming.judge import nothing_left
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Told, a_fit, search
 
 
@@ -252,3 +253,19 @@ def test_a_chain_ends_before_the_first_effect_that_held_out_data_do_not_ask_for(
     assert found.refused is not None
     assert found.refused.name == "arm_hysteresis"
     assert accepted(named(CHAIN, *names, left=_leaves, witness=Wants("arm_hysteresis"))) == list(names)
+
+
+def test_what_takes_the_place_of_a_look_alike_does_not_only_mend_its_form() -> None:
+    """A cable that stiffens is a spring at first; once the spring is superfluous beside it, it is the name."""
+    values = {
+        "base_tilt": -2000.0,
+        "base_tilt arm_spring": -3000.0,
+        "base_tilt arm_spring arm_cable": Bowl(-3900.0, 4.0),
+        "base_tilt arm_cable": [Bowl(-2990.0), Bowl(-3899.0, 4.0)],
+    }
+
+    def change(without: Any, fitted: Any, other: str) -> float:
+        return 0.01 if fitted.plant.effect("arm_cable") else 1.0
+
+    found = named(values, "base_tilt", "arm_spring", "arm_cable", change=change)
+    assert accepted(found) == ["base_tilt", "arm_cable"]
