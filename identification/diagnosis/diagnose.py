@@ -105,7 +105,8 @@ def searched(
         return Diagnosis("insufficient_excitation", text, None, None, None, None, math.nan, rms, 0.0, policy)
     long_enough(logs, policy)  # or nothing could be said after the search
     starts = _own_starts(logs, before.plant)
-    dragged = math.sqrt(before.noise.torque[0] / 0.1) > policy.strong * rms
+    unexplained = math.sqrt(before.noise.torque[0] / 0.1) if before.noise else 0.0
+    dragged = unexplained > policy.strong * rms
     anchor = _anchor(_middle(starts, policy) if starts and dragged else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
