@@ -117,27 +117,6 @@ def test_masses_and_lengths_have_the_error_bars_that_the_page_shows(tmp_path: Pa
         assert numbers == pytest.approx(kept, rel=0.1, abs=0.002)
 
 
-def test_the_page_on_training_scripts_runs_as_it_stands(tmp_path: Path) -> None:
-    """But for the learning itself, which the tutorials do."""
-    import gymnasium
-    import numpy as np
-
-    from furuta_gym.plant import Plant
-    from furuta_gym.plant.covariance import Covariance
-
-    plant = Plant.resolve("qube")
-    known = Covariance(tuple(f"theta{i + 1}" for i in range(9)), np.diag((0.01 * plant.theta) ** 2))
-    plant.replace(covariance=known).save(tmp_path / "rig.json")
-    first, *others = (code for code, _ in run_pages.kept(DOCS / "how-to" / "own_training_script.md"))
-    first = "\n".join(line for line in first.splitlines() if "PPO" not in line)
-    asked = "print(observation.shape, 'plant' in info, envs.observation_space.shape)"
-    try:
-        (*_, printed) = run_pages.run([first, *others, asked], tmp_path, "own_training_script")
-    finally:
-        gymnasium.registry.pop("MyRig-v0", None)
-    assert printed.strip() == "(18,) True (4, 18)"
-
-
 TITLED = re.compile(r'^```python title="([^"]*)"\n(.*?)^```', re.DOTALL | re.MULTILINE)
 
 

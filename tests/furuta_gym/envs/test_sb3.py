@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.sb3 import FurutaVecEnv
 from furuta_gym.plant import Plant
+from furuta_gym.plant.covariance import Covariance
 
 
 def test_equal_to_sb3s_own_over_single_envs():
@@ -75,7 +76,9 @@ def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: 
     """With fewer steps; the rig's id is the late one."""
     page = (Path(__file__).parents[3] / "docs" / "how-to" / "own_training_script.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    Plant.resolve("qube").save("rig.json")
+    plant = Plant.resolve("qube")
+    known = Covariance(tuple(f"theta{i + 1}" for i in range(9)), np.diag((0.01 * plant.theta) ** 2))
+    plant.replace(covariance=known).save("rig.json")
     names: dict[str, Any] = {}
     try:
         for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
@@ -83,5 +86,8 @@ def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: 
         env = gymnasium.make("MyRig-v0")
         assert env.get_wrapper_attr("plant").effect("input_delay").parameters["d"] == 0.015
         assert env.action_space == gymnasium.make("FurutaSwingUp-v0").action_space
+        assert names["observation"].shape == (18,)
+        assert names["envs"].observation_space.shape == (4, 18)
+        assert "plant" in names["info"]
     finally:
         gymnasium.registry.pop("MyRig-v0", None)
