@@ -19,20 +19,28 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
     while len(naming.accepted) > 1:
         search.progress("verifying the names one by one")
         reduced = [search.reduced(naming.final, suspect.name) for suspect in naming.accepted]
-        denied = [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
+        idle = [
+            i for i, fitted in enumerate(reduced) if _pays_nothing(naming.accepted[i], fitted, naming.final, search)
+        ]
+        denied = idle or [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
         if not denied:
             break
         gone = min(denied, key=lambda i: reduced[i].value)
-        in_place = _exchanged(naming, gone, reduced[gone], search, witness)
+        in_place = None if idle else _exchanged(naming, gone, reduced[gone], search, witness)
         naming = in_place or replace(
             naming,
             final=reduced[gone],
             accepted=_but(naming.accepted, gone),
             equals=_but(naming.equals, gone),
             rankings=_but(naming.rankings, gone),
-            taken_back=(*naming.taken_back, naming.accepted[gone]),
+            taken_back=naming.taken_back if idle else (*naming.taken_back, naming.accepted[gone]),
         )
     return naming
+
+
+def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) -> bool:
+    """Whether a name has become superfluous beside those found after it."""
+    return reduced.value - final.value - price(suspect.name, final.samples) < search.policy.believed
 
 
 def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness: Witness) -> Naming | None:

@@ -62,3 +62,15 @@ def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
     assert {e.name for e in found.final.plant.effects} == set(kept)
     assert found.final.value == pytest.approx(CABLES[" ".join(kept)], abs=0.1)
     assert [s.name for s in found.taken_back] == (["arm_taut_cable"] if false else [])
+
+
+def test_a_name_that_pays_nothing_beside_those_found_after_it_goes() -> None:
+    """Held-out data need not speak against it: of what follows a clock they cannot."""
+    names = ("input_delay", "base_tilt", "pendulum_stribeck")
+    found = name_effects(a_fit(), search({"": 0.0, **THREE}, *names))
+    better = search({"": 0.0, **THREE, "input_delay base_tilt": -4499.0}, *names)
+    left = upheld(found, better, Told(off=False))
+    assert [s.name for s in found.accepted] == list(names)
+    assert [s.name for s in left.accepted] == ["input_delay", "base_tilt"]
+    assert left.taken_back == ()
+    assert left.final.plant.effect("pendulum_stribeck") is None
