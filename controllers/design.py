@@ -208,6 +208,9 @@ def riccati(solve: Callable[..., Any], *matrices: Any) -> Any:
     try:
         if not all(np.isfinite(matrix).all() for matrix in matrices):
             raise ValueError("a matrix has entries that are no numbers")
-        return solve(*matrices)
+        try:
+            return solve(*matrices)
+        except ArithmeticError:  # slycot, where it is installed, gives up at some short sample times
+            return solve(*matrices, method="scipy")
     except (ValueError, TypeError, ArithmeticError) as error:
         raise DesignError(f"no regulator exists for this plant; check the size of its parameters ({error})") from error

@@ -21,7 +21,7 @@ from .base import DesignError
 from .known_effects import KnownEffects
 
 INTERVALS = 80
-MARGIN = 0.9  # of the motor's torque; the rest is the feedback's
+MARGIN = 0.9  # of the motor's torque and of its slew; the rest is the feedback's
 SHARPEST = 20.0  # s/rad, of friction in the plan: a corner that the optimiser cannot step over
 GUESSES = ((1.0, 0.0), (1.5, 2 * np.pi))  # swings of the pendulum, and where it ends [rad]
 LONG_GUESSES = ((4.0, 0.0), (8.0, 0.0), (16.0, 0.0))  # tried where those lead to nothing
@@ -91,10 +91,11 @@ def require_casadi() -> Any:
 def plan_swing_up(plant: Plant, intervals: int = INTERVALS) -> Plan:
     """The fastest swing-up of `plant` that was found, within 0.9 of the motor's torque and 0.8 of the arm's travel.
 
-    A delay of the command changes no plan: it begins so much later. intervals: of the collocation. Each of several
-    first guesses leads to a local minimum; the fastest is taken. Takes some seconds. Raises DesignError where none
-    leads to a swing-up (which proves nothing), where the plant carries effects on arm or pendulum, which plans do not
-    know, and without CasADi.
+    Where the plant's limits have a slew, the torque changes by at most 0.9 of it, from none at the start. A delay of
+    the command changes no plan: it begins so much later. intervals: of the collocation. Each of several first guesses
+    leads to a local minimum; the fastest is taken. Takes some seconds. Raises DesignError where none leads to a
+    swing-up (which proves nothing), where the plant carries effects on arm or pendulum, which plans do not know, and
+    without CasADi.
     """
     ca = require_casadi()
     strange = [e.name for e in plant.effects if e.type.place not in _KNOWN]
@@ -133,6 +134,14 @@ class Collocation:
             middle = 0.5 * (a + b) + h / 8 * (fa - fb)
             opti.subject_to((b - a - h / 6 * (fa + 4 * f(middle, um) + fb)) / scale == 0)
         opti.subject_to(opti.bounded(-1, U, 1))
+        if (slew := plant.limit("slew", np.inf)) < np.inf:
+            opti.subject_to(U[0] == 0)  # of a motor that was at rest
+            most = MARGIN * slew / self._largest * h
+            for k in range(N):  # a parabola is steepest at its ends
+                a, m, b = (U[2 * k + i] for i in range(3))
+                for rise in (4 * m - 3 * a - b, 3 * b + a - 4 * m):
+                    opti.subject_to(rise <= most)
+                    opti.subject_to(rise >= -most)
         opti.subject_to(opti.bounded(-travel, X[0, 1:], travel))
         opti.subject_to(opti.bounded(0.01 / self._pace, T, 80 / self._pace))
         opti.subject_to(X[:, 0] == start)

@@ -29,6 +29,7 @@ PUMP = 10.0  # of the energy that is missing, in units of θ5; beyond a tenth of
 PATIENCE = 3.0  # swings; energy that has not grown for so long, without a catch, asks for another try
 ROOM = 0.8  # of the arm's travel, which swinging up may use
 FULL = 1.5  # of the acceleration that the largest torque gives an arm alone: the pendulum's pull wants more
+BEGUN = 0.1  # rad, that the arm goes beyond its middle before a pendulum at rest is pushed the other way
 GROWTH = 0.01  # of θ5; energy grows when it exceeds its largest value by this
 REHEARSALS = (7, 14)  # swings; 7 are enough for most rigs
 TRIES = 6  # ways of pumping, the best first, that are tried in turn
@@ -95,6 +96,7 @@ class SwingUp(PredictiveBalancer):
         lanes = q1.size
         self.balancing = np.zeros(lanes, dtype=bool)
         self._best, self._idle = np.full(lanes, -np.inf), np.zeros(lanes)
+        self._push = np.where(q1 > 0, -1.0, 1.0)
         self._try = np.zeros(lanes, dtype=int) if self.first is None else self.first.copy()
 
     def _torque(self, reference: float) -> NDArray[np.float64]:
@@ -120,9 +122,11 @@ class SwingUp(PredictiveBalancer):
         self._watch(energy)
         effort = np.clip(PUMP * (self._excess[self._try] - energy), -1.0, 1.0)
         swing = v2 * cos / self.pace
-        # at rest there is nothing to be in phase with: start towards the arm's middle
-        start = self._side * np.where(q1 > 0, 1.0, -1.0)
-        phase = np.where((np.abs(swing) < 0.02) & (cos < -0.9), start, np.tanh(10.0 * swing))
+        # at rest there is nothing to be in phase with: start towards the arm's middle, and keep to it, or a motor that
+        # is asked for the other way at each sample moves nothing
+        self._push = np.where(np.abs(q1) > BEGUN, -np.sign(q1), self._push)
+        at_rest = (np.abs(swing) < 0.02) & (cos < -0.9)
+        phase = np.where(at_rest, -self._side * self._push, np.tanh(10.0 * swing))
         largest = np.minimum(self._swing[self._try] * self.pace**2, FULL * self._full)
         wanted = -self._side * largest * effort * phase
         rate = self._centring[self._try] * self.pace

@@ -55,7 +55,7 @@ class DecisionPolicy:
     as_good: float = _rule(0.9, "of the best gain, from which a look-alike is an equal where its form is wrong", DEV)
     own_share: float = _rule(0.2, "of the largest gain, what a further effect must explain by itself", DEV)
     least_share: float = _rule(0.1, "the same where structure was left without it and none is with it", DEV)
-    doubtful_share: float = _rule(0.1, "of some gain before, from which an effect waits for what follows it", DEV)
+    doubtful_share: float = _rule(0.05, "of some gain before, from which an effect waits for what follows it", DEV)
     alike_share: float = _rule(0.5, "the same beside a look-alike of its own", DEV)
     form: float = _rule(0.1, "of a look-alike's torque, what a further effect must change: laws are no better", DEV)
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
@@ -91,7 +91,7 @@ class DecisionPolicy:
 
     # whether structure is left
     left: float = _rule(8.0, "evidence from which a torque is said to be left", DEV, "nats")
-    negligible: float = _rule(0.2, "change of a prediction 0.3 s ahead that nobody would miss", DEV, "counts")
+    negligible: float = _rule(0.5, "change of a prediction 0.3 s ahead that rounding hides", THEORY, "counts")
     zero_told: float = _rule(1.0, "a pendulum's zero that is off by more is told", THEORY, "counts")
     constant: float = _rule(1e-3, "level of the test that parameters are the same all along a log", THEORY)
     simpler: float = _rule(10.0, "the simpler family of torques is preferred within so much", DEV, "nats")

@@ -60,6 +60,21 @@ def test_less_torque_takes_longer(casadi) -> None:
     assert times[0] > 1.3 * times[1]
 
 
+def test_a_motor_that_is_slow_to_change_its_torque_takes_longer(casadi) -> None:
+    free = plan_swing_up(QUBE, COARSE)
+    slew = 0.5 * float(np.abs(_rates(free)).max())
+    plan = plan_swing_up(QUBE.replace(limits={"slew": slew}), COARSE)
+    assert np.abs(_rates(plan)).max() <= MARGIN * slew * (1 + 1e-3)
+    assert plan.torque[0] == pytest.approx(0.0, abs=1e-6)
+    assert free.duration < plan.duration < 2.0
+
+
+def _rates(plan) -> np.ndarray:
+    """dτ/dt all along a plan, by differences."""
+    t = np.linspace(0.0, plan.duration, 4001)
+    return np.diff(plan.torque_at(t)) / t[1]
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.010])
 def test_a_rig_follows_the_plan(casadi, delay: float) -> None:
     rig = LAGGED.with_effects(Effect("input_delay", {"d": delay})) if delay else LAGGED

@@ -85,6 +85,14 @@ def test_it_swings_up_what_it_knows(effects: dict[str, dict[str, float]], u_max:
     assert outcome.largest_q1.max() < 5.5
 
 
+def test_a_rig_of_a_kilohertz_that_hangs_still_is_swung_up() -> None:
+    """The first push moves the arm by less than a count in a sample, and must not turn with the sign of its angle."""
+    controller = make_controller("swing-up", QUBE, 0.001, Sensors(2048))
+    run = simulate(QUBE, controller, 6.0, 0.001, x0=(0.0, np.pi, 0.0, 0.0))
+    assert np.abs(np.angle(np.exp(1j * run.state[-500:, 1]))).max() < 0.1
+    assert np.abs(np.diff(np.sign(run.command[:50]))).sum() <= 2
+
+
 def test_who_does_not_know_the_delay_fails_at_it() -> None:
     late = QUBE.replace(u_max=4.0).with_effects(Effect("input_delay", {"d": 0.024}))
     assert played(late, design_swing_up(QUBE.replace(u_max=4.0)), 20).success.mean() < 0.5

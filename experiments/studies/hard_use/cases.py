@@ -54,7 +54,7 @@ CASES = {
         last="policy.json",
     ),
     "trials": Case(
-        "trials --seeds 1 --kinds none --rigs table3 --jobs 2 -o {out}/t", ("t",), False, last="t/summary.json"
+        "trials --seeds 1 --kinds none --rigs workshop --jobs 2 -o {out}/t", ("t",), False, last="t/summary.json"
     ),
     "diagnose": Case("diagnose {in}/log.csv --held-out {in}/other.csv --max-effects 1 -o {out}/d", ("d",)),
     "demo": Case("demo --out {out}/demo", ("demo",)),

@@ -13,7 +13,6 @@ from experiments.studio.frame import VIEWS
 from furuta_gym.plant import Plant
 from identification import read_log, write_log
 from tests.experiments.studio import narrow
-from tests.experiments.studio.conftest import SPRING
 
 Open = Callable[..., Any]
 
@@ -148,8 +147,8 @@ def reach(page: Any, text: str) -> None:
     raise AssertionError(f"the keyboard does not reach {text!r}")
 
 
-def test_what_if_the_hidden_effect_at_its_true_size_brings_the_error_to_the_floor(
-    opened: Open, session_file: Path
+def test_what_if_the_hidden_effect_at_its_fitted_size_brings_the_error_to_the_floor(
+    opened: Open, session_file: Path, with_spring: Plant
 ) -> None:
     page = reopened(opened(session_file, width=1440))
     start_what_if(page)
@@ -158,7 +157,9 @@ def test_what_if_the_hidden_effect_at_its_true_size_brings_the_error_to_the_floo
     number.fill("0")
     number.press("Tab")
     assert wait_for_ratio(page, lambda r: r > 1.9) < float("inf")
-    slide(page, SPRING.parameters["k"])
+    spring = with_spring.effect("arm_spring")
+    assert spring is not None
+    slide(page, spring.parameters["k"])
     page.get_by_text("Slider to picture").wait_for()
     wait_for_ratio(page, lambda r: r < 1.3)
     took = float(page.evaluate("Math.min(...studio.pictures.map((picture) => picture.took))"))
@@ -257,6 +258,8 @@ def test_text_stands_out_and_no_view_is_wider_than_a_telephone(opened: Open, ses
             assert (ground(page) > 128) == (theme == "light")
             assert page.evaluate(CONTRAST) == [], (name, theme)
         page.set_viewport_size({"width": 400, "height": 800})
+        page.wait_for_function("document.documentElement.clientWidth <= 400")  # the page is laid out anew
+        page.wait_for_timeout(200)
         assert page.evaluate("document.documentElement.scrollWidth") <= 400, name
 
 

@@ -245,6 +245,18 @@ def test_without_the_agreement_of_held_out_data_it_goes_with_all_that_followed()
     assert found.refused.name == "input_delay"
 
 
+@pytest.mark.parametrize(("gain", "waits"), [(800.0, True), (300.0, False)])
+def test_beside_a_very_large_effect_a_smaller_one_waits_where_it_is_not_tiny(gain: float, waits: bool) -> None:
+    """A late command of 150 times the noise hides hysteresis of 12 times, of a twelfth of its likelihood."""
+    delayed, sprung = "base_tilt input_delay", "base_tilt input_delay arm_spring"
+    values = {"base_tilt": -10_000.0, delayed: -10_000.0 - gain, sprung: -10_700.0 - gain}
+    left = lambda fit: 900.0 if len(fit.plant.effects) == 2 else 50.0  # noqa: E731
+    witness = Wants("arm_spring")
+    witness.confirms = lambda without, fitted: fitted.plant.effect("arm_spring") is not None
+    found = named(values, *sprung.split(), left=left, witness=witness)
+    assert accepted(found) == (sprung.split() if waits else ["base_tilt"])
+
+
 def test_a_chain_ends_before_the_first_effect_that_held_out_data_do_not_ask_for() -> None:
     """The last is small beside the others, and held-out data are as good without it."""
     names = ("base_tilt", "input_delay", "arm_spring", "arm_hysteresis")

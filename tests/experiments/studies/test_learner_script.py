@@ -1,0 +1,124 @@
+"""A foreign training script: it gets an id alone, and the environment says how its episodes ended."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import furuta_gym  # noqa: F401  (registers the ids)
+from controllers import make_controller
+from experiments.studies import learner_script
+from experiments.studies.watched_env import PREFIX
+from furuta_gym.plant import QUBE
+
+SCRIPT = """
+import argparse, gymnasium
+parser = argparse.ArgumentParser()
+parser.add_argument("--env-id")
+parser.add_argument("--seed", type=int)
+parser.add_argument("--total-timesteps", type=int)
+o = parser.parse_args()
+env = gymnasium.make(o.env_id)
+env.reset(seed=o.seed)
+for step in range(1, o.total_timesteps + 1):
+    _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+    if terminated or truncated:
+        env.reset()
+"""
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    file = tmp_path / "mine.py"
+    file.write_text(SCRIPT)
+    return file
+
+
+def run(*arguments: object):
+    app = typer.Typer()
+    app.command()(learner_script.main)
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def test_a_script_gets_an_id_and_its_episodes_are_counted(script: Path, tmp_path: Path):
+    found = run(script, "--seeds", 1, "--steps", 1000, "--work", tmp_path / "w", "-o", tmp_path / "o")
+    assert found.exit_code == 0, found.output
+    (one,) = json.loads((tmp_path / "o" / "learner_script.json").read_text())["runs"]
+    assert one["env_id"] == "FurutaSwingUp-v0"
+    assert one["cpu_s"] > 0.0
+    ended = [share for share in one["good"] if share is not None]
+    assert set(ended) == {0.0}
+    assert len(ended) >= 4, "an episode has 250 steps at most"
+    assert not one["stays"]
+    assert "0 of 1 runs stay" in found.output
+
+
+def test_a_run_that_is_there_is_not_made_again(script: Path, tmp_path: Path):
+    (tmp_path / "w").mkdir()
+    good = "".join(f"watched: step={250 * k}, held=1\n" for k in range(1, 81))
+    (tmp_path / "w" / "mine-swing_up-1-20000.txt").write_text(good + "cpu_s=12.5\n")
+    found = run(script, "--seeds", 1, "--steps", 20000, "--work", tmp_path / "w", "-o", tmp_path / "o")
+    assert found.exit_code == 0, found.output
+    (one,) = json.loads((tmp_path / "o" / "learner_script.json").read_text())["runs"]
+    assert one["good"] == [1.0] * 20
+    assert one["stays"]
+    assert one["cpu_s"] == 12.5
+
+
+def test_who_stops_it_is_told_what_is_kept(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(learner_script, "learn", interrupted)
+    found = run(script, "--seeds", 1, "--steps", 1000, "--work", tmp_path / "w", "-o", tmp_path / "o")
+    assert found.exit_code == 130
+    assert "goes on from there" in found.output
+    assert not (tmp_path / "o" / "learner_script.json").exists()
+
+
+def test_the_last_three_twentieths_decide():
+    held = [1] * 79 + [0]
+    text = "".join(f"watched: step={250 * k}, held={h}\n" for k, h in enumerate(held, 1))
+    found = learner_script.measured(text, "mine", "swing_up", 1, 20000)
+    assert found.good[-1] == 0.75
+    assert not found.stays
+    assert found.cpu_s is None
+
+
+def test_scripts_that_fail_or_do_not_train_are_refused(tmp_path: Path):
+    file = tmp_path / "other.py"
+    file.write_text("print('reward 5')\n")
+    found = run(file, "--seeds", 1, "--steps", 100, "--work", tmp_path / "w", "-o", tmp_path / "o")
+    assert found.exit_code != 0
+    assert "no episode ended" in found.output
+    file.write_text("raise SystemExit('no such id')\n")
+    found = run(file, "--seeds", 1, "--steps", 200, "--work", tmp_path / "w", "-o", tmp_path / "o")
+    assert found.exit_code != 0
+    assert "no such id" in found.output
+
+
+def test_a_watched_environment_is_the_same_and_knows_what_upright_is(capsys: pytest.CaptureFixture):
+    plain = gymnasium.make("FurutaBalance-v0")
+    watched = gymnasium.make(f"experiments.studies.watched_env:{PREFIX}FurutaBalance-v0")
+    lqr = make_controller("lqr", QUBE, 0.02)
+    (one, _), (two, info) = (env.reset(seed=5) for env in (plain, watched))
+    assert np.array_equal(one, two)
+    state, ended = info["state"], False
+    while not ended:
+        u = np.array([lqr(state[:2]) / QUBE.u_max], dtype=np.float32)
+        (one, _, *_), (two, _, terminated, truncated, info) = plain.step(u), watched.step(u)
+        assert np.array_equal(one, two)
+        state, ended = info["state"], terminated or truncated
+    assert "watched: step=250, held=1" in capsys.readouterr().out
+    watched.reset(seed=6)
+    for _ in range(250):
+        *_, terminated, truncated, _ = watched.step(np.zeros(1, dtype=np.float32))
+        if terminated or truncated:
+            break
+    assert "held=0" in capsys.readouterr().out
