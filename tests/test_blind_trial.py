@@ -41,7 +41,7 @@ def effect(name: str, form: str, ratio: float) -> Hidden:
 
 NAMED = [
     trial(1, "library", "workshop", effect("arm_stribeck", "table", 2.0)),
-    trial(3, "library", "workshop", effect("arm_spring", "table", 3.0)),
+    trial(3, "library", "workshop", effect("arm_spring", "table", 3.0)),  # the bench's own law stiffens: arm_cable's
 ]
 NOTHING = trial(5, "none", "servo")
 OUTSIDE = trial(6, "outside", "workshop", effect("slipping_payload", "bench", 5.0))

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 
@@ -87,6 +88,28 @@ def test_a_lost_pendulum_is_never_written_as_a_good_run(tmp_path):
     with pytest.raises(ValueError, match="not written"):
         flagged.write(tmp_path / "log.csv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", ["servo", "workshop"])
+def test_every_processor_makes_the_same_run(kind):
+    """Feedback makes another run of another last digit: the linear algebra of three processors, one log of 20 s."""
+    code = (
+        "import hashlib; from experiments.bench import Rig, record;"
+        f"run = record(Rig({kind!r}, individual=3, scatter=0.1), 'wide', seed=5, duration=20.0);"
+        "print(hashlib.sha256(run.q1.tobytes() + run.q2.tobytes() + run.u.tobytes()).hexdigest())"
+    )
+    processors = ("Haswell", "SkylakeX", "Sandybridge")  # other processors than x86 know none of them
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env=dict(os.environ, OPENBLAS_CORETYPE=name),
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for name in processors
+    }
+    assert len(told) == 1
 
 
 def test_a_policy_takes_the_place_of_the_rigs_own_controller():
