@@ -108,13 +108,14 @@ def diagnose_command(
     read = read_logs(logs, reading, known)
     held = read_logs(held_out, reading, known, "ignore") if held_out else ()
     from identification.diagnosis.diagnose import diagnose
+    from identification.diagnosis.policy import DecisionPolicy
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
     journal = output.resolve().with_name(f"{output.resolve().name}.search.jsonl")
     with (
         whole_folder(output, own) as folder,
         _kept_until_it_ends(journal),
-        steps("diagnose", sum(map(len, read))) as tell,
+        steps("diagnose", min(sum(map(len, read)), DecisionPolicy().samples)) as tell,
     ):
         found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
         examination = examine(found, read, held, progress=tell)

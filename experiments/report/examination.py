@@ -14,6 +14,7 @@ from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import Diagnosis
+from identification.diagnosis.searched_part import searched_part
 from identification.estimation.zeros import moved
 from identification.logs.log import Log
 from identification.validation.resimulation import Resimulation, resimulate
@@ -102,9 +103,11 @@ def examine(
 ) -> Examination:
     """Measure what the report shows beside the diagnosis. What cannot be measured on these logs becomes a remark.
 
-    logs: those that were searched. held_out: those that were held out. progress(text) is called at each step.
+    logs: those that were searched. held_out: those that were held out; of long ones the part that `diagnose` takes is
+    looked at. progress(text) is called at each step.
     """
     began = time.monotonic()
+    logs, held_out = (searched_part(given, diagnosis.policy).logs for given in (logs, held_out))
     tell = progress or (lambda text: None)
     remarks: dict[str, str] = {}
 
@@ -138,9 +141,7 @@ def examine(
             tell("designing the experiment that decides")
             design = tried("design", lambda: design_next(diagnosis, logs))
     seconds = time.monotonic() - began
-    return Examination(
-        diagnosis, tuple(logs), tuple(held_out), where, where_after, law, closed_loop, design, remarks, seconds
-    )
+    return Examination(diagnosis, logs, held_out, where, where_after, law, closed_loop, design, remarks, seconds)
 
 
 def _titles(names: Sequence[str], last: str) -> str:

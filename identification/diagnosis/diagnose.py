@@ -35,6 +35,7 @@ from .naming.search import NOTHING_YET, Search
 from .naming.upheld import upheld
 from .outcome import Diagnosis, structured
 from .policy import MOST_EFFECTS, DecisionPolicy
+from .searched_part import searched_part
 from .second_witness import with_second_witness
 from .verify import verified
 from .watched import Tried, Watched
@@ -69,7 +70,8 @@ def diagnose(
     _check(logs, held_out, most, only)
     if start is not None:  # effects are for the search to find, and to be judged
         start = Plant.resolve(start).replace(effects=())
-    held = HeldOut(logs, held_out, policy)
+    part = searched_part(logs, policy)
+    held = HeldOut(part.logs, searched_part(held_out, policy).logs, policy)
     kept = FitJournal(None if journal is None else Path(journal))
     fitter = kept if watch is None else Watched(kept, watch)
     if len(kept):
@@ -83,7 +85,7 @@ def diagnose(
     if found.leftover:
         say("learning what no name explains")
         found = with_learned(found, held)
-    return replace(found, runtime_s=time.monotonic() - began)
+    return replace(found, stretches=part.spans, runtime_s=time.monotonic() - began)
 
 
 def searched(

@@ -52,7 +52,7 @@ class HeldOut:
         if self.whole:
             return validate(plant, self.whole)
         tail = self.policy.tail
-        heads = [log.split(1.0 - tail)[0] for log in self.logs]
+        heads = [log.slice(stop=_cut(log, tail)) for log in self.logs]
         # from the noise that the search ended with: from more of it, a fit loses what is small against it again
         start = plant.replace(covariance=None, checks={}, provenance={})
         refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None)
@@ -99,11 +99,16 @@ class HeldOut:
         return self.change(before, after)
 
 
+def _cut(log: Log, tail: float) -> float:
+    """Where the last part of the samples begins [s]; by time, a long gap would leave too much or nothing."""
+    return float(np.interp((1.0 - tail) * (len(log) - 1), np.arange(len(log)), log.t))
+
+
 def _of_tails(plant: Plant, logs: Sequence[Log], tail: float) -> Gap:
     """The gap in the windows that lie in the last part of each log. The filter runs from the start, so that what
     changes with time is predicted at its time."""
     gap = validate(plant, logs, own_zeros=False)
-    cut = np.array([log.t[0] + (1.0 - tail) * log.duration for log in logs])
+    cut = np.array([_cut(log, tail) for log in logs])
     late = gap.times - gap.horizon >= cut[gap.log]
     if late.sum() < 10:
         raise ValueError(f"the last {100 * tail:.0f} % of the logs are too short for prediction over {gap.horizon:g} s")

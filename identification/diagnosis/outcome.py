@@ -8,6 +8,7 @@ from typing import Any
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
+from ..estimation.informative import spans_text
 from . import sentences
 from .gap_change import GapChange
 from .learned import Learned
@@ -61,7 +62,8 @@ class Diagnosis:
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
     error over the noise floor that the effects leave on such data, where that is much; 1 otherwise. second: what
     multiple shooting makes of the same structure, where much is left. learned: a torque without a name that was learned
-    from what is left, and whether it was added.
+    from what is left, and whether it was added. stretches: of each log, the seconds (from, to) that were searched;
+    empty where all were.
     """
 
     verdict: str
@@ -80,6 +82,7 @@ class Diagnosis:
     still_off: float = 1.0
     second: SecondWitness | None = field(default=None, repr=False)
     learned: Learned | None = field(default=None, repr=False)
+    stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
 
     @property
     def leftover(self) -> bool:
@@ -167,6 +170,7 @@ class Diagnosis:
             "gap": self.gap.to_dict() if self.gap else None,
             "second_witness": self.second.to_dict() if self.second else None,
             "learned": self.learned.to_dict() if self.learned else None,
+            "stretches_s": [[list(span) for span in spans] for spans in self.stretches],
             "policy": self.policy.to_dict(),
             "runtime_s": self.runtime_s,
         }
@@ -186,6 +190,10 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [f"{self.verdict.upper()}: {self.summary}"]
+        if self.stretches:
+            lines.append(
+                f"  searched on {spans_text(self.stretches)}: some all along the logs, and what says most about θ"
+            )
         if self.naming:
             for step, ranking in enumerate(self.naming.rankings, 1):
                 shown = ", ".join(f"{s.name} {s.net:+.0f}" for s in ranking[:4])

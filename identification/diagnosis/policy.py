@@ -98,6 +98,9 @@ class DecisionPolicy:
     simpler_share: float = _rule(1e-3, "the same as a share of the best family's gain", DEV)
     stands_out: float = _rule(3.0, "of its own deviation, a smoothed torque that is marked in time", THEORY)
     shortest: float = _rule(1.0, "stretches between gaps that are looked at", THEORY, "s")
+    samples: int = _rule(
+        100_000, "samples that a search takes; of more, some all along and what says most about θ", COST
+    )
 
     # whether held-out data agree
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")

@@ -18,6 +18,7 @@ from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
 from ..kalman.coordinates import Zeros
 from .identifiability import Identifiability, spoken
+from .informative import spans_text
 from .optimise import Optimum
 from .prediction_error import PredictionError
 from .uncertainty import Profile, profile
@@ -152,7 +153,7 @@ class Estimate:
         for i, (arm, pendulum) in self.zeros.items():
             lines.append(f"  log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)")
         if self.stretches:
-            lines.append(f"  fitted on {_spans(self.stretches)}: what says most about θ; --all takes every sample")
+            lines.append(f"  fitted on {spans_text(self.stretches)}: what says most about θ; --all takes every sample")
         if self.u_max_guessed:
             limit = f"{self.plant.u_max:g} {self.plant.unit}"
             why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
@@ -207,12 +208,6 @@ def unit_of(name: str, plant: Plant) -> str:
 def _readings(stds: Sequence[tuple[float, float]]) -> str:
     shown = " | ".join(f"{1e3 * a:.3g}, {1e3 * b:.3g}" for a, b in stds[:_MOST_READINGS])
     return f"reading noise {shown} mrad" + (f" and {n} more pieces" if (n := len(stds) - _MOST_READINGS) > 0 else "")
-
-
-def _spans(stretches: Sequence[Sequence[tuple[float, float]]]) -> str:
-    """Seconds of each log, as "12–32, 80–120 s"."""
-    each = [", ".join(f"{a:.4g}–{b:.4g}" for a, b in spans) + " s" for spans in stretches]
-    return each[0] if len(each) == 1 else "; ".join(f"{text} of log {i}" for i, text in enumerate(each, 1))
 
 
 def _finite(x: float) -> float | None:

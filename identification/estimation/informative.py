@@ -43,11 +43,13 @@ class _Stretch:
     gram: NDArray[np.float64]  # (2, 10, 10): of the rows [Ω_f, u_f] of the arm and of the pendulum
 
 
-def informative(logs: Sequence[Log], budget: int = BUDGET) -> Chosen | None:
+def informative(logs: Sequence[Log], budget: int = BUDGET, spread: float = 0.0) -> Chosen | None:
     """The most informative stretches, None where the logs have no more than `budget` samples together.
 
-    Logs keep their order and their clocks; what is left out is a gap, at which prediction starts anew. A log of which
-    nothing was chosen keeps its best stretch, as it may hold what the others lack.
+    spread: share of the budget that goes all along the logs, to the best stretch of each of so many equal parts, for
+    who looks for what changes with time. Logs keep their order and their clocks; what is left out is a gap, at which
+    prediction starts anew. A log of which nothing was chosen keeps its best stretch, as it may hold what the others
+    lack.
     """
     if sum(map(len, logs)) <= budget:
         return None
@@ -55,7 +57,7 @@ def informative(logs: Sequence[Log], budget: int = BUDGET) -> Chosen | None:
     if not pieces:
         return None
     weights = _information(pieces)
-    order = _greedy(pieces, weights, budget)
+    order = _greedy(pieces, weights, budget, spread)
     chosen: list[Log] = []
     spans: list[tuple[tuple[float, float], ...]] = []
     for i, log in enumerate(logs):
@@ -105,13 +107,18 @@ def _information(pieces: Sequence[_Stretch]) -> NDArray[np.float64]:
     return weighted / np.outer(scale, scale)
 
 
-def _greedy(pieces: Sequence[_Stretch], weights: NDArray[np.float64], budget: int) -> list[_Stretch]:
+def _greedy(pieces: Sequence[_Stretch], weights: NDArray[np.float64], budget: int, spread: float) -> list[_Stretch]:
     """The pieces in the order in which they were taken: within the budget, and at least one of each log."""
     taken: list[int] = []
     total = _RIDGE * np.eye(_SIZE)
     left, rest, missing = budget, list(range(len(pieces))), {p.log for p in pieces}
     size = [p.stop - p.first for p in pieces]
+    parts = int(spread * budget / np.mean(size))
+    among = [set(part.tolist()) for part in np.array_split(np.arange(len(pieces)), parts)] if parts else []
     while allowed := [k for k in rest if size[k] <= left] or [k for k in rest if pieces[k].log in missing]:
+        if among:
+            first = among.pop(0)
+            allowed = [k for k in allowed if k in first] or allowed
         best = allowed[int(np.argmax(np.linalg.slogdet(total + weights[allowed])[1]))]
         taken.append(best)
         rest.remove(best)
@@ -130,3 +137,9 @@ def _joined(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
         else:
             joined.append((first, stop))
     return joined
+
+
+def spans_text(stretches: Sequence[Sequence[tuple[float, float]]]) -> str:
+    """Seconds of each log, as "12–32, 80–120 s"."""
+    each = [", ".join(f"{a:.4g}–{b:.4g}" for a, b in spans) + " s" for spans in stretches]
+    return each[0] if len(each) == 1 else "; ".join(f"{text} of log {i}" for i, text in enumerate(each, 1))

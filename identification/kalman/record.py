@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,6 +89,25 @@ class Stretch:
     log: int
     piece: Log
     record: Record
+
+    def parts(self, longest: int, shared: float) -> Iterator[Stretch]:
+        """Cut into parts of at most `longest` samples, each of which begins `shared` seconds before the end of the one
+        before."""
+        t, first = self.record.t, 0
+        while True:
+            stop = min(first + longest, len(t))
+            if len(t) - stop < longest // 4:  # a short rest belongs to the part before it
+                stop = len(t)
+            yield self if stop - first == len(t) else self._part(slice(first, stop))
+            if stop == len(t):
+                return
+            first = max(int(np.searchsorted(t, t[stop - 1] - shared, side="right")), first + 1)
+
+    def _part(self, samples: slice) -> Stretch:
+        whole, piece = self.record, self.piece.taken(samples)
+        start = float(whole.t[samples][0])
+        part = Record.from_arrays(piece.t, piece.angles, piece.u, whole.variance, whole.quantum, start)
+        return Stretch(self.log, piece, replace(part, log=whole.log))
 
 
 def stretches(logs: Sequence[Log]) -> list[Stretch]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,14 +45,34 @@ class Innovations:
         }
 
 
-def innovations(path: FilterPath, lags: int = LAGS) -> Innovations:
-    """Test the innovations of a path, at fewer lags where it holds fewer than ten readings a lag.
+@dataclass(frozen=True)
+class Whitened:
+    """What a filter made of the readings that it used: times t (n,) [s], whitened innovations w (n, 2), and the command
+    u (n,) from each on."""
+
+    t: Array
+    w: Array
+    u: Array
+
+    @classmethod
+    def of(cls, path: FilterPath, since: float = -np.inf) -> Whitened:
+        """Of a path, from a time on [s], on its record's clock."""
+        used = path.used & (path.record.t >= since)
+        return cls(path.record.t[used], whiten(path.e[used], path.S[used]), path.record.u[used, 0])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Whitened]) -> Whitened:
+        """One after the other."""
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "w", "u")))
+
+
+def innovations(seen: Whitened, lags: int = LAGS) -> Innovations:
+    """Test whitened innovations, at fewer lags where there are fewer than ten readings a lag.
 
     Raises ValueError below FEWEST readings."""
     from scipy.stats import chi2
 
-    w = whiten(path.e, path.S)[path.used]
-    w = w - w.mean(axis=0)
+    w = seen.w - seen.w.mean(axis=0) if len(seen.w) else seen.w
     n = len(w)
     if n < FEWEST:
         raise ValueError(f"{n} readings are too few to test the innovations; expected at least {FEWEST}")
@@ -60,8 +81,7 @@ def innovations(path: FilterPath, lags: int = LAGS) -> Innovations:
     own = np.array([np.sum(w[j:] * w[:-j], axis=0) / scale for j in range(1, lags + 1)])
     ljung_box = n * (n + 2) * np.sum(own**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
     # what was commanded during the intervals before each used reading
-    u = path.record.u[path.used, 0]
-    changes = np.diff(u, prepend=u[0])
+    changes = np.diff(seen.u, prepend=seen.u[0])
     past = np.column_stack([np.concatenate([np.zeros(j), changes[:-j]]) for j in range(1, lags + 1)])[lags:]
     past = past - past.mean(axis=0)
     v = w[lags:]
@@ -76,5 +96,5 @@ def innovations(path: FilterPath, lags: int = LAGS) -> Innovations:
         p_white=np.asarray(chi2.sf(ljung_box, lags)),
         p_command=np.asarray(chi2.sf(explained / np.var(v, axis=0), free)),
         band=1.96 / float(np.sqrt(n)),
-        lag_s=float(np.median(np.diff(path.record.t[path.used]))),
+        lag_s=float(np.median(np.diff(seen.t))),
     )

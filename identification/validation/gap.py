@@ -22,18 +22,16 @@ from furuta_gym.plant.effects.words import number
 from ..estimation.pool import one_blas_thread
 from ..estimation.zeros import aligned
 from ..kalman.coordinates import Zeros
-from ..kalman.likelihood import sample_costs
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
-from ..kalman.record import Record, Stretch, stretches
+from ..kalman.record import Record, stretches
 from ..kalman.whiteness import FEWEST, Innovations, innovations
 from ..logs.log import Log
 from .adequacy import Adequacy, Judgement
-from .free_run import Windows, free_run
-from .noise_floor import Floor, noise_floor, repeats, spread
+from .noise_floor import repeats, spread
+from .predicted import SETTLE, predicted
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
-SETTLE = 0.5  # s that the filter gets before the first prediction
 _CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
 
 Array = NDArray[np.float64]
@@ -179,70 +177,41 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, 
         found = aligned(plant, logs)
         logs, zeros = list(found.logs), found.zeros
     long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon and len(s.piece) >= FEWEST]
-    kept = [_Piece.of(plant, stretch, horizon) for stretch in long]
+    kept = [predicted(plant, stretch, tuple(f * horizon for f in _CURVE)) for stretch in long]
     if not kept:
         raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
     by_log = {p.log: p for p in kept}
-    own = {i: p.floor.variance for i, p in enumerate(kept)}
+    own = {i: p.floor for i, p in enumerate(kept)}
     groups = [g for g in repeats(logs) if all(sum(p.log == i for p in kept) == 1 for i in g)]
     for group in groups:
         between = spread([by_log[i].errors for i in group])
         own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
     floor = np.sqrt(np.mean(np.concatenate(list(own.values())), axis=0))
-    only = np.sqrt(np.mean(np.concatenate([p.floor.readings_only for p in kept]), axis=0))
+    only = np.sqrt(np.mean(np.concatenate([p.readings_floor for p in kept]), axis=0))
     last = error[:, -1], reading
     centred = last[1] - last[1].mean(axis=0)
     size = np.maximum(np.linalg.norm(centred, axis=0), 1e-12)
     counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
+    tests = tuple(innovations(p.whitened) for p in kept)
     return Gap(
         horizon=horizon,
         rms=rms[-1],
         floor=floor[-1],
         reading_floor=np.minimum(only[-1], floor[-1]),
         fit_percent=100.0 * (1.0 - np.linalg.norm(last[0], axis=0) / size),
-        whiteness=max(float(np.abs(p.tests.correlation[0]).max()) for p in kept),
+        whiteness=max(float(np.abs(test.correlation[0]).max()) for test in tests),
         counts=np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0),
         repeats=sum(map(len, groups)) == len(by_log),
         curve=np.column_stack([[f * horizon for f in _CURVE], rms, floor]),
-        tests=tuple(p.tests for p in kept),
+        tests=tests,
         errors=last[0],
         times=np.concatenate([p.times for p in kept]),
         log=np.concatenate([np.full(len(p.errors), p.log) for p in kept]),
         surprise=np.concatenate([p.surprise for p in kept]),
         zeros=dict(zeros),
     )
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """A stretch of a log: errors (M, J, 2), readings (M, 2) and times (M,) at the horizon, its floor, and the
-    surprise (K, 3) of its readings."""
-
-    log: int
-    errors: Array
-    readings: Array
-    times: Array
-    floor: Floor
-    tests: Innovations
-    surprise: Array
-
-    @classmethod
-    def of(cls, plant: Plant, stretch: Stretch, horizon: float) -> _Piece:
-        piece, record = stretch.piece, stretch.record
-        windows = Windows.over(record.t, tuple(f * horizon for f in _CURVE), SETTLE)
-        try:
-            floor = noise_floor(plant, record, windows)
-        except ValueError as error:
-            raise ValueError(f"{piece.source}: {error}") from error
-        errors = free_run(floor.path, windows)
-        if not np.isfinite(errors).all():
-            raise ValueError(f"{piece.source}: the plant's free run over {horizon:g} s leaves all bounds")
-        at = windows.targets[:, -1]
-        costs = sample_costs(floor.path.e, floor.path.S)
-        surprise = np.column_stack([np.full(len(costs), stretch.log), piece.t, costs])[floor.path.used]
-        return cls(stretch.log, errors, record.y[at], piece.t[at], floor, innovations(floor.path), surprise)
 
 
 def filtered(plant: Plant, log: Log) -> FilterPath:

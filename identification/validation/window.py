@@ -21,8 +21,9 @@ from ..kalman.path import FilterPath, follow
 from ..kalman.record import Record
 from ..logs.log import Log
 from .free_run import Windows, free_run
-from .gap import HORIZON, SETTLE
+from .gap import HORIZON
 from .noise_floor import Floor, noise_floor
+from .predicted import SETTLE
 
 LENGTH = 5.0  # s
 

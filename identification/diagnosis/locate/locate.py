@@ -24,7 +24,7 @@ from ...kalman.likelihood import whiten
 from ...kalman.noise import likeliest
 from ...kalman.path import along, follow, refilter, smooth
 from ...kalman.record import Stretch, stretches
-from ...kalman.whiteness import FEWEST, innovations
+from ...kalman.whiteness import FEWEST, Whitened, innovations
 from ...logs.checks import LogError
 from ...logs.log import Log
 from ..policy import DecisionPolicy
@@ -77,7 +77,7 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
         line=line,
         frequencies=frequencies,
         constancy=_constancy(looks[longest]),
-        innovations=tuple(innovations(look.flexible.plain.path) for look in looks),
+        innovations=tuple(innovations(Whitened.of(look.flexible.plain.path)) for look in looks),
         torques=torques,
         maps=tuple(
             torque_map([look.flexible.uncorrected for look in looks], row, name)

@@ -124,3 +124,16 @@ def test_no_prior_holds_the_search_where_what_is_missing_has_dragged_the_pendulu
         searched(HeldOut((PLAIN,), (), POLICY), None, 1, None, lambda text: None, fitter)
     scale = np.array(found.value.args)
     assert np.all((scale > 0.2) & (scale < 5.0)) if dragged else scale == pytest.approx(0.01)
+
+
+def test_of_long_logs_a_part_is_searched_and_said() -> None:
+    log, _ = loop_log("arm_spring", duration=60.0, T=0.01)
+    policy = replace(DecisionPolicy(), samples=len(log) * 3 // 4)
+    found = diagnose(log, start=TABLE_3, most=1, only=["arm_spring"], policy=policy)
+    assert found.verdict == "named", str(found)
+    (spans,) = found.stretches  # of two of its three stretches of 20 s
+    assert sum(b - a for a, b in spans) == pytest.approx(40.0, abs=0.1)
+    assert found.gap is not None
+    assert sum(map(len, found.gap.logs)) == 4000
+    assert "searched on" in str(found)
+    assert found.to_dict()["stretches_s"] == [[list(span) for span in spans]]

@@ -10,7 +10,7 @@ import pytest
 
 from identification.diagnosis.held_out import HeldOut
 from identification.validation.gap import Gap
-from tests.factories import made_log
+from tests.factories import loop_log, made_log
 from tests.identification.diagnosis.fits import POLICY, a_fit, a_gap
 
 BARE, CABLE, DRIFT = a_fit(), a_fit("arm_spring"), a_fit("arm_friction_drift")
@@ -90,3 +90,13 @@ def test_where_nobody_can_tell_nothing_is_said(monkeypatch: pytest.MonkeyPatch) 
     assert not held.far(BARE)
     assert not held.confirms(BARE, CABLE)
     assert not held.denies(BARE, CABLE)
+
+
+def test_of_a_log_with_a_long_gap_the_last_part_is_one_of_its_samples() -> None:
+    """Of 4 s, a quarter of an hour without samples, and 8 s, the last part begins within those 8 s."""
+    log, plant = loop_log(duration=12.0)
+    late = replace(log, t=np.where(log.t < 4.0, log.t, log.t + 900.0))
+    gap = HeldOut((late,), (), POLICY).gap(plant)
+    begins = late.t[round((1.0 - POLICY.tail) * len(log))]
+    assert gap.times.min() - gap.horizon == pytest.approx(begins, abs=0.05)
+    assert len(gap.times) > 0.9 * len(HeldOut((log,), (), POLICY).gap(plant).times)

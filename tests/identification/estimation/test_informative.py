@@ -50,6 +50,18 @@ def test_short_logs_are_left_alone_and_every_log_keeps_something() -> None:
     assert [len(spans) for spans in chosen.spans] == [1, 1]
 
 
+def test_a_share_of_the_samples_goes_all_along_the_log() -> None:
+    log = quiet_then_lively(180.0)
+    lively = informative([log], budget=15_500)
+    both = informative([log], budget=15_500, spread=0.7)
+    assert lively is not None
+    assert both is not None
+    assert [round(a) for a, _ in lively.spans[0]] == [40, 100, 160]
+    early, late = (sum(a < t < b for a, b in both.spans[0]) for t in (50.0, 170.0))
+    assert early == late == 1  # the best of the first half, and of the second
+    assert len(both.logs[0]) == 15_000
+
+
 def test_a_fit_says_what_it_took(monkeypatch: pytest.MonkeyPatch) -> None:
     """θ of the stretches is θ of the whole, within what both say of themselves."""
     first, second = (noisy_log(k, T=0.004, duration=20.0) for k in (1, 2))

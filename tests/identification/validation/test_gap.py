@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 import warnings
 from dataclasses import replace
 
@@ -17,12 +18,13 @@ from identification.kalman.bank import add_torque_noise
 from identification.kalman.noise import fit_noise
 from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import follow, informative, smooth
-from identification.kalman.record import Record
-from identification.kalman.whiteness import innovations
+from identification.kalman.record import Record, stretches
+from identification.kalman.whiteness import Whitened, innovations
 from identification.logs.log import Log, read_log
 from identification.validation.free_run import Windows, free_run
 from identification.validation.gap import closed_fraction, validate
 from identification.validation.noise_floor import repeats
+from identification.validation.predicted import predicted
 from identification.validation.resimulation import resimulate
 from tests.factories import TORQUE_NOISE, loop_log, open_loop_log
 
@@ -127,9 +129,8 @@ def test_repeated_counts_are_read_less_often():
 
 
 def test_innovations_tell_a_late_command():
-    white, late = (
-        innovations(fit_noise(TABLE_3, Record.from_log(loop_log(effect)[0])).path) for effect in (None, "input_delay")
-    )
+    paths = [fit_noise(TABLE_3, Record.from_log(loop_log(effect)[0])).path for effect in (None, "input_delay")]
+    white, late = (innovations(Whitened.of(path)) for path in paths)
     assert white.p_command.min() > 1e-4
     assert late.p_command.min() < 1e-12
 
@@ -225,3 +226,35 @@ def test_the_verdict_on_a_measured_balancing_run(real_data):
     gap = validate(identify(fitted).plant, held_out)
     assert gap.torque_share.max() > 0.95
     assert "torque noise fitted to these logs" in gap.verdict
+
+
+@pytest.mark.parametrize("effect", [None, "arm_spring"])
+def test_a_long_stretch_is_predicted_in_parts_as_if_at_once(effect):
+    log, right = loop_log(effect, 0.2)
+    (stretch,) = stretches([log])
+    horizons = (0.15, 0.3)
+    whole, parts = (predicted(right, stretch, horizons, longest) for longest in (len(log), len(log) // 3))
+    assert len(list(stretch.parts(len(log) // 3, 0.8))) > 1
+    # every reading once, in order
+    assert np.array_equal(parts.surprise[:, 1], whole.surprise[:, 1])
+    assert np.array_equal(parts.whitened.t, whole.whitened.t)
+    steps = np.diff(parts.times)
+    assert steps.min() > 0
+    assert steps.max() < 2.5 * np.median(steps)
+    assert parts.times[-1] == pytest.approx(whole.times[-1], abs=2 * np.median(steps))
+    for name in ("errors", "floor", "readings_floor"):
+        mine, theirs = (np.mean(np.abs(getattr(p, name)), axis=0) for p in (parts, whole))
+        assert mine == pytest.approx(theirs, rel=0.1)
+    assert parts.surprise[:, 2].sum() == pytest.approx(whole.surprise[:, 2].sum(), abs=0.01 * len(log))
+
+
+def test_a_long_stretch_takes_the_memory_of_a_part():
+    log, plant = loop_log()
+    (stretch,) = stretches([log])
+    peaks = []
+    for longest in (len(log), len(log) // 8):
+        tracemalloc.start()
+        predicted(plant, stretch, (0.15, 0.3), longest)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 0.4 * peaks[0]
