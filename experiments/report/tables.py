@@ -166,8 +166,8 @@ def leftovers(where: Where, after: Where | None, left: float) -> Table:
         ),
         (
             "parameters constant in time",
-            f"Nyblom–Hansen, p of all; below {_P:g}: they move",
-            [_p(w.constancy.joint_p) for w in both],
+            f"Nyblom–Hansen, p of all; below {_P:g}: they move; and what that changes of predictions 0.3 s ahead",
+            [_drift(w) for w in both],
         ),
         (
             "innovations white",
@@ -203,7 +203,16 @@ def _of_torque(where: Where, values: np.ndarray, limit: float) -> str:
 
 
 def _p(p: float) -> str:
-    return ("< 0.0001" if p < 1e-4 else f"{p:.2g}") + _mark(p < _P)
+    return _probability(p) + _mark(p < _P)
+
+
+def _drift(where: Where) -> str:
+    p = _probability(where.constancy.joint_p)
+    return f"{p}, {where.drift_counts.max():.2g} counts{_mark(where.changing)}"
+
+
+def _probability(p: float) -> str:
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
 
 
 def _mark(structure: bool) -> str:

@@ -7,7 +7,7 @@ import math
 from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
-from identification.diagnosis.outcome import Diagnosis, structured
+from identification.diagnosis.outcome import Diagnosis
 from identification.validation.gap import Gap
 
 from .contents import Fact, Verdict
@@ -139,7 +139,7 @@ def _doubts(d: Diagnosis) -> list[str]:
     if d.verdict in ("named", "ambiguous"):
         if d.rest is not None and d.rest.matters:
             remains.append(f"on the searched logs there is still {place(d.rest)}")
-        elif d.rest is not None and structured(d.rest, d.policy):
+        elif d.rest is not None and d.rest.structured:
             remains.append("the parameters are not the same all along the searched logs")
         elif d.naming is not None and d.naming.refused is not None:
             remains.append(f"{EFFECTS[d.naming.refused.name].title} would explain a little more, too little to be sure")

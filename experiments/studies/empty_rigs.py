@@ -58,6 +58,7 @@ def examined(trial: Trial) -> dict[str, Any]:
         "counts": float(rest.counts.max()),
         "matters": rest.matters,
         "constant_p": rest.constancy.joint_p,
+        "changing": rest.changing,
         "problem": "",
     }
 
@@ -77,10 +78,9 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         "| simulator | evidence above the limit | said to be left | largest change [counts] |",
         "|---|---|---|---|",
     ]
-    policy = DecisionPolicy()
     for name in SIMULATORS.values():
         mine = [row for row in rows if row["simulator"] == name and not row["problem"]]
-        left = [row["matters"] or row["constant_p"] < policy.constant for row in mine]
+        left = [row["matters"] or row["changing"] for row in mine]
         largest = max((row["counts"] for row in mine if row["found"]), default=0.0)
         lines.append(
             f"| {name} | {percent(rate(row['found'] for row in mine))} | {percent(rate(left))} | {largest:.2g} |"

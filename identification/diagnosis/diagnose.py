@@ -33,7 +33,7 @@ from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.journal import FitJournal
 from .naming.search import NOTHING_YET, Search
 from .naming.upheld import upheld
-from .outcome import Diagnosis, structured
+from .outcome import Diagnosis
 from .policy import MOST_EFFECTS, DecisionPolicy
 from .searched_part import searched_part
 from .second_witness import with_second_witness
@@ -260,7 +260,7 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
     remains = []
     if rest.matters:
         remains = [sentences.left(rest)]
-    elif structured(rest, policy):
+    elif rest.structured:
         remains = [sentences.UNCHANGING]
     elif naming.refused is not None:
         remains = [sentences.refused(naming.refused.name, naming.refused.gain)]

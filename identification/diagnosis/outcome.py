@@ -88,7 +88,7 @@ class Diagnosis:
     def leftover(self) -> bool:
         """Whether the final model leaves structure that no effect found explains."""
         refused = self.naming is not None and self.naming.refused is not None
-        return refused or self.still_off > 1.0 or (self.rest is not None and structured(self.rest, self.policy))
+        return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
 
     @property
     def added(self) -> bool:
@@ -217,9 +217,3 @@ class Diagnosis:
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
         lines.append(f"  never named, as θ takes them in: {taken}")
         return "\n".join(lines)
-
-
-def structured(rest: Where, policy: DecisionPolicy) -> bool:
-    """Whether what a plant leaves of its logs is more than noise: torques that go with the motion, the command or
-    time, or parameters that are not the same all along."""
-    return rest.matters or rest.constancy.joint_p < policy.constant

@@ -17,7 +17,8 @@ from furuta_gym.plant import THETA_NAMES, Plant
 from furuta_gym.plant.effects.words import number
 
 from ...discrepancy.basis import ZEROS, Knots, Signals, families
-from ...discrepancy.correction import flexible
+from ...discrepancy.correction import combined, flexible
+from ...discrepancy.prediction_change import prediction_change
 from ...discrepancy.response import answers
 from ...estimation.pool import one_blas_thread
 from ...kalman.likelihood import whiten
@@ -61,6 +62,8 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
     spans = tuple(_spans(torque, policy.stands_out) if found else () for torque in torques)
     longest = max(range(len(looks)), key=lambda i: len(torques[i].t))
     r2, line, frequencies = _structure(looks[longest], torques[longest])
+    steady = _constancy(looks[longest])
+    drift = _drift(looks[longest], steady) / _count(logs)
     return Where(
         found=found,
         sentence=_sentence(best, spans, torques, frequencies, evidence.nats, counts, plant.unit)
@@ -76,7 +79,9 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
         predictable=r2,
         line=line,
         frequencies=frequencies,
-        constancy=_constancy(looks[longest]),
+        constancy=steady,
+        drift_counts=drift,
+        changing=bool(steady.joint_p < policy.constant and drift.max() >= policy.negligible),
         innovations=tuple(innovations(Whitened.of(look.flexible.plain.path)) for look in looks),
         torques=torques,
         maps=tuple(
@@ -180,6 +185,21 @@ def _constancy(look: Look) -> Constancy:
     free = [i for i in range(9) if np.any(D[:, :, i])]
     used = look.plain.used
     return constancy(D[used][:, :, free], w[used], [THETA_NAMES[i] for i in free])
+
+
+def _drift(look: Look, found: Constancy) -> Array:
+    """What parameters that lie off their mean in equal stretches of time change of predictions (2,) [rad]."""
+    family, path = parameters_of(look), look.plain
+    coefficients = np.zeros((len(found.moved), family.size))
+    coefficients[:, [THETA_NAMES.index(name) for name in found.names]] = found.moved
+    torque, misreading = np.zeros((2, len(path.used), 2))
+    used = np.flatnonzero(path.used)
+    first = 0
+    for block, c in zip(np.array_split(used, len(found.moved)), coefficients, strict=True):
+        samples = slice(first, int(block[-1]) + 1)
+        torque[samples], misreading[samples] = (x[samples] for x in combined([family], c))
+        first = samples.stop
+    return np.sqrt(prediction_change(path, torque, misreading, HORIZON))
 
 
 def _nothing(evidence: float) -> str:

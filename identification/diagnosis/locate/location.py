@@ -44,7 +44,8 @@ class Where:
 
     found: whether anything is left. evidence [nats]: log-likelihood that the best family adds beyond θ, the noise
     estimated anew, less the price of its parameters. counts (2,): what it changes of q1 and q2 predicted 0.3 s ahead,
-    in counts of their encoders; negligible: so little that nobody would miss it.
+    in counts of their encoders; negligible: so little that nobody would miss it. changing: whether parameters are not
+    the same all along the longest stretch; drift_counts (2,): what that changes of such predictions, in counts.
     suspicions: families, the likeliest first. channel, variable:
     of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
     stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's
@@ -64,6 +65,8 @@ class Where:
     line: Array
     frequencies: Array
     constancy: Constancy
+    drift_counts: Array
+    changing: bool
     innovations: tuple[Innovations, ...] = field(repr=False)
     torques: tuple[MissingTorque, ...] = field(repr=False)
     maps: tuple[Map, ...] = field(repr=False)
@@ -73,6 +76,12 @@ class Where:
     def matters(self) -> bool:
         """Whether something is left that somebody would miss."""
         return self.found and not self.negligible
+
+    @property
+    def structured(self) -> bool:
+        """Whether what is left is more than noise: torques that go with the motion, the command or time, or parameters
+        that are not the same all along."""
+        return self.matters or self.changing
 
     def to_dict(self) -> dict[str, Any]:
         """As the "where" of diagnosis.json, and more; intervals_s are those of the first log."""
@@ -94,6 +103,8 @@ class Where:
             "frequency_hz": self.frequencies.tolist(),
             "parameters_constant_p": dict(zip(self.constancy.names, self.constancy.p.tolist(), strict=True))
             | {"all": self.constancy.joint_p},
+            "parameters_change_counts": self.drift_counts.tolist(),
+            "parameters_change": self.changing,
             "innovations": [test.to_dict() for test in self.innovations],
             "maps": [m.to_dict() for m in self.maps],
         }

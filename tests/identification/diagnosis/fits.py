@@ -204,12 +204,15 @@ def rest(
 ) -> Any:
     """What a final model leaves: a torque where its evidence is positive and large, a drift where p is small."""
     found, negligible = evidence > 8.0, counts < POLICY.negligible
+    matters, changing = found and not negligible, p < POLICY.constant
     return SimpleNamespace(
         found=found,
         evidence=evidence,
         counts=np.array([counts, 0.0]),
         negligible=negligible,
-        matters=found and not negligible,
+        matters=matters,
+        changing=changing,
+        structured=matters or changing,
         channel=channel,
         variable=variable,
         constancy=constancy(p),

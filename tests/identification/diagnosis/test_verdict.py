@@ -12,7 +12,6 @@ import pytest
 from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import _anchor, _settled, _verdict, _without_sharpness
 from identification.diagnosis.naming.forward import unsettled
-from identification.diagnosis.outcome import structured
 from identification.diagnosis.policy import DecisionPolicy
 from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_diagnosis, a_fit, naming, rest, search, suspect
@@ -46,13 +45,7 @@ def nothing_left(p: float = 0.5) -> Any:
 def test_the_verdict(found: Any, left: Any, verdict: str) -> None:
     said, sentence = _verdict(found, left, POLICY)
     assert said == verdict
-    assert structured(left, POLICY) == ("remains" in sentence)
-
-
-def test_parameters_that_change_are_structure_below_one_in_a_thousand() -> None:
-    assert structured(rest(p=0.7e-3), POLICY)
-    assert not structured(rest(p=1.4e-3), POLICY)
-    assert structured(rest(p=1.4e-3), replace(POLICY, constant=2e-3))
+    assert left.structured == ("remains" in sentence)
 
 
 def test_what_is_refused_is_left_over_and_told() -> None:

@@ -125,10 +125,23 @@ def test_what_changes_in_time_is_found_in_time():
     spans = found.intervals_s[0]
     assert spans[0][0] > 7.0
     assert found.constancy.joint_p < 1e-3
+    assert found.changing
+    assert found.structured
+    assert found.drift_counts.max() > 1.0
     shift = np.abs(found.constancy.shift).max(axis=1)
     before, after = shift[:3], shift[4:]  # eighths of the log; the step falls into the fourth
     assert after.min() > before.max()
     assert after.mean() > 2 * before.mean()
+
+
+@pytest.mark.parametrize(("size", "matters"), [(0.01, False), (0.05, True)])
+def test_parameters_that_change_matter_by_what_they_change_of_predictions(size, matters):
+    """A payload of a gram or less, without torque noise and with fine encoders: certain, but what of it."""
+    log, _ = loop_log("payload_step", size, duration=20.0, noise=False, counts=16384)
+    found = locate(TABLE_3, log)
+    assert found.constancy.joint_p < 1e-3
+    assert found.changing is matters
+    assert found.drift_counts.max() == pytest.approx(found.counts.max(), rel=0.2)  # the same, found as a torque
 
 
 def test_it_goes_to_a_file(spring):
