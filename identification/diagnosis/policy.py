@@ -53,6 +53,7 @@ class DecisionPolicy:
     believed: float = _rule(10.0, "gain net of the price from which an effect is believed", DEV, "nats")
     equal: float = _rule(5.0, "effects this near to the best cannot be told from it (odds of e⁵)", THEORY, "nats")
     as_good: float = _rule(0.9, "of the best gain, from which a look-alike is an equal where its form is wrong", DEV)
+    nearly: float = _rule(0.98, "of the best gain, from which any effect is an equal where structure is left", DEV)
     own_share: float = _rule(0.2, "of the largest gain, what a further effect must explain by itself", DEV)
     least_share: float = _rule(0.1, "the same where structure was left without it and none is with it", DEV)
     doubtful_share: float = _rule(0.05, "of some gain before, from which an effect waits for what follows it", DEV)

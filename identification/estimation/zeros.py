@@ -18,6 +18,7 @@ from ..kalman.noise_model import Noise
 from ..kalman.record import stretches
 from ..logs.checks import warn
 from ..logs.log import Log
+from .long_logs import PARTS, part_of
 from .optimise import minimise
 from .prediction_error import PredictionError, quietest
 
@@ -51,6 +52,7 @@ def aligned(plant: Plant, logs: Sequence[Log]) -> Aligned:
         least = quietest(plant, records)
         coordinates = [*zero_coordinates(plant, records, free=(0,)), *noise_coordinates(least)]
         problem = PredictionError(plant, records, coordinates, Noise(_RESTLESS * least))
+        problem = part_of(problem, PARTS[-1]) or problem  # enough for two numbers
         optimum = minimise(problem, problem.start(), _ITERATIONS, _TOLERANCE, exact=False)
         if np.isfinite(optimum.value):
             zeros[i] = problem.zeros_at(optimum.z).get(0, (0.0, 0.0))

@@ -140,20 +140,27 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
 
 
 def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
-    """The same with more equals, where what is left goes with the very variable that an effect found depends on. Its
-    form is wrong then, and a look-alike of the same variable that explains nearly as much may as well be the name."""
+    """The same with more equals, where structure is left, as none of the names is all of the truth then. A look-alike
+    of the variable that the rest goes with may as well be the name if it explains nearly as much: the form is wrong.
+    So may any suspect that explains all but a hundredth or two."""
     if not remains.matters:
         return naming
     equals = []
     for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
+        formed = _acts_on(found.name, remains)
         rivals = [
             s.name
             for s in ranking
-            if s.name not in own
-            and alike(s.name, found.name)
-            and s.gain > policy.as_good * found.gain
-            and _acts_on(s.name, remains)
-            and _acts_on(found.name, remains)
+            if s.name not in (found.name, *own)
+            and (
+                s.gain > policy.nearly * found.gain
+                or (
+                    formed
+                    and _acts_on(s.name, remains)
+                    and alike(s.name, found.name)
+                    and s.gain > policy.as_good * found.gain
+                )
+            )
         ]
         equals.append((*own, *rivals))
     return replace(naming, equals=tuple(equals))

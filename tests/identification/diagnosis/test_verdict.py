@@ -149,6 +149,16 @@ def test_a_form_that_is_wrong_does_not_settle_the_name(
     assert unsettled(names, rest(-4.0, channel=channel, variable=variable), POLICY).equals == ((),)
 
 
+@pytest.mark.parametrize(("gain", "equals"), [(3126.0, ("input_offset",)), (2900.0, ())])
+def test_where_structure_is_left_a_hundredth_of_the_gain_decides_no_name(gain: float, equals: tuple[str, ...]) -> None:
+    """An offset that wanders: a cable that comes taut explains 1.5 % more, and is not it either."""
+    winner = suspect("arm_taut_cable", 3174.0)
+    names = naming(winner, rankings=((winner, suspect("input_offset", gain)),))
+    wandering = rest(50.0, channel="sensor", variable="zero of the arm")
+    assert unsettled(names, wandering, POLICY).equals == (equals,)
+    assert unsettled(names, rest(-4.0), POLICY).equals == ((),)
+
+
 def settled(first: Any, second: Any, other: Any, dragged: bool = False) -> tuple[Any, list[str]]:
     """What `_settled` decides between two searches, and which were made ("with": the one that `other` joins)."""
     made: list[str] = []
