@@ -20,8 +20,8 @@ from .free_run import Windows, free_run
 from .noise_floor import noise_floor
 
 SETTLE = 0.5  # s that the filter gets before the first prediction
-LONGEST = 60_000
-"""Samples that are predicted at once: a minute at 1 kHz."""
+LONGEST = 30_000
+"""Samples that are predicted at once: half a minute at 1 kHz, and half a gigabyte."""
 
 Array = NDArray[np.float64]
 
