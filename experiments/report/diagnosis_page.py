@@ -11,6 +11,7 @@ from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import ABSORBED, Diagnosis
+from identification.estimation.informative import spans_text
 
 from . import learned_figures, prediction_figures, search_figures, tables, where_figures
 from .contents import Block, Details, Figure, Grid, Heading, Page, Section, Text
@@ -244,6 +245,11 @@ def _about(x: Examination) -> Section:
     if d.not_visible:
         unseen = joined([EFFECTS[name].title for name in d.not_visible], "and")
         blocks.append(Text(f"On these logs the parameters also imitate {unseen}. Not found does not mean absent."))
+    if d.stretches:
+        part = spans_text(d.stretches)
+        blocks.append(
+            Text(f"Only {part} were searched: some stretches all along the logs, and what says most about θ.")
+        )
     if alike := equals(d):
         shown = [Markup("{} (<code>{}</code>)").format(EFFECTS[name].title, name) for name in alike]
         blocks.append(Text(Markup("Equal on these logs: {}.").format(Markup("; ").join(shown))))

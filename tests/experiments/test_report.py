@@ -359,6 +359,12 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
         assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
 
 
+def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
+    part = replace(examined, diagnosis=replace(examined.diagnosis, stretches=(((0.0, 20.0), (40.0, 80.0)),)))
+    assert "Only 0–20, 40–80 s were searched" in build(part)
+    assert "were searched" not in page
+
+
 @pytest.mark.parametrize("added", [True, False])
 def test_what_was_learned_is_drawn_with_what_became_of_it(examined, added):
     plant = TABLE_3.with_effects(Effect("arm_learned", {"c00": 0.1, "c33": -0.2}))
