@@ -206,7 +206,9 @@ def test_a_session_from_the_seal_to_the_mark(tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     (tmp_path / "key.txt").write_text(KEY)
     only = ("--kinds", "library", "--effects", "arm_spring", "--rigs", "workshop")
-    sealed = furuta("bench", "seal", "-o", "lab", "--groups", 1, "--key-file", "key.txt", "--seed", 3, *only)
+    sealed = furuta(
+        "bench", "seal", "-o", "lab", "--groups", 1, "--key-file", "key.txt", "--seed", 1, *only
+    )  # a spring of the library's own law
     assert sealed.exit_code == 0, sealed.output
     assert not list(Path("lab").glob("*.json"))
     monkeypatch.chdir("lab/group-01")

@@ -18,9 +18,9 @@ def test_rounding_leaves_nothing_that_matters():
 
 
 def test_what_is_said_to_be_left_is_counted():
-    row = {"simulator": "the bench", "found": True, "matters": True, "counts": 0.7, "constant_p": 0.5, "problem": ""}
+    row = {"simulator": "the bench", "found": True, "matters": True, "counts": 0.7, "changing": False, "problem": ""}
     fine = {**row, "found": True, "matters": False, "counts": 0.1}
-    moving = {**fine, "found": False, "constant_p": 1e-5}
+    moving = {**fine, "found": False, "changing": True}
     text = empty_rigs.table([row, fine, moving, {"simulator": "the bench", "problem": "lost"}])
     assert "| the bench | 2 of 3 = 67 %" in text
     assert "| 2 of 3 = 67 % (9 … 99 %) | 0.7 |" in text
