@@ -102,6 +102,9 @@ class DecisionPolicy:
     samples: int = _rule(
         100_000, "samples that a search takes; of more, some all along and what says most about θ", COST
     )
+    along: float = _rule(
+        0.6, "share of these that goes all along, for what changes with time", "a choice, not measured"
+    )
 
     # whether held-out data agree
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")

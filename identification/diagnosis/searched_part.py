@@ -8,11 +8,8 @@ from ..estimation.informative import Chosen, informative
 from ..logs.log import Log
 from .policy import DecisionPolicy
 
-_SPREAD = 0.6
-"""Share of the samples that goes all along the logs, so that what changes with time shows."""
-
 
 def searched_part(logs: Sequence[Log], policy: DecisionPolicy) -> Chosen:
     """The logs; of more than `policy.samples` together, stretches of 20 s: some all along the logs, and those that say
     most about θ. `spans` is empty where every sample is taken."""
-    return informative(logs, policy.samples, _SPREAD) or Chosen(tuple(logs), ())
+    return informative(logs, policy.samples, policy.along) or Chosen(tuple(logs), ())
