@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import event
+from numba.core import cgutils, event, types
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.extending import intrinsic
 
 from furuta_gym.cache_folder import cache_root, note_compilation
@@ -48,14 +49,28 @@ def source_hash(folder: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+class _Apart(CompilerBase):
+    """numba's usual passes, for functions whose arrays share no memory."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.flags.noalias = True
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+def compiled(
+    function: Callable[..., Any] | None = None, *, apart: bool = False, borrows: bool = False, **options: Any
+) -> Any:
     """Compile `function` with numba; options are numba's (`parallel`, `inline`, `fastmath`, ...).
+
+    apart: what is written through one argument is read through no other. The compiler need not ask whether arrays
+    overlap, and a loop over many of them becomes SIMD code; where they do overlap, results are undefined.
+    borrows: the function makes no array, only parts of those it is given; numba then counts no references to them.
 
     Division by zero gives inf as in C (the check for it would keep loops from becoming SIMD code).
     Floating-point contraction and re-association stay off unless asked for: equal input gives equal bits.
     """
     if function is None:
-        return lambda f: compiled(f, **options)
+        return lambda f: compiled(f, apart=apart, borrows=borrows, **options)
     folder = Path(function.__code__.co_filename).parent
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     root = None if before else cache_root()
@@ -63,6 +78,7 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         numba.config.CACHE_DIR = str(root / source_hash(folder))  # type: ignore[attr-defined]
     try:
         settings: Any = {"error_model": "numpy", "cache": bool(before or root)} | options
+        settings |= ({"pipeline_class": _Apart} if apart else {}) | ({"_nrt": False} if borrows else {})
         return numba.njit(**settings)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
@@ -72,3 +88,21 @@ def instruction(function: Callable[..., Any]) -> Any:
     """A processor's instruction as a function of compiled code: `function(typing_context, *types)` gives its signature
     and the generator of its LLVM code (numba's `intrinsic`)."""
     return intrinsic(function)
+
+
+@instruction
+def lanes_of(typing_context: Any, array: Any, row: Any) -> Any:
+    """Where the lanes of a row begin: a pointer to element `row` of all axes but the last of a contiguous array.
+
+    A kernel compiled `apart` that takes rows so knows that they do not overlap, which it could not of one array's.
+    """
+    if not (isinstance(array, types.Array) and array.layout == "C" and array.dtype == types.float64):
+        return None
+    pointer = types.CPointer(types.float64)
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        view = context.make_array(signature.args[0])(context, builder, arguments[0])
+        lanes = cgutils.unpack_tuple(builder, view.shape)[-1]
+        return builder.gep(view.data, [builder.mul(arguments[1], lanes)])
+
+    return pointer(array, types.intp), code

@@ -12,9 +12,10 @@ import math
 
 import numpy as np
 
-from .compiled import compiled
+from .compiled import compiled, lanes_of
 from .effects.dispatch import (
     add_torques,
+    changes_theta,
     command_delays,
     filter_command,
     map_command,
@@ -68,9 +69,12 @@ def energy(q2, v1, v2, th1, th2, th3, th4, th5):
     return 0.5 * m11 * v1 * v1 + m12 * v1 * v2 + 0.5 * m22 * v2 * v2 + th5 * c
 
 
-@compiled(forceinline=True)
+@compiled(apart=True)
 def _accelerate(X, F, TH, K):
+    """Speeds and accelerations to the first rows of K, at states X under torques F (2, L)."""
     for k in range(X.shape[1]):
+        K[0, k] = X[2, k]
+        K[1, k] = X[3, k]
         a1, a2 = acceleration(
             X[1, k],
             X[2, k],
@@ -93,6 +97,39 @@ def _accelerate(X, F, TH, K):
         K[3, k] = a2
 
 
+@compiled(apart=True)
+def _to_start(XS, S, X, lanes):
+    """One row at the beginning of a Runge–Kutta step."""
+    for k in range(lanes):
+        XS[k] = X[k]
+        S[k] = 0.0
+
+
+@compiled(apart=True)
+def _to_stage(XS, S, X, K, h, w, ahead, lanes):
+    """One row on to the next Runge–Kutta stage: S += w K and XS = X + ahead h K."""
+    for k in range(lanes):
+        S[k] += w * K[k]
+        XS[k] = X[k] + ahead * h[k] * K[k]
+
+
+@compiled(apart=True)
+def _to_end(X, S, K, h, w, lanes):
+    """One row to the end of the Runge–Kutta step."""
+    for k in range(lanes):
+        X[k] += h[k] * (1.0 / 6.0) * (S[k] + w * K[k])
+
+
+@compiled(apart=True)
+def _sources(F0, F1, ts, since, tau, W0, W1, t, h, ahead, lanes):
+    """Torques before any effect adds to them, and the time of a stage `ahead` steps from the beginning."""
+    for k in range(lanes):
+        since[k] = ahead * h[k]
+        ts[k] = t[k] + since[k]
+        F0[k] = W0[k] + tau[k]
+        F1[k] = W1[k]
+
+
 @compiled
 def rates(t, X, tau, W, P, codes, TH, F, K):
     """K = dX/dt at times t (L,), with the actuator's torque tau (L,) and disturbance torques W (2, L).
@@ -102,8 +139,6 @@ def rates(t, X, tau, W, P, codes, TH, F, K):
     for k in range(X.shape[1]):
         F[0, k] = W[0, k] + tau[k]
         F[1, k] = W[1, k]
-        K[0, k] = X[2, k]
-        K[1, k] = X[3, k]
     if codes.shape[0] == 0:
         _accelerate(X, F, P, K)
         return
@@ -115,7 +150,7 @@ def rates(t, X, tau, W, P, codes, TH, F, K):
     memory_rates(t, X, tau, P, codes, TH, K)
 
 
-@compiled
+@compiled(borrows=True)
 def _runge_kutta(X, t, h, n, command, W, P, codes, work):
     """n classical Runge–Kutta steps of h (L,) seconds from t (L,), under a command held for all of them.
 
@@ -123,40 +158,33 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
     """
     rows, lanes = X.shape
     XS, K, S = work[:rows], work[rows : 2 * rows], work[2 * rows : 3 * rows]
-    TH, F = work[3 * rows : 3 * rows + N_BASE], work[3 * rows + N_BASE : 3 * rows + N_BASE + 2]
-    tau, ts, since = work[-3], work[-2], work[-1]
-    filtered, changed, active, remembered = True, True, codes.shape[0] > 0, rows > 4
-    for row in range(N_BASE):
-        for k in range(lanes):
-            TH[row, k] = P[row, k]
+    F, tau, ts, since = work[3 * rows + N_BASE : 3 * rows + N_BASE + 2], work[-3], work[-2], work[-4]
+    filtered, active, remembered = True, codes.shape[0] > 0, rows > 4
+    changed = changes_theta(codes)
+    TH = work[3 * rows : 3 * rows + N_BASE] if changed else P[:N_BASE]
     for k in range(lanes):
         tau[k] = command[k]
     for i in range(n):
         for row in range(rows):
-            for k in range(lanes):
-                XS[row, k] = X[row, k]
-                S[row, k] = 0.0
+            _to_start(lanes_of(XS, row), lanes_of(S, row), lanes_of(X, row), lanes)
         for stage in range(4):
             c = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
             ahead = 1.0 if stage == 2 else 0.5  # of a step, to the next stage
             w = 2.0 if 0 < stage < 3 else 1.0
-            for k in range(lanes):
-                since[k] = (i + c) * h[k]
-                ts[k] = t[k] + since[k]
             if filtered:
                 for k in range(lanes):
+                    since[k] = (i + c) * h[k]
                     tau[k] = command[k]
                 filtered = filter_command(command, since, X, P, codes, tau)
-            if changed and active:
+            _sources(
+                lanes_of(F, 0), lanes_of(F, 1), lanes_of(ts, 0), lanes_of(since, 0), lanes_of(tau, 0),
+                lanes_of(W, 0), lanes_of(W, 1), lanes_of(t, 0), lanes_of(h, 0), i + c, lanes,
+            )  # fmt: skip
+            if changed:
                 for row in range(N_BASE):
                     for k in range(lanes):
                         TH[row, k] = P[row, k]
-                changed = modify_theta(ts, P, codes, TH)
-            for k in range(lanes):
-                F[0, k] = W[0, k] + tau[k]
-                F[1, k] = W[1, k]
-                K[0, k] = XS[2, k]
-                K[1, k] = XS[3, k]
+                modify_theta(ts, P, codes, TH)
             if active:
                 add_torques(ts, XS, tau, P, codes, TH, F)
             _accelerate(XS, F, TH, K)
@@ -165,15 +193,12 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
                     for k in range(lanes):
                         K[row, k] = 0.0
                 memory_rates(ts, XS, tau, P, codes, TH, K)
-            if stage == 3:
-                for row in range(rows):
-                    for k in range(lanes):
-                        X[row, k] += h[k] * (1.0 / 6.0) * (S[row, k] + w * K[row, k])
-            else:
-                for row in range(rows):
-                    for k in range(lanes):
-                        S[row, k] += w * K[row, k]
-                        XS[row, k] = X[row, k] + ahead * h[k] * K[row, k]
+            for row in range(rows):
+                x, rate, total = lanes_of(X, row), lanes_of(K, row), lanes_of(S, row)
+                if stage == 3:
+                    _to_end(x, total, rate, lanes_of(h, 0), w, lanes)
+                else:
+                    _to_stage(lanes_of(XS, row), total, x, rate, lanes_of(h, 0), w, ahead, lanes)
         if remembered:
             remembered = update_memory(X, P, codes)
 
@@ -273,44 +298,56 @@ def advance(X, t0, t1, t_u, U, j, W, P, codes, h_max):
 @compiled
 def workspace(rows, lanes):
     """What `advance_within` works in, for whoever calls it again and again: (work, state, source)."""
-    return np.empty((3 * rows + N_BASE + 5, lanes)), np.empty((5, lanes)), np.empty(lanes, np.int64)
+    return np.empty((3 * rows + N_BASE + 6, lanes)), np.empty((5, lanes)), np.empty(lanes, np.int64)
 
 
-@compiled
+@compiled(borrows=True)
 def advance_within(X, t0, t1, t_u, U, j, W, P, codes, h_max, work, state, source):
     """`advance` in a `workspace` made before."""
     lanes = X.shape[1]
     start, h, command, delay, stop = state[0], state[1], state[2], state[3], state[4]
-    source[:] = j
-    delayed = command_delays(P, codes, delay)
-    start[:] = t0
-    if delayed:
+    if not command_delays(P, codes, delay):
+        n = max(1, math.ceil((t1 - t0) / h_max - 1e-6))
         for k in range(lanes):
-            source[k] = acting_row(t_u, j, 0, delay[k], t0)
-    while True:
+            start[k] = t0
+            h[k] = (t1 - t0) / n
+            command[k] = U[j, k if U.shape[1] > 1 else 0]
+            work[-1, k] = t1 - t0
+        _stretch(X, start, h, n, command, W, P, codes, work)
+        return
+    for k in range(lanes):
+        start[k] = t0
+        source[k] = acting_row(t_u, j, 0, delay[k], t0)
+    done = False
+    while not done:
         longest = 0.0
         for k in range(lanes):
             stop[k] = t1
-            if delayed and source[k] < j:
+            if source[k] < j:
                 stop[k] = until_next(t_u[source[k] + 1], delay[k], start[k], t1)
             longest = max(longest, stop[k] - start[k])
             command[k] = U[source[k], k if U.shape[1] > 1 else 0]
         n = max(1, math.ceil(longest / h_max - 1e-6))
         for k in range(lanes):
             h[k] = (stop[k] - start[k]) / n
-        map_command(P, codes, command)
-        _runge_kutta(X, start, h, n, command, W, P, codes, work)
+            work[-1, k] = stop[k] - start[k]
+        _stretch(X, start, h, n, command, W, P, codes, work)
         done = True
         for k in range(lanes):
-            work[-1, k] = stop[k] - start[k]  # for a filter with memory: how long this command acted
             start[k] = stop[k]
             if stop[k] < t1:
                 source[k] += 1
                 done = False
-        filter_command(command, work[-1], X, P, codes, work[-3])
-        store_filter(X, codes, work[-3])
-        if done:
-            return
+
+
+@compiled(borrows=True)
+def _stretch(X, start, h, n, command, W, P, codes, work):
+    """A stretch under one command: n steps of h (L,) seconds from start (L,); work[-1] says how long it lasts."""
+    tau, lasts = work[-3], work[-1]
+    map_command(P, codes, command)
+    _runge_kutta(X, start, h, n, command, W, P, codes, work)
+    filter_command(command, lasts, X, P, codes, tau)
+    store_filter(X, codes, tau)
 
 
 @compiled

@@ -25,14 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance_within, mass_matrix, shared_steps, substep, workspace
+from furuta_gym.plant.dynamics import advance_within, shared_steps, substep, workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.layout import ParameterLayout
 
-from .leaders import add_noise_to_leaders, packed, propagate_leaders, read_leaders
+from .leaders import packed, shaken, step_leaders
 from .rounding import counted
 
-_REGISTER = 4  # lanes
+_REGISTER = 8  # lanes, of the widest processors
 _SPEED = {"r1": 2, "r2": 3}  # the state in which the velocity of its friction is
 _LONGEST = 1e-3  # s, of the integration
 STATE_STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
@@ -40,7 +40,7 @@ STATE_STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above r
 
 @compiled(forceinline=True)
 def whole_registers(lanes):
-    """So many lanes, and as many more as fill up the last SIMD register: single ones take longer than four."""
+    """So many lanes, and as many more as fill up the last SIMD register: a single one takes nearly as long as eight."""
     return (lanes + _REGISTER - 1) // _REGISTER * _REGISTER
 
 
@@ -53,12 +53,7 @@ def effective_sharpness(r, variance):
 @compiled(nogil=True)
 def add_torque_noise(C, q2, theta, noise, T):
     """C (n, n) += covariance that white torques of intensity noise[:2] leave in the state after T seconds."""
-    m11, m12, m22 = mass_matrix(q2, theta[0], theta[1], theta[2], theta[3])
-    det = m11 * m22 - m12 * m12
-    a, b, d = m22 / det, -m12 / det, m11 / det
-    v11 = noise[0] * a * a + noise[1] * b * b
-    v12 = noise[0] * a * b + noise[1] * b * d
-    v22 = noise[0] * b * b + noise[1] * d * d
+    v11, v12, v22 = shaken(q2, theta[0], theta[1], theta[2], theta[3], noise[0], noise[1])
     for i in range(2):
         for j in range(2):
             v = v11 if i + j == 0 else (v22 if i + j == 2 else v12)
@@ -145,31 +140,34 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
     e, S, cost, direct, states = result.e, result.S, result.cost, result.direct, result.states
     N, B = y.shape[0], P.shape[1]
     n, G, L = first.mean.shape[0], leaders, told.cost.shape[0]
-    # lanes 0 … B−1 are the filters, then n shifted states of each exact one; the rest do as filter 0
+    # lanes 0 … B−1 are the filters, then for each of n states the exact ones with that state shifted; the rest do as
+    # filter 0
     lanes = whole_registers(exact * n + B)
     plain = codes.shape[0] == 0
     X, Y, W = np.zeros((n, lanes)), np.zeros((2, lanes)), np.zeros((2, lanes))
     PL = np.empty((P.shape[0], lanes))
     owner = np.empty(lanes, dtype=np.int64)
     for k in range(lanes):
-        owner[k] = k if k < B else ((k - B) // n if k < B + exact * n else 0)
+        owner[k] = k if k < B else ((k - B) % exact if k < B + exact * n else 0)
         PL[:, k] = P[:, owner[k]]
     blunt, variance = PL.copy(), np.empty(lanes)
     work, state, source = workspace(n, lanes)
     x = first.mean.copy()
     # lanes of leaders beyond the last do as filter 0
     C, theta, intensity, q2 = np.empty((n * (n + 1) // 2, L)), np.empty((4, L)), np.empty((4, L)), np.empty(L)
+    Phi, H = np.zeros((n, n, L)), np.zeros((2, n, L))
     for g in range(L):
         lead = g if g < G else 0
         theta[:, g] = P[:4, lead]
         intensity[:, g] = noise[:, lead]
+        q2[g] = x[1, lead]
         for i in range(n):
+            Phi[i, i, g] = 1.0  # to the first readings
             for j in range(i + 1):
                 C[packed(i, j), g] = first.covariance[i, j]
-    Phi, H = np.empty((n, n, L if exact > 1 else 1)), np.zeros((2, n, L))
     H[0, 0] = 1.0
     H[1, 1] = 1.0
-    covariances, d = np.empty((n, n, L)), np.empty((2, L))
+    covariances, d, T = np.empty((n, n, L)), np.empty((2, L)), 0.0
     K, own_e, own_S, prior = told.K, told.e, told.S, told.prior
     _spread(X, x, exact)
     sensed = not plain and read_sensors(X, PL, codes, Y)
@@ -184,7 +182,7 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
                     variance[i] = C[velocity, 0]
                 for i in range(1, G):
                     variance[i] = C[velocity, i]
-                for i in range(B + n, B + exact * n):
+                for i in range(B, B + exact * n):
                     variance[i] = C[velocity, owner[i]]
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
@@ -197,14 +195,13 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
                 advance_within(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest, work, state, source)
             for i in range(n):
                 for m in range(n):
+                    shifted = B + m * exact
                     for g in range(exact):
-                        Phi[i, m, g] = (X[i, B + g * n + m] - X[i, g]) / STATE_STEP
-                    for g in range(exact, Phi.shape[2]):
+                        Phi[i, m, g] = (X[i, shifted + g] - X[i, g]) / STATE_STEP
+                    for g in range(exact, L):
                         Phi[i, m, g] = Phi[i, m, 0]
-            propagate_leaders(C, Phi, covariances)
             for g in range(L):
                 q2[g] = x[1, g if g < G else 0]
-            add_noise_to_leaders(C, q2, theta, intensity, T)
             for i in range(n):
                 for b in range(B):
                     x[i, b] = X[i, b]
@@ -217,7 +214,7 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
                 for m in range(n):
                     for g in range(L):
                         own = g if g < exact else 0
-                        H[a, m, g] = (Y[a, B + own * n + m] - Y[a, own]) / STATE_STEP
+                        H[a, m, g] = (Y[a, B + m * exact + own] - Y[a, own]) / STATE_STEP
         else:
             for a in range(2):
                 for b in range(B):
@@ -226,7 +223,7 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
             for g in range(L):
                 lead = g if g < G else 0
                 d[a, g] = y[k, a] - Y[a, lead] - zeros[a, lead]
-        read_leaders(C, H, not sensed, intensity[2:], d, quantum, told)
+        step_leaders(C, Phi, q2, theta, T, H, not sensed, intensity, d, quantum, told, covariances)
         for g in range(G):
             if not (own_S[0, g] > 0.0 and own_S[2, g] > 0.0 and abs(x[1, g]) < 1e6):
                 return False
@@ -257,16 +254,17 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
 
 @compiled(nogil=True)
 def _spread(X, x, exact):
-    """Lanes X from the filters' states x (n, B): each filter, then n states shifted by a step of the exact ones.
-    Lanes beyond those do as filter 0."""
+    """Lanes X from the filters' states x (n, B): each filter, then for each of n states the exact ones with that state
+    shifted by a step. Lanes beyond those do as filter 0."""
     n, B = x.shape
     for i in range(n):
         for b in range(B):
             X[i, b] = x[i, b]
+        for m in range(n):
+            for g in range(exact):
+                X[i, B + m * exact + g] = x[i, g]
         for g in range(exact):
-            for m in range(n):
-                X[i, B + g * n + m] = x[i, g]
-            X[i, B + g * n + i] += STATE_STEP
+            X[i, B + i * exact + g] += STATE_STEP
         for k in range(B + exact * n, X.shape[1]):
             X[i, k] = x[i, 0]
 

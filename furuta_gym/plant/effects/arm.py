@@ -4,13 +4,14 @@ play. Cables with other laws are in `cable`."""
 import math
 
 from ..compiled import compiled
-from ..elementary import tanh
+from ..elementary import decay, sincos, tanh
 from .declaration import EffectType, Parameter
 from .words import Quantity, by_direction, either, near_standstill, percent
 
 
 def _stribeck(v1, r1, ΔF, vs):
-    return -ΔF * math.exp(-((v1 / vs) ** 2)) * tanh(r1 * v1), 0.0
+    speed = v1 / vs
+    return -ΔF * decay(speed * speed) * tanh(r1 * v1), 0.0
 
 
 def _coulomb_asymmetry(v1, r1, a):
@@ -26,11 +27,12 @@ def _spring(q1, k, q1n):
 
 
 def _ripple(q1, A, n, φ):
-    return -A * math.sin(n * q1 + φ), 0.0
+    return -A * sincos(n * q1 + φ)[0], 0.0
 
 
 def _position_friction(q1, v1, r1, a, b):
-    return -(a * math.sin(q1) + b * math.cos(q1)) * tanh(r1 * v1), 0.0
+    s, c = sincos(q1)
+    return -(a * s + b * c) * tanh(r1 * v1), 0.0
 
 
 def _friction_drift(t, v1, theta8, r1, a):
@@ -42,7 +44,7 @@ def _viscous_drift(t, v1, theta6, a):
 
 
 def _periodic(t, A, f, φ):
-    return A * math.sin(2.0 * math.pi * f * t + φ), 0.0
+    return A * sincos(2.0 * math.pi * f * t + φ)[0], 0.0
 
 
 def _presliding(v1, theta8, r1, σ0, z):

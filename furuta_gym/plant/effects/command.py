@@ -2,6 +2,7 @@
 
 import math
 
+from ..elementary import decay
 from .declaration import EffectType, Parameter
 from .words import either, percent
 
@@ -12,7 +13,9 @@ def _delay(d):
 
 def _lag(u, since, tau0, T):
     # exact for a held command; T = 0 is a perfect actuator
-    return u + (tau0 - u) * math.exp(-since / T) if T > 0.0 else u
+    # a select, where a branch would keep lanes from going side by side
+    kept = decay(since / T if T > 0.0 else 1e300)
+    return u + (tau0 - u) * (kept if T > 0.0 else 0.0)
 
 
 def _offset(u, b):

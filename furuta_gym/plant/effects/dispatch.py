@@ -85,4 +85,18 @@ def store_filter(X, codes, value):
     """Keep the filtered command `value` (L,) in the memory of the active filter, if there is one."""
     for i in range(codes.shape[0]):
         if codes[i, 0] == _LAG:
-            X[codes[i, 2]] = value
+            for k in range(X.shape[1]):
+                X[codes[i, 2], k] = value[k]
+
+
+_CHANGING = tuple(NUMBERS[e.name] for e in CARRIED.values() if "theta" in e.kernels)
+
+
+@compiled
+def changes_theta(codes):
+    """Whether an active effect changes θ or r on the way."""
+    for i in range(codes.shape[0]):
+        for number in _CHANGING:
+            if codes[i, 0] == number:
+                return True
+    return False

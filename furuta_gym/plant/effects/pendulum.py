@@ -2,7 +2,7 @@
 
 import math
 
-from ..elementary import tanh
+from ..elementary import decay, sincos, tanh
 from .declaration import EffectType, Parameter
 from .words import Quantity, by_direction, either, near_standstill, percent
 
@@ -12,7 +12,8 @@ def _quadratic_drag(v2, c):
 
 
 def _stribeck(v2, r2, ΔF, vs):
-    return 0.0, -ΔF * math.exp(-((v2 / vs) ** 2)) * tanh(r2 * v2)
+    speed = v2 / vs
+    return 0.0, -ΔF * decay(speed * speed) * tanh(r2 * v2)
 
 
 def _coulomb_asymmetry(v2, r2, a):
@@ -20,10 +21,11 @@ def _coulomb_asymmetry(v2, r2, a):
 
 
 def _tilt(q1, q2, theta5, αx, αy, G1):
-    s1, c1 = math.sin(q1), math.cos(q1)
+    s1, c1 = sincos(q1)
+    s2, c2 = sincos(q2)
     e = -αx * s1 + αy * c1
-    arm = G1 * e - theta5 * math.sin(q2) * (αx * c1 + αy * s1)
-    return arm, theta5 * math.cos(q2) * e
+    arm = G1 * e - theta5 * s2 * (αx * c1 + αy * s1)
+    return arm, theta5 * c2 * e
 
 
 def _sharpness(plant_r1, plant_r2, r1, r2):

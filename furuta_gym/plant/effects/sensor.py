@@ -1,7 +1,6 @@
 """Effects between the true angles and the encoders' readings, before counting."""
 
-import math
-
+from ..elementary import sincos
 from .declaration import EffectType, Parameter
 from .words import off_centre
 
@@ -11,11 +10,13 @@ def _offset(b):
 
 
 def _pendulum_eccentricity(q2, a, b):
-    return 0.0, a * math.sin(q2) + b * (math.cos(q2) - 1.0)
+    s, c = sincos(q2)
+    return 0.0, a * s + b * (c - 1.0)
 
 
 def _arm_eccentricity(q1, a, b):
-    return a * math.sin(q1) + b * (math.cos(q1) - 1.0), 0.0
+    s, c = sincos(q1)
+    return a * s + b * (c - 1.0), 0.0
 
 
 def _eccentricity_parameters() -> tuple[Parameter, ...]:

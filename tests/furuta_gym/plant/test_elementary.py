@@ -1,11 +1,11 @@
-"""sin, cos, tanh and exp of the compiled core against the library."""
+"""sin, cos, tanh, exp and log of the compiled core against the library."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furuta_gym.plant.elementary import exp, sincos, tanh
+from furuta_gym.plant.elementary import decay, exp, log, sincos, tanh
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +50,26 @@ def test_not_a_number_stays_one():
 @given(st.floats(-700.0, 700.0))
 def test_exp_is_the_librarys(x):
     assert exp(x) == pytest.approx(np.exp(x), rel=5e-16)
+
+
+@given(st.floats(1e-300, 1e300))
+def test_log_is_the_librarys(x):
+    assert abs(log(x) - np.log(x)) <= 2.0 * np.spacing(abs(np.log(x)))
+
+
+def test_log_keeps_relative_precision_near_one():
+    for x in np.geomspace(1e-12, 0.4, 200):
+        np.testing.assert_allclose([log(1.0 + x), log(1.0 - x)], [np.log(1.0 + x), np.log(1.0 - x)], rtol=4e-16)
+    assert log(1.0) == 0.0
+
+
+def test_sine_of_a_long_log_is_the_librarys():
+    """2π f t of an hour at 30 Hz is 7e5 rad."""
+    for x in np.random.default_rng(1).uniform(-1e6, 1e6, 20000):
+        assert abs(sincos(x)[0] - np.sin(x)) < 1e-15
+
+
+def test_decay_vanishes_however_fast():
+    assert decay(0.0) == 1.0
+    assert decay(3.0) == pytest.approx(np.exp(-3.0), rel=1e-15)
+    assert 0.0 <= decay(1e6) < 1e-300 and 0.0 <= decay(np.inf) < 1e-300
