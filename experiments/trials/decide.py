@@ -12,6 +12,8 @@ from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.outcome import Diagnosis
 from identification.logs.log import read_logs
 
+from .code import answering_code
+
 
 def decide(folder: Path, diagnose: Callable[..., Diagnosis] = diagnose) -> dict[str, Any]:
     """Diagnose the log fit.csv of `folder`; held_out.csv beside it is for the gap. Anything raised is an answer too.
@@ -25,7 +27,7 @@ def decide(folder: Path, diagnose: Callable[..., Diagnosis] = diagnose) -> dict[
             answer = _diagnosed(folder, diagnose)
     except Exception as error:  # a crash is a wrong answer, not the end of the trials
         answer = {"error": f"{type(error).__name__}: {error}"}
-    return {"runtime_s": time.monotonic() - began} | answer
+    return {"runtime_s": time.monotonic() - began, "code": answering_code()} | answer
 
 
 def _diagnosed(folder: Path, diagnose: Callable[..., Diagnosis]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import MISSING, asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -27,17 +27,17 @@ def read_outcomes(path: Path) -> list[Outcome]:
     """Read what `outcomes_table` was written to.
 
     Raises ValueError where a column is missing or an entry cannot be read, OSError where there is no such file."""
-    wanted = {field.name for field in fields(Outcome)}
+    wanted = {field.name: field.default is MISSING for field in fields(Outcome)}
     try:
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is no table: {error}; expected an outcomes.csv of furuta trials") from None
-    if missing := sorted(wanted - set(table.columns)):
+    if missing := sorted(name for name, needed in wanted.items() if needed and name not in table.columns):
         raise ValueError(f"{path} lacks {', '.join(missing)}; expected an outcomes.csv of furuta trials")
     outcomes = []
     for line, row in enumerate(table.to_dict("records"), start=2):
         try:
-            outcomes.append(Outcome(**{name: _read(name, row[name]) for name in wanted}))
+            outcomes.append(Outcome(**{name: _read(name, row[name]) for name in wanted if name in row}))
         except (KeyError, ValueError) as error:
             raise ValueError(f"{path}, line {line}: cannot read {error}") from None
     return outcomes

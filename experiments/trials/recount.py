@@ -15,7 +15,7 @@ from .summary import power_curves, summarize
 
 
 def main(
-    file: Annotated[Path, typer.Argument(help="An outcomes.csv of furuta trials.")],
+    files: Annotated[list[Path], typer.Argument(help="Tables outcomes.csv of furuta trials, counted together.")],
     power: Annotated[
         Path | None, typer.Option(help="The outcomes.csv of furuta trials --power, for the power curves only.")
     ] = None,
@@ -23,13 +23,19 @@ def main(
         Path | None, typer.Option("--output", "-o", help="A folder for all files that furuta trials writes.")
     ] = None,
 ) -> None:
-    """Print the tables of summary.md, counted from the outcomes of a run that was kept."""
+    """Print the tables of summary.md, counted from the outcomes of runs that were kept."""
     try:
-        outcomes = read_outcomes(file)
+        outcomes = [outcome for file in files for outcome in read_outcomes(file)]
+        if len({outcome.id for outcome in outcomes}) < len(outcomes):
+            raise ValueError("a trial stands in these files twice; give runs of other seeds")
         more = read_outcomes(power) if power else []
         if output:
             output.mkdir(parents=True, exist_ok=True)
-            about = {"recounted": file.name, "answered": len(outcomes), "version": version("furuta-gym")}
+            about = {
+                "recounted": ", ".join(file.name for file in files),
+                "answered": len(outcomes),
+                "version": version("furuta-gym"),
+            }
             write_report(output, outcomes, about, more)
     except (OSError, ValueError) as error:
         sys.exit(f"error: {error}")

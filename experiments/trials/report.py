@@ -102,6 +102,9 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("time of one diagnosis [s]: median / 95 %", _times(summary["runtime_s"])),
         *((f"… {said}", _times(times)) for said, times in summary["runtime_s_by_answer"].items()),
     ]
+    if len(summary["codes"]) > 1:
+        told = ", ".join(f"{count} of {code}" for code, count in summary["codes"].items())
+        rows.append(("answers come from different codes", told))
     return [row for row in rows if row[1] != "–"]
 
 

@@ -28,6 +28,7 @@ class Outcome:
     named: the names given first, in order. found: hidden effects that a set of at most two equals names. false: sets
     that hold nothing hidden. inside: every hidden name is in a stated set. covered: parameter → its 95 %
     interval holds the truth, for table forms that were named right. leftover: the answer says that structure is left.
+    code: digest of the code that answered (`code.answering_code`), "" where nobody kept it.
     """
 
     id: str
@@ -47,6 +48,7 @@ class Outcome:
     closed_fraction: float | None
     after_over_floor: float | None
     runtime_s: float | None
+    code: str = ""
 
     @property
     def right(self) -> bool:
@@ -83,6 +85,7 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
         closed_fraction=_gap_number(answer, "closed_fraction"),
         after_over_floor=_after_over_floor(answer),
         runtime_s=answer.get("runtime_s"),
+        code=str(answer.get("code", "")),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -45,6 +46,7 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "trials": {kind: len(some) for kind, some in by_kind.items()},
+        "codes": dict(Counter(o.code or "not kept" for o in outcomes)),
         "library": _library(library) | {"below_visible": _library([o for o in by_kind["library"] if o not in library])},
         "library_by_rig": {rig: _library([o for o in library if o.rig == rig]) for rig in SETS},
         "library_by_form": {form: _library([o for o in library if o.form == form]) for form in ("table", "bench")},
