@@ -40,6 +40,7 @@ outcomes = st.builds(
     closed_fraction=numbers | st.floats(-50, 1),
     after_over_floor=numbers,
     runtime_s=numbers,
+    code=st.sampled_from(("", "78caeae6d889")),
 )
 
 
@@ -90,6 +91,24 @@ def test_the_command_counts_a_kept_file_again(monkeypatch):
     assert done.exit_code == 0
     assert f"{len(read_outcomes(KEPT))} trials" in done.output
     assert CliRunner().invoke(app, ["nowhere.csv"]).exit_code != 0
+
+
+def test_runs_are_counted_together_but_no_trial_twice(tmp_path):
+    import typer
+
+    from experiments.trials.recount import main
+
+    one = Outcome("a", "none", "none", "servo", "", None, "right", (), 0, 0, True, {}, False, False, None, None, 1.0)
+    for name, some in (("one.csv", [one]), ("two.csv", [replace(one, id="b", code="78caeae6d889")])):
+        outcomes_table(some).to_csv(tmp_path / name, index=False)
+    app = typer.Typer()
+    app.command()(main)
+    done = CliRunner().invoke(app, [str(tmp_path / name) for name in ("one.csv", "two.csv")])
+    assert "2 trials" in done.output
+    assert "| answers come from different codes | 1 of not kept, 1 of 78caeae6d889 |" in done.output
+    twice = CliRunner().invoke(app, [str(tmp_path / "one.csv")] * 2)
+    assert twice.exit_code != 0
+    assert "twice" in str(twice.exception)
 
 
 def test_trials_of_other_sizes_count_for_the_curves_only(tmp_path):

@@ -72,4 +72,5 @@ def test_sine_of_a_long_log_is_the_librarys():
 def test_decay_vanishes_however_fast():
     assert decay(0.0) == 1.0
     assert decay(3.0) == pytest.approx(np.exp(-3.0), rel=1e-15)
-    assert 0.0 <= decay(1e6) < 1e-300 and 0.0 <= decay(np.inf) < 1e-300
+    assert 0.0 <= decay(1e6) < 1e-300
+    assert 0.0 <= decay(np.inf) < 1e-300
