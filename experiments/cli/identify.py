@@ -38,6 +38,9 @@ def identify_command(
         list[str] | None, typer.Option(help="Known parameters: theta4=0.012 (alone: the start plant's value).")
     ] = None,
     prior: Annotated[list[str] | None, typer.Option(help="Roughly known: theta2=0.012±0.001 (or +-).")] = None,
+    effects: Annotated[
+        str, typer.Option(help="Fit these effects too: arm_spring,input_delay (names: furuta effects).")
+    ] = "",
     physical: Annotated[
         bool, typer.Option("--physical", help="Keep to what a rigid arm and pendulum can have.")
     ] = False,
@@ -73,8 +76,11 @@ def identify_command(
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
     profiled = [n.strip() for text in profile or () for n in text.split(",") if n.strip()]
     method_named(method)
-    if method != DEFAULT and (fixed or priors or physical or profiled):
-        raise ValueError(f"--fix, --prior, --physical and --profile work with --method {DEFAULT}, not with {method}")
+    named = opt.names(effects)
+    if method != DEFAULT and (fixed or priors or named or physical or profiled):
+        only = "--fix, --prior, --effects, --physical and --profile"
+        raise ValueError(f"{only} work with --method {DEFAULT}, not with {method}")
+    _check_effects(named)
     _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
 
@@ -92,6 +98,7 @@ def identify_command(
             method,
             fixed=fixed,
             priors=priors,
+            effects=named,
             physical=physical,
             u_max=u_max,
             every_sample=every_sample,
@@ -168,6 +175,16 @@ def _draw(gap: Gap, logs: Sequence[Log], plot: Path) -> None:
     drawn = BytesIO()
     plot_predictions(gap, logs).savefig(drawn, format="png", dpi=120)
     write_whole(plot, drawn.getvalue())
+
+
+def _check_effects(names: Sequence[str]) -> None:
+    """Before the fit: an effect that is not in the library, or stands there twice. Raises ValueError."""
+    from furuta_gym.plant import EFFECTS
+
+    if strange := [name for name in names if name not in EFFECTS]:
+        raise ValueError(f"--effects {', '.join(strange)}: no such effect; the library has {', '.join(EFFECTS)}")
+    if len(set(names)) < len(names):
+        raise ValueError(f"--effects {', '.join(names)}: an effect stands there twice; name each once")
 
 
 def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:

@@ -46,6 +46,9 @@ def test_a_profile_interval_stands_beside_the_standard_deviation(file: Path, tmp
         (["--profile", "theta12"], "theta12"),
         (["--profile", "theta2", "--fix", "theta2=0.04"], "theta2"),
         (["--profile", "theta2", "--method", "filtered-ls"], "--profile"),
+        (["--effects", "arm_sprung"], "arm_spring"),
+        (["--effects", "arm_spring,arm_spring"], "twice"),
+        (["--effects", "arm_spring", "--method", "filtered-ls"], "--effects"),
         (["--u-max", "0.1"], "--u-max"),
         (["--u-max", "nan"], "--u-max"),
     ],
@@ -55,6 +58,16 @@ def test_what_cannot_be_is_refused_before_the_fit(file: Path, tmp_path: Path, ar
     assert result.exit_code == 2
     assert word in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_effects_that_are_named_are_fitted_too(file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "rig.json"
+    result = run(file, "-o", output, "--effects", "arm_spring")
+    assert result.exit_code == 0, result.output
+    (spring,) = Plant.load(output).effects
+    assert spring.name == "arm_spring"
+    assert abs(spring.parameters["k"]) < 0.05  # the rig has none
+    assert "arm_spring.k" in result.stdout
 
 
 def test_a_report_of_the_fit_and_of_its_validation(file: Path, tmp_path: Path) -> None:
