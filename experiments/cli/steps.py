@@ -14,28 +14,32 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
+from furuta_gym.cache_folder import compilations
+
 _logger = logging.getLogger("furuta.steps")
 
 errors = Console(stderr=True)
 """Where progress and remarks go, so that results can be piped."""
 
 FIRST_TIME: dict[str, tuple[float, float]] = {
-    "identify": (10.0, 5.0),
-    "validate": (5.0, 3.0),
-    "diagnose": (40.0, 40.0),
-    "residuals": (15.0, 10.0),
+    "identify": (2.0, 0.5),
+    "validate": (2.0, 0.3),
+    "diagnose": (10.0, 2.0),
+    "residuals": (5.0, 0.7),
 }
-"""Seconds, and seconds for a thousand samples, of a command that has never run here; as measured on two cores."""
+"""Seconds, and seconds for a thousand samples, as two idle cores took; runs here say how this machine compares."""
+
+_SLOWEST = 50.0
 
 
 @contextmanager
 def steps(command: str, samples: int | None = None, console: Console | None = None) -> Iterator[Callable[[str], None]]:
     """Give a function that is told each step of a long work as it begins.
 
-    command: of `furuta`, which its expected time is remembered by, in proportion to the samples of its logs.
+    command: of `furuta`, of `FIRST_TIME` where samples are given; how fast it went here is remembered by it.
     """
     console = console or errors
-    began = time.monotonic()
+    began, compiled = time.monotonic(), compilations()
     expected = None if samples is None else _expected(command, samples)
     line = _Line(began, expected)
     live = Live(line, console=console, transient=True, refresh_per_second=4) if console.is_terminal else None
@@ -53,7 +57,7 @@ def steps(command: str, samples: int | None = None, console: Console | None = No
             yield tell
     else:
         yield tell
-    if samples is not None:
+    if samples is not None and compilations() == compiled:  # else the next run will be faster
         _remember(command, samples, time.monotonic() - began)
 
 
@@ -86,28 +90,27 @@ def _notebook() -> Path | None:
     from furuta_gym.cache_folder import cache_root
 
     root = cache_root()
-    return None if root is None else root / "times.json"
+    return None if root is None else root / "pace.json"
 
 
 def _remembered() -> dict[str, float]:
-    """Seconds a sample by command, as the last run here took."""
+    """By command, how many times as long as `FIRST_TIME` says the last runs here took."""
     with suppress(OSError, ValueError):
         notebook = _notebook()
         if notebook is not None:
             found = json.loads(notebook.read_text(encoding="utf-8"))
             found = found if isinstance(found, dict) else {}
-            return {k: float(v) for k, v in found.items() if isinstance(v, int | float) and 0 < v < 1e4}
+            return {k: float(v) for k, v in found.items() if isinstance(v, int | float) and 0 < v < _SLOWEST}
     return {}
 
 
-def _expected(command: str, samples: int) -> float | None:
-    rate = _remembered().get(command)
-    if rate is not None:
-        return rate * samples
-    if command not in FIRST_TIME:
-        return None
+def _usual(command: str, samples: int) -> float:
     fixed, each = FIRST_TIME[command]
     return fixed + each * samples / 1000
+
+
+def _expected(command: str, samples: int) -> float:
+    return _remembered().get(command, 1.0) * _usual(command, samples)
 
 
 def _remember(command: str, samples: int, seconds: float) -> None:
@@ -116,8 +119,10 @@ def _remember(command: str, samples: int, seconds: float) -> None:
     notebook = _notebook()
     if notebook is None or samples <= 0:
         return
+    before, now = _remembered(), min(seconds / _usual(command, samples), 0.9 * _SLOWEST)
+    pace = (before[command] * now) ** 0.5 if command in before else now  # one hard log is not all logs
     with suppress(OSError):
-        write_whole(notebook, json.dumps(_remembered() | {command: seconds / samples}))
+        write_whole(notebook, json.dumps(before | {command: pace}))
 
 
 @contextmanager

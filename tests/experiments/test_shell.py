@@ -15,6 +15,7 @@ from experiments.cli import app, output
 from experiments.cli import steps as steps_module
 from experiments.cli.logbook import own_version
 from experiments.cli.steps import steps
+from furuta_gym.cache_folder import note_compilation
 from furuta_gym.plant import EFFECTS
 from tests.commands import furuta, refused
 
@@ -86,8 +87,9 @@ def _forget() -> None:
 
 @pytest.fixture
 def notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(steps_module, "_notebook", lambda: tmp_path / "times.json")
-    return tmp_path / "times.json"
+    monkeypatch.setattr(steps_module, "_notebook", lambda: tmp_path / "pace.json")
+    monkeypatch.setitem(steps_module.FIRST_TIME, "diagnose", (20.0, 5.0))
+    return tmp_path / "pace.json"
 
 
 def test_steps_are_lines_where_there_is_no_terminal(notebook: Path) -> None:
@@ -95,12 +97,12 @@ def test_steps_are_lines_where_there_is_no_terminal(notebook: Path) -> None:
     with steps("diagnose", 2000, Console(file=out)) as tell:
         tell("fitting [bold]")
         tell("looking")
-    assert out.getvalue() == "furuta diagnose: about 2 min\n[0 s] fitting [bold]\n[0 s] looking\n"
-    assert json.loads(notebook.read_text())["diagnose"] < 1e-3
+    assert out.getvalue() == "furuta diagnose: about 30 s\n[0 s] fitting [bold]\n[0 s] looking\n"
+    assert json.loads(notebook.read_text())["diagnose"] < 1e-2
 
 
 def test_steps_are_one_line_with_the_time_on_a_terminal(notebook: Path) -> None:
-    notebook.write_text(json.dumps({"diagnose": 0.065}))
+    notebook.write_text(json.dumps({"diagnose": 130 / 30}))
     out = io.StringIO()
     with steps("diagnose", 2000, Console(file=out, force_terminal=True, width=80)) as tell:
         tell("fitting")
@@ -136,7 +138,28 @@ def test_a_spoilt_notebook_does_not_matter(notebook: Path, content: str) -> None
     out = io.StringIO()
     with steps("diagnose", 2000, Console(file=out)) as tell:
         tell("fitting")
-    assert "about 2 min" in out.getvalue()
+    assert "about 30 s" in out.getvalue()
+
+
+def test_a_short_log_says_what_a_long_one_takes(notebook: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Most of a short run is the same for every log: in proportion to samples, a long log would take for ever."""
+    clock = iter([0.0, 60.0])
+    monkeypatch.setattr(steps_module.time, "monotonic", lambda: next(clock))
+    with steps("diagnose", 2000, Console(file=io.StringIO())):
+        pass  # 60 s, where two idle cores take 20 s and 5 s for each of two thousand samples
+    assert steps_module._expected("diagnose", 20_000) == pytest.approx(2.0 * (20.0 + 100.0))
+
+
+def test_one_hard_log_moves_the_time_to_expect_half_way(notebook: Path) -> None:
+    steps_module._remember("diagnose", 2000, 30.0)
+    steps_module._remember("diagnose", 2000, 120.0)
+    assert steps_module._expected("diagnose", 2000) == pytest.approx(60.0)
+
+
+def test_a_run_that_compiled_is_not_remembered(notebook: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with steps("diagnose", 2000, Console(file=io.StringIO())):
+        note_compilation()
+    assert not notebook.exists()
 
 
 def test_work_that_fails_is_not_remembered(notebook: Path) -> None:
