@@ -12,10 +12,9 @@ import math
 import numpy as np
 
 from ..plant.compiled import compiled
-from ..plant.dynamics import _runge_kutta, acting_row, plain_steps, until_next
+from ..plant.dynamics import _runge_kutta, acting_row, plain_steps, until_next, workspace
 from ..plant.effects.dispatch import command_delays, filter_command, map_command, store_filter
 from ..plant.elementary import sincos
-from ..plant.layout import N_BASE
 from ..sensors import read_encoders
 from .randomization import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
@@ -100,10 +99,13 @@ def extra_factors_of(q1, change_share, numbers):
     return factor
 
 
+_BESIDE = 8  # rows of `_move` beside those of the integration
+
+
 @compiled
 def work_rows(sizes):
     """Rows of the work space that a block's step needs."""
-    return 3 * sizes[STATE_ROWS] + N_BASE + 5 + 8
+    return workspace(sizes[STATE_ROWS], 0)[0].shape[0] + _BESIDE
 
 
 @compiled
@@ -140,7 +142,7 @@ def _move(lanes, codes, sizes, work):
     first_p = N_FIXED + rows
     first_u = first_p + sizes[PARAMETER_ROWS]
     X, P = lanes[N_FIXED:first_p], lanes[first_p:first_u]
-    n = 3 * rows + N_BASE + 5
+    n = work.shape[0] - _BESIDE
     inner, start, h, command, W = work[:n], work[n], work[n + 1], work[n + 2], work[n + 3 : n + 5]
     L = lanes.shape[1]
     W[:] = 0.0

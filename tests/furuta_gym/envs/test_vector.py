@@ -13,7 +13,7 @@ from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.threads import N_BOARD, finish, share, take
 from furuta_gym.envs.vector import FurutaVectorEnv, _blocks
 from furuta_gym.plant import PLANTS
-from furuta_gym.plant.dynamics import _runge_kutta, plain_steps
+from furuta_gym.plant.dynamics import _runge_kutta, plain_steps, workspace
 
 from .helpers import OPTION_SETS, uncertain
 
@@ -169,7 +169,7 @@ def test_lanes_without_effects_move_as_the_plants_own(name, lanes):
     reference = X.copy()
     command, h = rng.uniform(-10, 10, lanes), np.full(lanes, 2e-3)
     P = np.repeat(p[:, None], lanes, axis=1)
-    work = np.empty((3 * rows + 16, lanes))
+    work = workspace(rows, lanes)[0]
     _runge_kutta(reference, np.zeros(lanes), h, 7, command.copy(), np.zeros((2, lanes)), P, codes, work)
     plain_steps(X, h, 7, command, P)
     np.testing.assert_array_equal(X, reference)
