@@ -6,10 +6,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from furuta_gym.cache_folder import _not_private, cache_root
-from furuta_gym.plant.compiled import source_hash
+from furuta_gym.plant.compiled import compiled, lanes_of, source_hash
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners of files are POSIX's")
 
@@ -87,3 +89,46 @@ def test_a_kernel_of_a_sub_package_sees_its_neighbours(tmp_path: Path) -> None:
     (tmp_path / "other" / "kernel.py").write_text("x = 1")
     source_hash.cache_clear()
     assert source_hash(tmp_path / "top" / "a") == after
+
+
+@compiled(apart=True)
+def _twice_into(out, values, lanes):
+    for k in range(lanes):
+        out[k] = 2.0 * values[k]
+
+
+@compiled
+def _rows_twice(array, other):
+    for row in range(array.shape[0] * array.shape[1]):
+        _twice_into(lanes_of(other, row), lanes_of(array, row), array.shape[2])
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 7, 8, 19])
+def test_rows_of_lanes_are_those_of_the_array(lanes: int) -> None:
+    array = np.arange(6.0 * lanes).reshape(2, 3, lanes)
+    other = np.zeros_like(array)
+    _rows_twice(array, other)
+    np.testing.assert_array_equal(other, 2.0 * array)
+    part = np.zeros((4, 3, lanes))  # rows of a part begin where the part does
+    _rows_twice(array, part[2:])
+    np.testing.assert_array_equal(part[2:], other)
+    assert not part[:2].any()
+
+
+def test_rows_of_an_array_with_gaps_are_refused() -> None:
+    with pytest.raises(TypingError):
+        _rows_twice(np.zeros((2, 3, 8))[:, :, ::2], np.zeros((2, 3, 4)))
+
+
+@compiled(borrows=True)
+def _total(array):
+    first, second = array[0], array[1:]
+    return first[0] + second[0, 0]
+
+
+def test_what_only_looks_at_parts_counts_no_references() -> None:
+    array = np.arange(6.0).reshape(3, 2)
+    before = sys.getrefcount(array)
+    for _ in range(100):
+        assert _total(array) == 2.0
+    assert sys.getrefcount(array) == before
