@@ -102,3 +102,13 @@ def test_mcgills_names_hold_on_another_run_that_counts_from_its_own_zero(read: R
     assert 0.5 * count < after.zeros[0][1] < 2.0 * count
     blind = [validate(e.plant, other, own_zeros=False) for e in (bare, found)]
     assert closed_fraction(*blind).interval[1] < 0.0
+
+
+def test_multiple_shooting_finds_at_mcgills_the_cable_that_other_laboratories_have(read: Read) -> None:
+    """0.18 V/rad; the filter's fit takes half of it for torque noise."""
+    (run,) = read("qube_mcgill/balance_prbs_20230828T161301", skip=1.0)
+    fitted = identify(run, effects=["arm_spring", "input_delay", "input_dead_zone"])
+    shot = shooting(fitted.plant, run, fitted.zeros)
+    found = dict(zip(shot.names, shot.values, strict=True))
+    assert 0.14 < found["arm_spring.k"] < 0.22
+    assert 0.04 < found["input_dead_zone.w"] < 0.08
