@@ -109,6 +109,11 @@ def test_adequacy_comes_before_the_parameters(file: Path, tmp_path: Path) -> Non
     bad = run(hidden, "-o", tmp_path / "bad.json", "--json")
     gap = json.loads(bad.stdout)["gap"]
     assert gap["ratio_to_floor"] > 1.5 or gap["torque_noise_share_q1"] > 0.95
+    said = run(hidden, "-o", tmp_path / "bad.json").stdout
+    assert "nothing of size is missing" not in said
+    doubt = "against the readings alone the error is"
+    assert doubt in said or "the plant misses something" in said
+    assert said.index("counts, floor") < said.index("furuta diagnose") < said.index("parameters identified")
     short = tmp_path / "short.csv"
     write_log(short, loop_log(duration=1.0, T=0.004)[0])
     told = run(short, "-o", tmp_path / "short.json")

@@ -44,6 +44,14 @@ def test_bounds_are_held_and_told(name):
                     Effect(name, {p.name: bound + outside * (1.0 + abs(bound))})
 
 
+def test_no_gravity_gives_a_tilted_base_a_negative_moment():
+    """A search once named a tilt of G1 = −6.3 V."""
+    with pytest.raises(ValueError, match=r"base_tilt.*G1.*-6\.3"):
+        Effect("base_tilt", {"αx": 0.01, "αy": 0.0, "G1": -6.3})
+    g1 = LARGE_RIG.default_effect("base_tilt").parameters["G1"]
+    assert 0.5 * LARGE_RIG.theta[4] <= g1 <= 5.0 * LARGE_RIG.theta[4]
+
+
 @every_effect
 def test_infinity_is_an_error_unless_it_is_the_neutral_value(name):
     """No torque, time or stiffness of a rig is infinite; a file cannot hold it either."""

@@ -15,6 +15,7 @@ from identification.diagnosis.diagnose import diagnose, searched
 from identification.diagnosis.held_out import HeldOut
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
+from identification.validation.gap import validate
 from tests.factories import loop_log, scaled_effect
 
 POLICY = replace(DecisionPolicy(), tail=0.4)
@@ -63,6 +64,19 @@ def test_a_held_out_log_of_a_rig_without_the_cable_takes_the_name_back(alone: Di
     assert found.gap is not None
     assert found.gap.tail is None
     assert found.gap.logs == (PLAIN,)
+
+
+def test_a_held_out_log_that_counts_from_another_zero_takes_no_name_back() -> None:
+    """As a person sets the arm and the pendulum anew before each run: with one zero for both a right name is vetoed."""
+    other = loop_log("arm_spring", duration=6.0, seed=3)[0].moved(-0.6, -2.0 * math.pi / 4096)
+    found = diagnosed(other)
+    assert found.verdict == "named", str(found)
+    assert found.gap is not None
+    assert found.gap.tail is None
+    assert found.gap.closed.value > 0.9
+    assert found.gap.after.zeros[0][0] == pytest.approx(0.6, abs=0.05)
+    with_one_zero = validate(found.plant, other, own_zeros=False)
+    assert np.any(with_one_zero.rms > found.gap.before.rms), "as if the cable were none"
 
 
 def test_the_thresholds_used_are_told(alone: Diagnosis) -> None:

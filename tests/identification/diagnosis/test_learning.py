@@ -16,7 +16,9 @@ from identification.diagnosis.held_out import HeldOut
 from identification.diagnosis.learned import Learned
 from identification.discrepancy.learned import Surface, most_likely_surface
 from identification.kalman.record import stretches
-from tests.factories import hanging_log, loop_log
+from identification.logs.log import Log
+from identification.validation.gap import validate
+from tests.factories import TORQUE_NOISE, closed_loop, hanging_log, loop_log, scaled_effect
 from tests.identification.diagnosis.fits import POLICY, a_diagnosis, rest
 
 
@@ -33,6 +35,22 @@ def test_the_surface_is_the_torque_that_was_hidden():
     torque = columns @ np.array([p[name] for name in COEFFICIENTS])
     true = -spring.parameters["k"] * (run.y[:, 0] - spring.parameters["q1n"])
     assert np.std(torque - true) < 0.25 * np.std(true)
+
+
+def test_a_surface_stands_beside_friction_that_remembers_and_not_in_its_place():
+    """A cable and a stop: a table of (q1, q̇1) has no memory, with the stop beside it it predicts another run."""
+    stop = Effect("arm_hysteresis", {"κ": 2.0, "d": 0.05})
+    rig = TABLE_3.with_effects(scaled_effect("arm_spring", 0.5), stop)
+    runs = [closed_loop(rig, duration=8.0, seed=s, torque_noise=TORQUE_NOISE, longest_step=5e-4) for s in (0, 5)]
+    fitted, other = (Log.from_run(run, rig.unit, 4096) for run in runs)
+    records = [s.record for s in stretches([fitted])]
+    ratios = []
+    for plant in (TABLE_3, TABLE_3.with_effects(stop)):
+        found = plant.with_effects(most_likely_surface(plant, records, refitted=False).effect)
+        ratios.append(validate(found, other).ratio_to_floor)
+    alone, beside = ratios
+    assert beside < 1.4
+    assert alone > 2.0 * beside
 
 
 def test_nothing_is_learned_where_nothing_is_missing():

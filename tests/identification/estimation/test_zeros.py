@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from identification.estimation.identify import identify
@@ -31,3 +33,15 @@ def test_a_fit_finds_the_zero_of_the_second_log() -> None:
     assert spring is not None
     assert estimate.zeros[1][0] == pytest.approx(ZERO, abs=0.02)
     assert estimate.value("arm_spring.k") == pytest.approx(spring.parameters["k"], rel=0.05)
+
+
+def test_every_log_has_its_own_zero_of_the_pendulum() -> None:
+    """Upright a count grows to hundredths of a radian within the horizon."""
+    count = 2 * math.pi / 4096
+    first, plant = loop_log(duration=6.0)
+    second = loop_log(duration=6.0, seed=3)[0].moved(0.0, -count)
+    estimate = identify([first, second])
+    assert estimate.zeros[1] == (0.0, pytest.approx(count, abs=0.3 * count))
+    blind, own = validate(plant, second, own_zeros=False), validate(plant, second)
+    assert own.zeros[0][1] == pytest.approx(count, abs=0.3 * count)
+    assert own.rms[1] < 0.9 * blind.rms[1]

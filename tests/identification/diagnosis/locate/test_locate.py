@@ -144,6 +144,20 @@ def test_parameters_that_change_matter_by_what_they_change_of_predictions(size, 
     assert found.drift_counts.max() == pytest.approx(found.counts.max(), rel=0.2)  # the same, found as a torque
 
 
+@pytest.mark.parametrize(("size", "matters"), [(0.003, False), (0.012, True)])
+def test_a_torque_matters_by_what_it_changes_of_predictions(size, matters):
+    """Springs of a few ten-thousandths of the command on a quiet rig: tens of nats prove both, and one is half a
+    count."""
+    log, _ = loop_log("arm_spring", size, noise=False, counts=16384)
+    found = locate(TABLE_3, log)
+    assert found.found
+    assert found.evidence > 50.0
+    assert bool(found.counts.max() > 0.5) is matters
+    assert found.matters is matters
+    assert found.structured is (matters or found.changing)
+    assert f"{found.counts.max():.2g} counts" in found.sentence
+
+
 def test_it_goes_to_a_file(spring):
     where = spring.to_dict()
     json.dumps(where, allow_nan=False)

@@ -64,6 +64,26 @@ def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
     assert [s.name for s in found.taken_back] == (["arm_taut_cable"] if false else [])
 
 
+BOTH_FORMS = ("arm_presliding", "arm_hysteresis")
+FRICTION = {
+    "input_delay": -2000.0,
+    "arm_presliding": -150.0,
+    "arm_hysteresis": -145.0,
+    "input_delay arm_presliding": -2600.0,
+    "input_delay arm_hysteresis": -2580.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("false", "kept"), [((), "arm_presliding"), (("arm_presliding",), "arm_hysteresis"), (BOTH_FORMS, None)]
+)
+def test_which_form_of_friction_that_remembers_is_right_is_for_held_out_data_to_say(
+    false: tuple[str, ...], kept: str | None
+) -> None:
+    found = verified(FRICTION, Told(off=False, false=false), "input_delay", *BOTH_FORMS)
+    assert sorted(s.name for s in found.accepted) == sorted(["input_delay", *([kept] if kept else [])])
+
+
 def test_a_name_that_pays_nothing_beside_those_found_after_it_goes() -> None:
     """Held-out data need not speak against it: of what follows a clock they cannot."""
     names = ("input_delay", "base_tilt", "pendulum_stribeck")

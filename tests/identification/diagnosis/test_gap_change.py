@@ -1,0 +1,84 @@
+"""A gap by its logs and by their kinds of experiment: what is pooled hides which prediction got worse."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.gap_change import GapChange
+from identification.logs.log import Log
+from identification.validation.gap import Gap, closed_fraction
+from tests.factories import made_log
+from tests.identification.diagnosis.fits import a_gap
+
+HANGING, TURNS = (0.9 * math.pi, 1.1 * math.pi), (0.0, math.pi)
+FLOOR = 0.01  # rad, of `a_gap`
+
+
+def a_log(source: str, low: float, high: float) -> Log:
+    return made_log(q2=np.linspace(low, high, 200), source=source)
+
+
+LOGS = (a_log("chirp", *HANGING), a_log("swing-up", *TURNS), a_log("another chirp", *HANGING))
+
+
+def _gap(*times_floor: float) -> Gap:
+    """Errors of so many times the floor in each log, twenty windows a log."""
+    errors = np.repeat(FLOOR * np.array(times_floor), 20)[:, None] * [1.0, 1.0]
+    number = np.repeat(np.arange(len(times_floor)), 20)
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    return replace(a_gap(), rms=rms, errors=errors, times=np.tile(np.arange(20) * 0.1, len(times_floor)), log=number)
+
+
+def _change(before: Gap, after: Gap) -> GapChange:
+    return GapChange(before, after, closed_fraction(before, after), LOGS, None)
+
+
+@pytest.fixture
+def change() -> GapChange:
+    """Chirps from 5 and 3 times the floor to 1.5 times; the swing-up from 20 to 21 times."""
+    return _change(_gap(5.0, 20.0, 3.0), _gap(1.5, 21.0, 1.5))
+
+
+def test_every_log_has_its_own_error(change: GapChange) -> None:
+    assert [part.name for part in change.by_log] == ["chirp", "swing-up", "another chirp"]
+    ratios = [part.over_floor for part in change.by_log]
+    assert ratios == [pytest.approx(r) for r in ((5.0, 1.5), (20.0, 21.0), (3.0, 1.5))]
+    for part, (before, after) in zip(change.by_log, ratios, strict=True):
+        assert part.closed.value == pytest.approx((before**2 - after**2) / (before**2 - 1.0))
+        np.testing.assert_allclose(part.rms_after, FLOOR * after)
+
+
+def test_kinds_of_experiment_are_told_apart(change: GapChange) -> None:
+    """Pooled, the swing-up would be all that counts; and a chirp would hide that it is predicted worse."""
+    hanging, turns = change.by_kind
+    assert (hanging.name, hanging.logs) == ("hanging", 2)
+    assert (turns.name, turns.logs) == ("whole turns", 1)
+    assert hanging.over_floor == pytest.approx((math.sqrt((5.0**2 + 3.0**2) / 2), 1.5))
+    assert turns.over_floor == pytest.approx((20.0, 21.0))
+    assert not hanging.grows
+    assert turns.grows
+    assert hanging.closed.value > 0.9
+    assert abs(change.closed.value) < 0.1  # pooled: nothing changes
+
+
+def test_what_is_written_has_every_log_and_kind(change: GapChange) -> None:
+    told = change.to_dict()
+    assert [part["name"] for part in told["by_log"]] == ["chirp", "swing-up", "another chirp"]
+    assert [(part["name"], part["logs"]) for part in told["by_kind"]] == [("hanging", 2), ("whole turns", 1)]
+    assert told["by_kind"][1]["ratio_to_floor"] == pytest.approx([20.0, 21.0])
+    assert told["by_kind"][1]["closed_interval"][1] < 0.0
+
+
+def test_both_sides_are_measured_by_the_floor_of_the_better_plant() -> None:
+    """What a wrong plant misses grows from run to run and passes for their spread: its floor excuses it."""
+    before = replace(_gap(5.0, 5.0, 5.0), floor=np.full(2, 4.0 * FLOOR))
+    change = _change(before, _gap(1.5, 1.5, 1.5))
+    assert change.over_floor(change.before) == pytest.approx(5.0)
+    assert change.over_floor(change.after) == pytest.approx(1.5)
+    for part in change.by_log:
+        assert part.over_floor == pytest.approx((5.0, 1.5))
+    assert change.closed.value == pytest.approx((5.0**2 - 1.5**2) / (5.0**2 - 1.0))

@@ -1,0 +1,38 @@
+"""What a fit says of friction that ends at zero: a wrong sign only where the motion shows one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from furuta_gym.plant import TABLE_3, Plant
+from identification.estimation.most_likely import _warnings
+from identification.kalman.noise_model import Noise
+from identification.logs.log import Log
+from tests.factories import loop_log
+
+WITHOUT = TABLE_3.replace(theta=[*TABLE_3.theta[:7], 0.0, TABLE_3.theta[8]])
+
+
+def said(log: Log, plant: Plant = WITHOUT) -> str:
+    return "\n".join(_warnings([log], plant, ["theta8"], Noise((1e-9, 1e-9))))
+
+
+@pytest.mark.parametrize("size", [1.0, 10.0])
+def test_friction_that_ends_at_zero_is_an_effect_that_is_missing(size: float) -> None:
+    """On real rigs with right signs it ends there, as a cable takes its part."""
+    told = said(loop_log("arm_spring", size, duration=6.0)[0])
+    assert "θ8 ends at zero" in told
+    assert "an effect is probably missing" in told
+    assert "sign" not in told
+    assert "flip" not in told
+
+
+def test_a_sign_is_blamed_where_the_motion_shows_it() -> None:
+    log, _ = loop_log(duration=6.0)
+    told = said(replace(log, u=-log.u))
+    assert "as a wrong sign does" in told
+    assert "a positive command turns the arm towards negative q1" in told
+    assert "--flip" in told
+    assert "an effect is probably missing" not in told
