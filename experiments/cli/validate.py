@@ -46,10 +46,13 @@ def validate_command(
         raise ValueError(
             f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
         )
+    from experiments.report.by_part import parts_of
     from identification.validation.gap import HORIZON, validate
 
     with busy("predicting …", "validate", sum(map(len, read))):
         result = validate(rig, read, HORIZON if horizon is None else horizon)
+        parts = parts_of(rig, result, read) if len(read) > 1 else None
+    measured = result.to_dict() | (parts.to_dict() if parts is not None else {})
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
@@ -67,16 +70,18 @@ def validate_command(
         from experiments.report.validation_page import validation_page
         from furuta_gym.files import write_whole
 
-        write_whole(report, render(validation_page(result, rig, read, Path(plant).name, seen)))
+        write_whole(report, render(validation_page(result, rig, read, Path(plant).name, seen, parts)))
     if printed:
-        print_json(result.to_dict())
+        print_json(measured)
         return
     typer.echo(str(result))
+    if parts is not None:
+        typer.echo(str(parts))
     _say_next(rig, logs, result)
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
-        write_json(json_file, result.to_dict())
+        write_json(json_file, measured)
         typer.echo(f"Written: {json_file}")
     if report is not None:
         typer.echo(f"Written: {report}")

@@ -20,8 +20,8 @@ _UPRIGHT = 0.7  # rad
 
 
 def design_next(diagnosis: Diagnosis, logs: Sequence[Log]) -> Separation | None:
-    """What `furuta excite --between` designs for the first set of equals, at the sizes fitted to these logs; None
-    where nothing is ambiguous or the plant has no effect left out.
+    """What `furuta excite --between` designs for the first set of equals that differ, at the sizes fitted to these logs;
+    None where nothing is ambiguous or the plant has no effect left out.
 
     The loop's own controller is not known: for logs of an upright pendulum the usual one stands in for it.
     Raises ValueError where no experiment can be run.
@@ -43,11 +43,11 @@ def write_command(design: Separation, folder: Path) -> None:
 
 
 def _equals(diagnosis: Diagnosis) -> list[Effect]:
-    """The first named effect that has equals, and they, as fitted."""
+    """The first named effect that has equals which predict something else, and they, as fitted."""
     if diagnosis.naming is None:
         return []
     for suspect, names, ranking in zip(
-        diagnosis.naming.accepted, diagnosis.naming.equals, diagnosis.naming.rankings, strict=False
+        diagnosis.naming.accepted, diagnosis.naming.apart, diagnosis.naming.rankings, strict=False
     ):
         fits = {s.name: s.fit.plant for s in ranking}
         chosen = [suspect.name, *(n for n in names if n in fits)][:_MOST]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.parameters import THETA_MEANING
@@ -15,6 +16,7 @@ from identification.estimation.estimate import Estimate, rounded, unit_of
 from identification.logs.log import Log
 from identification.validation.gap import Gap
 
+from .by_part import OneLog
 from .contents import Table
 
 # What a right model left on simulated logs lies well below these; each is a hint, and the likelihood decides
@@ -88,6 +90,28 @@ def parts(found: Sequence[Part], what: str) -> Table:
         rows.append((part.name, before, after, closed + (" grows" if part.grows else "")))
     head = (what, "times the floor, before", "after", "of the gap closed (95 %)")
     return Table(head, rows, f"The same by {what}.")
+
+
+def by_log(found: Sequence[OneLog]) -> Table:
+    """The error of one plant on each log."""
+    rows = [
+        (one.name, one.kind, *(("too short", "", "") if one.rms is None else _three(one.rms, one.ratio or 0.0)))
+        for one in found
+    ]
+    return Table(("log", "kind of experiment", *_PART), rows, "Over the noise floor of all logs together.")
+
+
+def by_kind(found: Mapping[str, Gap]) -> Table:
+    """The error of one plant on each kind of experiment."""
+    rows = [(kind, *_three(gap.rms, gap.ratio_to_floor)) for kind, gap in found.items()]
+    return Table(("kind of experiment", *_PART), rows, "Each over a noise floor of its own.")
+
+
+_PART = ("rms q1 [mrad]", "rms q2 [mrad]", "times the floor")
+
+
+def _three(rms: NDArray[np.float64], ratio: float) -> tuple[str, str, str]:
+    return f"{1e3 * rms[0]:.3g}", f"{1e3 * rms[1]:.3g}", f"{ratio:.3g}"
 
 
 def gap(found: Gap) -> Table:

@@ -15,6 +15,7 @@ from identification.validation.adequacy import SMALL_BELOW, Adequacy
 from identification.validation.gap import Gap
 
 from . import prediction_figures, tables
+from .by_part import Parts
 from .contents import Block, Details, Fact, Figure, Page, Section, Text, Verdict
 from .drawing import AFTER
 from .verdict import fit, times
@@ -43,8 +44,11 @@ def adequacy(gap: Gap) -> Said:
     return _SAID[gap.judgement.adequacy]
 
 
-def validation_page(gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen: Sequence[str] = ()) -> Page:
-    """The report of a validation. name: of the plant file; seen: logs among these that the plant was fitted to."""
+def validation_page(
+    gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen: Sequence[str] = (), parts: Parts | None = None
+) -> Page:
+    """The report of a validation. name: of the plant file; seen: logs among these that the plant was fitted to;
+    parts: of the gap, where there are several logs."""
     sources = [log.source for log in logs]
     judged = adequacy(gap)
     doubts = doubts_of(gap)
@@ -63,7 +67,7 @@ def validation_page(gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen
         effects_of(plant),
     )
     kicker = f"furuta validate · {name} · {joined(sources, 'and')}"
-    return Page("Validation", kicker, verdict, (*gap_sections(gap, logs), about(logs, "predicted")), footer())
+    return Page("Validation", kicker, verdict, (*gap_sections(gap, logs, parts), about(logs, "predicted")), footer())
 
 
 def error_in_words(gap: Gap, where: str) -> str:
@@ -100,14 +104,18 @@ def effects_of(plant: Plant) -> tuple[Block, ...]:
     return (Text(f"The plant has this beside model (5): {said}.", "quiet"),)
 
 
-def gap_sections(gap: Gap, logs: Sequence[Log]) -> tuple[Section, ...]:
-    """Predictions over measurements, and residuals."""
+def gap_sections(gap: Gap, logs: Sequence[Log], parts: Parts | None = None) -> tuple[Section, ...]:
+    """Predictions over measurements, and residuals; parts: of the gap, by log and by kind of experiment."""
     side = prediction_figures.Side("predicted", gap, AFTER)
     source = "the spread of the repeated runs" if gap.repeats else "what readings and torque noise leave"
     floor = f"The noise floor is {source} if the plant is right."
     table = tables.gap(gap)
     return (
-        Section("measured", "Measured over predicted", (Figure(prediction_figures.predictions(logs, [side])),)),
+        Section(
+            "measured",
+            "Measured over predicted",
+            (Figure(prediction_figures.predictions(logs, [side])), *_in_parts(parts)),
+        ),
         Section(
             "residuals",
             "Residuals",
@@ -119,6 +127,13 @@ def gap_sections(gap: Gap, logs: Sequence[Log]) -> tuple[Section, ...]:
             ),
         ),
     )
+
+
+def _in_parts(parts: Parts | None) -> tuple[Block, ...]:
+    if parts is None:
+        return ()
+    kinds = (tables.by_kind(parts.by_kind),) if parts.by_kind else ()
+    return (tables.by_log(parts.by_log), *kinds)
 
 
 def about(logs: Sequence[Log], use: str) -> Section:

@@ -12,6 +12,7 @@ import pytest
 from experiments.report import advice
 from furuta_gym.plant import Plant
 from identification.logs.log import Log
+from tests.identification.diagnosis.fits import naming, suspect
 
 PLANT = Plant.resolve("table3")
 NAMES = ("input_delay", "actuator_lag", "input_dead_zone", "arm_backlash")
@@ -25,7 +26,7 @@ def diagnosis(equals: tuple[tuple[str, ...], ...]) -> Any:
         return SimpleNamespace(name=name, fit=SimpleNamespace(plant=PLANT.with_effects(effect)))
 
     ranking = [suspect(name) for name in NAMES]
-    naming = SimpleNamespace(accepted=[ranking[0], ranking[2]], equals=equals, rankings=[ranking, ranking])
+    naming = SimpleNamespace(accepted=[ranking[0], ranking[2]], apart=equals, rankings=[ranking, ranking])
     return SimpleNamespace(naming=naming, after=SimpleNamespace(plant=PLANT))
 
 
@@ -57,6 +58,21 @@ def test_equals_are_asked_about_as_fitted_in_the_loop_of_the_logs(q2: float, bal
 def test_the_first_set_of_equals_counts(asked: list[Any]) -> None:
     advice.design_next(diagnosis(((), ("arm_backlash",))), [log(0.0)])
     assert [e.name for e in asked[0][1]] == ["input_dead_zone", "arm_backlash"]
+
+
+def test_equals_that_predict_the_same_are_no_reason_for_an_experiment(asked: list[Any]) -> None:
+    lag, delay = suspect("actuator_lag", 60.0), suspect("input_delay", 58.0)
+    spring, cable = suspect("arm_spring", 900.0), suspect("arm_cable", 899.0)
+    found = naming(
+        lag,
+        spring,
+        equals=(("input_delay",), ("arm_cable",)),
+        rankings=((lag, delay), (spring, cable)),
+        same=(("input_delay",), ()),
+    )
+    told: Any = SimpleNamespace(naming=found, after=SimpleNamespace(plant=PLANT))
+    advice.design_next(told, [log(0.0)])
+    assert [e.name for e in asked[0][1]] == ["arm_spring", "arm_cable"]
 
 
 def test_nothing_is_designed_where_nothing_is_ambiguous(asked: list[Any]) -> None:
