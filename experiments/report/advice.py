@@ -20,8 +20,8 @@ _UPRIGHT = 0.7  # rad
 
 
 def design_next(diagnosis: Diagnosis, logs: Sequence[Log]) -> Separation | None:
-    """What `furuta excite --between` designs for the first set of equals that differ, at the sizes fitted to these logs;
-    None where nothing is ambiguous or the plant has no effect left out.
+    """What `furuta excite --between` designs for the first set of equals that differ, at the sizes fitted to these
+    logs; None where nothing is ambiguous or the plant has no effect left out.
 
     The loop's own controller is not known: for logs of an upright pendulum the usual one stands in for it.
     Raises ValueError where no experiment can be run.

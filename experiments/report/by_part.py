@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +15,13 @@ from identification.logs.kind import kind_of
 from identification.logs.log import Log
 from identification.validation.gap import Gap, validate
 
+_SAID = {"hanging": "hanging logs", "upright": "upright logs", "whole turns": "logs with whole turns"}
+
 
 @dataclass(frozen=True)
 class OneLog:
-    """Prediction errors on one log. rms (2,) [rad]: of q1 and q2 at the horizon; ratio: over the floor of all logs;
-    None for both where the log is too short to be predicted."""
+    """Prediction errors on one log. rms (2,) [rad]: of q1 and q2 at the horizon; ratio: over the floor of all logs of
+    its kind; None for both where the log is too short to be predicted."""
 
     name: str
     kind: str
@@ -53,7 +55,7 @@ class Parts:
 
     def __str__(self) -> str:
         lines = ["By log:", *(f"  {one}" for one in self.by_log)]
-        return "\n".join([*lines, *(gap.told(f"on {kind} logs") for kind, gap in self.by_kind.items())])
+        return "\n".join([*lines, *(gap.told(f"on {_SAID[kind]}") for kind, gap in self.by_kind.items())])
 
     def to_dict(self) -> dict[str, Any]:
         kinds = {kind: gap.to_dict()["gap"] for kind, gap in self.by_kind.items()}
@@ -68,12 +70,12 @@ def parts_of(plant: Plant, gap: Gap, logs: Sequence[Log]) -> Parts:
             kinds.setdefault(kind_of(log), []).append(log)
     several = kinds if len(kinds) > 1 else {}
     by_kind = {kind: validate(plant, some, gap.horizon) for kind, some in several.items()}
-    return Parts(tuple(_one(gap, i, log) for i, log in enumerate(logs)), by_kind)
+    return Parts(tuple(_one(gap, by_kind, i, log) for i, log in enumerate(logs)), by_kind)
 
 
-def _one(gap: Gap, i: int, log: Log) -> OneLog:
-    errors = gap.errors[gap.log == i]
+def _one(gap: Gap, by_kind: Mapping[str, Gap], i: int, log: Log) -> OneLog:
+    errors, kind = gap.errors[gap.log == i], kind_of(log)
     if not len(errors):
-        return OneLog(log.source, kind_of(log), None, None)
-    rms = np.sqrt(np.mean(errors**2, axis=0))
-    return OneLog(log.source, kind_of(log), rms, float(np.sqrt(np.mean((rms / gap.floor) ** 2))))
+        return OneLog(log.source, kind, None, None)
+    rms, floor = np.sqrt(np.mean(errors**2, axis=0)), by_kind.get(kind, gap).floor
+    return OneLog(log.source, kind, rms, float(np.sqrt(np.mean((rms / floor) ** 2))))

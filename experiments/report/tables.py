@@ -98,7 +98,7 @@ def by_log(found: Sequence[OneLog]) -> Table:
         (one.name, one.kind, *(("too short", "", "") if one.rms is None else _three(one.rms, one.ratio or 0.0)))
         for one in found
     ]
-    return Table(("log", "kind of experiment", *_PART), rows, "Over the noise floor of all logs together.")
+    return Table(("log", "kind of experiment", *_PART), rows, "Over the noise floor of all logs of its kind.")
 
 
 def by_kind(found: Mapping[str, Gap]) -> Table:

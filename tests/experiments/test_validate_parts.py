@@ -39,6 +39,7 @@ def test_a_plant_that_fails_in_one_kind_of_experiment_is_told_so(rig: tuple[Plan
     assert "on hanging logs" in said
     found = json.loads((tmp_path / "gap.json").read_text())
     assert [one["name"] for one in found["by_log"]] == ["upright.csv", "hanging.csv"]
+    assert found["by_log"][1]["ratio_to_floor"] == pytest.approx(found["by_kind"]["hanging"]["ratio_to_floor"])
     assert found["by_kind"]["upright"]["ratio_to_floor"] < 1.3 < 2.0 < found["by_kind"]["hanging"]["ratio_to_floor"]
 
 
