@@ -100,7 +100,7 @@ def effects_of(plant: Plant) -> tuple[Block, ...]:
     """What the plant has beside model (5)."""
     if not plant.effects:
         return ()
-    said = "; ".join(effect.sentence(plant.unit) for effect in plant.effects)
+    said = ". ".join(effect.sentence(plant.unit) for effect in plant.effects)
     return (Text(f"The plant has this beside model (5): {said}.", "quiet"),)
 
 

@@ -79,7 +79,7 @@ def diagnose(
     found = searched(held, start, most, only, say, fitter)
     say("predicting data that no fit saw")
     found = verified(found, held)
-    if found.still_off > 1.0:
+    if found.still_off > 1.0 or found.floor_in_doubt:
         say("asking a second witness: multiple shooting")
         found = with_second_witness(found, held)
     if found.leftover:

@@ -9,6 +9,7 @@ from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
 from ..estimation.informative import spans_text
+from ..validation.adequacy import ADEQUATE_BELOW
 from . import sentences
 from .gap_change import GapChange
 from .learned import Learned
@@ -61,9 +62,9 @@ class Diagnosis:
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
     error over the noise floor that the effects leave on such data, where that is much; 1 otherwise. second: what
-    multiple shooting makes of the same structure, where much is left. learned: a torque without a name that was learned
-    from what is left, and whether it was added. stretches: of each log, the seconds (from, to) that were searched;
-    empty where all were.
+    multiple shooting makes of the same structure, where much is left or the floor is in doubt. learned: a torque
+    without a name that was learned from what is left, and whether it was added. stretches: of each log, the seconds
+    (from, to) that were searched; empty where all were.
     """
 
     verdict: str
@@ -89,6 +90,13 @@ class Diagnosis:
         """Whether the final model leaves structure that no effect found explains."""
         refused = self.naming is not None and self.naming.refused is not None
         return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
+
+    @property
+    def floor_in_doubt(self) -> bool:
+        """Whether data that no fit saw are predicted worse than noise alone would, and that noise is nearly all torque
+        noise: torques that the plant misses, or wrong parameters, pass for it."""
+        after = self.gap.after if self.gap is not None else None
+        return after is not None and after.judgement.mostly_torque and after.ratio_to_floor >= ADEQUATE_BELOW
 
     @property
     def added(self) -> bool:

@@ -1,4 +1,4 @@
-"""A second witness where names leave much: the same structure fitted by multiple shooting.
+"""A second witness where names leave much, or might: the same structure fitted by multiple shooting.
 
 Where both fits disagree beyond their errors, torque noise hides structure that the model lacks. The plant that predicts
 data which no fit saw better for certain is the one to use.
@@ -22,9 +22,12 @@ _APART = (
 
 def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     """The diagnosis with the plant after the search fitted by multiple shooting as well, if held-out logs are still
-    predicted much worse than noise would; without such logs nobody could say which plant is better."""
+    predicted much worse than noise would, or the noise that they are measured by is nearly all torque noise. Without
+    such logs nobody could say which plant is better."""
     after = diagnosis.after
-    if after is None or diagnosis.gap is None or not held.whole or diagnosis.still_off <= 1.0:
+    if after is None or diagnosis.gap is None or not held.whole:
+        return diagnosis
+    if diagnosis.still_off <= 1.0 and not diagnosis.floor_in_doubt:
         return diagnosis
     try:
         shot = shooting(after.plant, held.logs, after.zeros)
@@ -41,6 +44,8 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         summary += f" A second fit, by multiple shooting, disagrees about {told}: torque noise hides structure here."
     if second.better:
         summary += " The plant written is that of multiple shooting, which predicts held-out data better for certain."
+        if plant.effects:
+            summary += f" In it: {'; '.join(str(effect) for effect in plant.effects)}."
     return replace(diagnosis, second=second, summary=summary)
 
 

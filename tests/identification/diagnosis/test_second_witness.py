@@ -11,17 +11,22 @@ import pytest
 
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis import second_witness
+from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.held_out import HeldOut
 from identification.validation.shooting import Shooting
 from tests.factories import made_log
-from tests.identification.diagnosis.fits import POLICY, a_change, a_diagnosis
+from tests.identification.diagnosis.fits import POLICY, a_change, a_diagnosis, a_gap
 
 FOUND = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
 SHOT = FOUND.replace(theta=TABLE_3.theta * np.array([1.0, 1.0, 1.0, 1.0, 1.1, 1.0, 1.0, 1.0, 1.0]))
 
 
 def _asked(
-    monkeypatch: pytest.MonkeyPatch, closed: tuple[float, float], still_off: float = 3.0, whole: bool = True
+    monkeypatch: pytest.MonkeyPatch,
+    closed: tuple[float, float],
+    still_off: float = 3.0,
+    whole: bool = True,
+    gap: GapChange | None = None,
 ) -> Any:
     """A diagnosis after the second witness, whose θ5 lies a tenth off with errors of a hundredth."""
     names = tuple(f"theta{i}" for i in range(1, 10))
@@ -31,7 +36,7 @@ def _asked(
     monkeypatch.setattr(HeldOut, "gap", lambda *_: None)
     monkeypatch.setattr(HeldOut, "change", lambda *_: a_change(closed))
     after: Any = SimpleNamespace(plant=FOUND, names=names, values=TABLE_3.theta, std=std, zeros={})
-    found = replace(a_diagnosis("arm_spring", after=after), gap=a_change(), still_off=still_off)
+    found = replace(a_diagnosis("arm_spring", after=after), gap=gap or a_change(), still_off=still_off)
     held = HeldOut((made_log(),), (made_log(),) if whole else (), POLICY)
     return second_witness.with_second_witness(found, held)
 
@@ -47,6 +52,20 @@ def test_the_plant_that_predicts_better_for_certain_is_used_and_marked(
     assert bool(found.plant.theta[4] == SHOT.theta[4]) is better
     assert (found.plant.provenance.get("method") == "multiple shooting") is better
     assert found.second.to_dict()["better"] is better
+
+
+@pytest.mark.parametrize(
+    ("times_floor", "of_readings", "asked"),
+    [(1.2, 0.1, True), (1.2, 0.9, False), (1.05, 0.1, False)],
+)
+def test_it_is_asked_where_the_floor_is_torque_noise_that_may_hide_structure(
+    monkeypatch: pytest.MonkeyPatch, times_floor: float, of_readings: float, asked: bool
+) -> None:
+    change = a_change()
+    after = replace(a_gap(times_floor), reading_floor=of_readings * change.after.floor)
+    found = _asked(monkeypatch, (0.1, 0.4), still_off=1.0, gap=replace(change, after=after))
+    assert (found.second is not None) is asked
+    assert ("In it: arm_spring" in found.summary) is asked
 
 
 def test_it_is_not_asked_where_nothing_is_left_or_nobody_could_judge(monkeypatch: pytest.MonkeyPatch) -> None:
