@@ -14,7 +14,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.wrappers import NormalizeObservation
+from gymnasium.wrappers import ClipAction, NormalizeObservation
 from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
@@ -24,23 +24,27 @@ Policy = Callable[[Array], Array]
 def wrappers_of(envs: Any, own: gymnasium.Env) -> list[gymnasium.Wrapper] | None:
     """What stands around `own` where it is the first of `envs`, innermost first.
 
-    None where `envs` is no `SyncVectorEnv`, or where a wrapper changes observations in a way that is not known here.
+    None where `envs` is no `SyncVectorEnv`, or where a wrapper changes observations or actions in a way that is not
+    known here.
     """
     if not isinstance(envs, gymnasium.vector.SyncVectorEnv):
         return None
     found: list[gymnasium.Wrapper] = []
     outer: Any = envs.envs[0]
     while outer is not own:
-        if not isinstance(outer, gymnasium.Wrapper):
-            return None
-        known = (
-            isinstance(outer, gymnasium.ObservationWrapper) or outer.observation_space == outer.env.observation_space
-        )
-        if not known:
+        if not isinstance(outer, gymnasium.Wrapper) or not _known(outer):
             return None
         found.append(outer)
         outer = outer.env
     return found[::-1]
+
+
+def _known(wrapper: gymnasium.Wrapper) -> bool:
+    if isinstance(wrapper, gymnasium.ActionWrapper):
+        return isinstance(wrapper, ClipAction)
+    return isinstance(wrapper, gymnasium.ObservationWrapper) or (
+        wrapper.observation_space == wrapper.env.observation_space
+    )
 
 
 @contextmanager
