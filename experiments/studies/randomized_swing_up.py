@@ -54,6 +54,7 @@ ARMS = {
     "posterior": Arm("long", POSTERIOR),
     "ranged": Arm("long", None),
     "with the named effects": Arm("named", False),
+    "with the named effects, ranged": Arm("named", None),
     "nominal, poor log": Arm("short", False),
     "posterior, poor log": Arm("short", POSTERIOR),
     "ranged, poor log": Arm("short", None),

@@ -128,6 +128,7 @@ def main(
     ] = None,
     task: Annotated[str, typer.Option(help="balance or swing_up.")] = "balance",
     rig: Annotated[str, typer.Option(help=f"What the rig hides: {', '.join(RIGS)}.")] = "late",
+    seeds: Annotated[int | None, typer.Option(help="Trainings of each; default: 2, in swing_up 3.", min=1)] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="One short training each; for a look at what it does.")
     ] = False,
@@ -140,11 +141,12 @@ def main(
             raise ValueError(f"--rig {rig!r}: expected one of {', '.join(RIGS)}")
         out = out or Path("out/randomized_training") / task / rig.replace(" ", "-")
         if task == "swing_up":
-            swing_up = randomized_swing_up.Size
-            size = replace(swing_up.quick() if quick else swing_up(), rig=rig)
-            shown = randomized_swing_up.table(randomized_swing_up.run(size, out, say))
+            study = randomized_swing_up
+            size = replace(study.Size.quick() if quick else study.Size(), rig=rig)
+            shown = study.table(study.run(replace(size, policies=seeds or size.policies), out, say))
         else:
-            shown = table(run(replace(Size.quick() if quick else Size(), rig=rig), out, say))
+            size = replace(Size.quick() if quick else Size(), rig=rig)
+            shown = table(run(replace(size, policies=seeds or size.policies), out, say))
     console = Console()
     console = console if console.is_terminal else Console(width=160)
     console.print(shown)
