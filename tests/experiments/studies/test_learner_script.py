@@ -151,7 +151,8 @@ def test_only_what_is_understood_is_judged():
     names = [type(w).__name__ for w in wrappers_of(plain, own) or []]
     assert names == ["PassiveEnvChecker", "OrderEnforcing"]
     assert wrappers_of(gymnasium.wrappers.vector.NormalizeObservation(plain), own) is None
-    halved = gymnasium.vector.SyncVectorEnv([lambda: gymnasium.wrappers.RescaleAction(made(), -0.5, 0.5)])
+    low, high = np.float32([-0.5]), np.float32([0.5])
+    halved = gymnasium.vector.SyncVectorEnv([lambda: gymnasium.wrappers.RescaleAction(made(), low, high)])
     assert wrappers_of(halved, halved.envs[0].unwrapped) is None
     stacked = gymnasium.vector.SyncVectorEnv([lambda: gymnasium.wrappers.FrameStackObservation(made(), 2)])
     assert wrappers_of(stacked, stacked.envs[0].unwrapped) is None
