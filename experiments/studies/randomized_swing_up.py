@@ -21,6 +21,7 @@ from rich.table import Table
 from controllers import make_controller
 from controllers.conditions import built_later
 from controllers.design import choose_sensors
+from controllers.recipes import RECIPES
 from controllers.statistics import Interval
 from controllers.training import Training, train
 from controllers.trials import run_trials, swing_up_starts
@@ -28,6 +29,7 @@ from experiments.bench import Rig
 from experiments.bench_runs import SWING_UP
 from experiments.studies.hidden_rigs import SWING_UP_RIGS, TASKS, as_the_lab_knows, recorded
 from experiments.studies.leaderboard.summary import WORST, over_seeds, over_seeds_rate
+from furuta_gym.envs.ranges import draws
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from identification.diagnosis.diagnose import diagnose
@@ -42,7 +44,7 @@ Scores = dict[str, dict[str, dict[str, Interval]]]
 @dataclass(frozen=True)
 class Arm:
     """What a policy is trained on. plant: of the "long" or the "short" log, or "named". randomize: as in `Training`;
-    None for the ranges of the recipe `robust`."""
+    None for `ranges_around`."""
 
     plant: str
     randomize: bool | Mapping[str, str] | None
@@ -121,9 +123,22 @@ def _policy(name: str, arm: Arm, plant: Plant, seed: int, size: Size, out: Path,
     path = out / f"{name.replace(', ', '-').replace(' ', '-')}-{size.steps}-{seed}.zip"
     if not path.exists():
         say(f"{name}: training policy {seed + 1} of {size.policies}")
-        said = {"task": "swing_up", "steps": size.steps, "seed": seed, "randomize": arm.randomize}
+        drawn = ranges_around(plant) if arm.randomize is None else arm.randomize
+        said = {"task": "swing_up", "steps": size.steps, "seed": seed, "randomize": drawn}
         train(Training.of_recipe(plant, "robust", **said), path, resume=path.with_suffix(".checkpoint").exists())
     return make_controller(path, plant, plant.sample_time)
+
+
+def ranges_around(plant: Plant) -> dict[str, str]:
+    """The ranges of the recipe `robust`, but for effects that the plant has at a size which they do not reach."""
+    wanted = RECIPES["robust"].of(plant)["randomize"]
+    reach = draws(wanted, plant).ranges
+    beyond = set()
+    for name, span in reach.items():
+        effect = plant.effect(name.partition(".")[0])
+        if effect is not None and not span.bounds[0] <= effect.parameters[name.partition(".")[2]] <= span.bounds[1]:
+            beyond.add(effect.name)
+    return {name: text for name, text in wanted.items() if name.partition(".")[0] not in beyond}
 
 
 def _on_the_rig(rig: Rig, policies: Sequence[Any], size: Size) -> dict[str, Interval]:

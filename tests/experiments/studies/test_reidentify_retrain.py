@@ -225,6 +225,17 @@ def test_swing_ups_on_drawn_plants_in_small(tmp_path: Path, monkeypatch: pytest.
     assert study.run(study.Size.quick(), tmp_path, say=lambda text: None) == scores
 
 
+def test_ranges_that_do_not_reach_what_was_found_leave_it_as_it_is() -> None:
+    from experiments.studies.randomized_swing_up import ranges_around
+
+    plant = true_plant(SWING_UP_RIGS["cable"])
+    usual = {"theta", "input_delay", "arm_spring.k", "arm_spring.q1n"}
+    assert set(ranges_around(plant)) == usual
+    assert set(ranges_around(plant.with_effects(Effect("input_delay", {"d": 0.016})))) == usual
+    strong = plant.with_effects(Effect("arm_spring", {"k": 2.0, "q1n": 0.3}))
+    assert set(ranges_around(strong)) == {"theta", "input_delay"}
+
+
 def test_the_slowest_count_failures_with_the_whole_duration() -> None:
     from experiments.studies.randomized_swing_up import figures
 
