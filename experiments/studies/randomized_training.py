@@ -3,6 +3,7 @@
 A rig of the bench is recorded and identified as model (5), which misses what the rig hides. Policies are trained
 on that plant alone, on plants drawn from its covariance, and on drawn plants with effects that come and go; all see
 the same observations. They balance plants drawn from the covariance, plants with each θ off by 20 %, and the rig.
+`--task swing_up` is `randomized_swing_up`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from controllers.training import Training, train
 from controllers.trials import Outcome
 from experiments.bench_runs import run_on_bench
 from experiments.cli.errors import explained
-from experiments.studies.reidentify_retrain import RIGS, Arguments, recorded
+from experiments.studies import randomized_swing_up
+from experiments.studies.hidden_rigs import RIGS, as_the_lab_knows, recorded, task_named
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 from identification.estimation.identify import identify
@@ -68,8 +70,7 @@ def run(size: Size, out: Path, say: Callable[[str], None] = print) -> dict[str, 
         raise ValueError(f"{out} holds an earlier run; remove it or choose another --out")
     rig = RIGS[size.rig]
     say("recording and identifying")
-    plant = identify(recorded(rig, Arguments(recording=10.0, experiments=("paper",)))).plant
-    plant = plant.replace(u_max=rig.kind.u_max, sample_time=rig.period)
+    plant = as_the_lab_knows(identify(recorded(rig, ("paper",), 10.0)).plant, rig)
     out.mkdir(parents=True, exist_ok=True)
     plant.save(out / "rig.json")
     scores = {}
@@ -123,36 +124,49 @@ def _on_plants(plant: Plant, policies: list[Any], size: Size) -> dict[str, dict[
 def main(
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for plant, policies and results.json; default: out/randomized_training/RIG."),
+        typer.Option(help="Folder for plants, policies and results.json; default: out/randomized_training/TASK/RIG."),
     ] = None,
+    task: Annotated[str, typer.Option(help="balance or swing_up.")] = "balance",
     rig: Annotated[str, typer.Option(help=f"What the rig hides: {', '.join(RIGS)}.")] = "late",
+    seeds: Annotated[int | None, typer.Option(help="Trainings of each; default: 2, in swing_up 3.", min=1)] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="One short training each; for a look at what it does.")
     ] = False,
 ) -> None:
-    """Nominal against randomised training, on drawn plants and on a rig that hides something."""
+    """Nominal against randomised training, on rigs that differ and on one that hides something."""
     began = time.perf_counter()
+    say = Console(stderr=True).print
     with explained():
-        if rig not in RIGS:
+        if rig not in task_named(task).rigs:
             raise ValueError(f"--rig {rig!r}: expected one of {', '.join(RIGS)}")
-        size = replace(Size.quick() if quick else Size(), rig=rig)
-        out = out or Path("out/randomized_training") / rig.replace(" ", "-")
-        scores = run(size, out, Console(stderr=True).print)
-    table = Table(title="95 % intervals in brackets; rms q2 [rad] of the successful trials")
-    table.add_column("trained on")
+        out = out or Path("out/randomized_training") / task / rig.replace(" ", "-")
+        if task == "swing_up":
+            study = randomized_swing_up
+            size = replace(study.Size.quick() if quick else study.Size(), rig=rig)
+            shown = study.table(study.run(replace(size, policies=seeds or size.policies), out, say))
+        else:
+            size = replace(Size.quick() if quick else Size(), rig=rig)
+            shown = table(run(replace(size, policies=seeds or size.policies), out, say))
+    console = Console()
+    console = console if console.is_terminal else Console(width=160)
+    console.print(shown)
+    console.print(f"{time.perf_counter() - began:.0f} s. Look at: {out / 'results.json'}", highlight=False)
+
+
+def table(scores: dict[str, dict[str, dict[str, Interval]]]) -> Table:
+    """Kind by kind, a pair of columns for each place."""
+    shown = Table(title="95 % intervals in brackets; rms q2 [rad] of the successful trials")
+    shown.add_column("trained on")
     for where in next(iter(scores.values())):
-        table.add_column(f"{where}\nsuccess [%]", justify="right")
-        table.add_column(f"{where}\nrms q2", justify="right")
+        shown.add_column(f"{where}\nsuccess [%]", justify="right")
+        shown.add_column(f"{where}\nrms q2", justify="right")
     for kind, rows in scores.items():
         cells = []
         for figures in rows.values():
             s = figures["success"]
             cells += [f"{100 * s.value:.3g} [{100 * s.low:.0f}, {100 * s.high:.0f}]", str(figures["rms_q2"])]
-        table.add_row(kind, *cells)
-    console = Console()
-    console = console if console.is_terminal else Console(width=160)
-    console.print(table)
-    console.print(f"{time.perf_counter() - began:.0f} s. Look at: {out / 'results.json'}", highlight=False)
+        shown.add_row(kind, *cells)
+    return shown
 
 
 if __name__ == "__main__":

@@ -59,9 +59,11 @@ class Run:
         return next((steps for steps, _, success in self.evaluations if success >= ENOUGH), None)
 
 
-def success(predict: Any, env_id: str) -> float:
-    """Share of the starts whose last 5 s are upright, the arm within its limit all the time."""
-    options: dict[str, Any] = options_of(env_id) | {"time_limit": LENGTH}
+def success(predict: Any, env_id: str, **changes: Any) -> float:
+    """Share of the starts whose last 5 s are upright, the arm within its limit all the time.
+
+    changes: options of the environment that are not those of its id."""
+    options: dict[str, Any] = options_of(env_id) | changes | {"time_limit": LENGTH}
     batch = FurutaVectorEnv(STARTS, max_episode_steps=None, **options)
     observation, _ = batch.reset(seed=SEED)
     steps, held = round(LENGTH / batch.setup.action_period), round(HELD / batch.setup.action_period)

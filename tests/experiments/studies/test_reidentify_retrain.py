@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from controllers import make_controller
 from controllers.statistics import success_rate
 from experiments.bench import Rig
 from experiments.bench.control import Balance, lqr_gain
-from experiments.bench_runs import Contrast, Run, contrast, run_on_bench, summary
+from experiments.bench_runs import SWING_UP_FIGURES, Contrast, Run, contrast, run_on_bench, summary, swing_up_on_bench
+from experiments.studies.hidden_rigs import SWING_UP_RIGS, as_the_lab_knows, task_named
+from experiments.studies.randomized_swing_up import true_plant
+from furuta_gym.plant import Covariance, Effect
 
 
 class Own:
@@ -54,6 +60,40 @@ def test_figures_of_a_run_are_those_of_the_rig() -> None:
     assert found.rms_q2 == pytest.approx(np.sqrt(np.mean(readings[:, 1] ** 2)), rel=0.05)
     commands = np.clip(sent, -rig.kind.u_max, rig.kind.u_max)
     assert found.energy == pytest.approx(np.sum(commands**2) * rig.period, rel=1e-9)
+
+
+def test_a_swing_up_on_the_bench_is_one_that_stays_up() -> None:
+    rig = replace(SWING_UP_RIGS["late"], effects=())
+    controller = make_controller("swing-up", true_plant(rig), rig.period)
+    found = swing_up_on_bench(rig, controller, 3, 6.0, hold=2.0)
+    assert found.success
+    assert 0.2 < found.settling < 4.0
+    assert found.rms_q2 < 0.1
+    assert found == swing_up_on_bench(rig, controller, 3, 6.0, hold=2.0)
+    assert summary([found], SWING_UP_FIGURES)["settling"].value == found.settling
+    still = swing_up_on_bench(rig, Still(), 3, 3.0, hold=1.0)
+    assert not still.success
+    assert np.isnan(still.settling)
+    wound = swing_up_on_bench(rig, Still(10.0), 3, 3.0, hold=1.0)
+    assert not wound.success
+
+
+class Still:
+    """Commands the same whatever it reads."""
+
+    def __init__(self, u: float = 0.0) -> None:
+        self.u = u
+
+    def reset(self) -> None:
+        pass
+
+    def __call__(self, y: tuple[float, float]) -> float:
+        return self.u
+
+
+def test_tasks_have_names() -> None:
+    with pytest.raises(ValueError, match="balance, swing_up"):
+        task_named("juggle")
 
 
 def test_too_few_pairs_say_nothing() -> None:
@@ -128,6 +168,82 @@ def test_the_experiment_in_small(tmp_path: Path) -> None:
     assert table(story).row_count == 4
     with pytest.raises(ValueError, match="exists"):
         run(Arguments.quick(), tmp_path)
+
+
+def found_on(rig: Rig) -> SimpleNamespace:
+    """What a diagnosis of the rig would find, without the diagnosis."""
+    before = true_plant(rig)
+    named = before.with_effects(Effect("input_delay", {"d": 0.016}))
+    return SimpleNamespace(before=SimpleNamespace(plant=before), plant=named, verdict="named")
+
+
+def test_swing_ups_before_and_after_in_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from experiments.studies import reidentify_retrain as study
+
+    pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    rig = SWING_UP_RIGS["late"]
+    monkeypatch.setattr(study, "recorded", lambda *_: [])
+    monkeypatch.setattr(study, "diagnose", lambda *_, **__: found_on(rig))
+    (story,) = study.run(study.Arguments.quick("swing_up"), tmp_path, say=lambda text: None)
+    assert set(story.runs) == {"swing-up", "ppo"}
+    assert [text.split("(")[0] for text in story.found] == ["input_delay"]
+    assert all(run.success for run in story.runs["swing-up"]["after"])
+    saved = json.loads((tmp_path / "results.json").read_text())
+    assert saved["arguments"]["task"] == "swing_up"
+    figures = saved["rigs"]["late"]["controllers"]["swing-up"]["after"]
+    assert set(figures) == {"success", *SWING_UP_FIGURES, "success_by_run"}
+    assert figures["success"]["value"] == 1.0
+    assert study.table(story).row_count == 2
+
+
+def test_swing_ups_on_drawn_plants_in_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from experiments.studies import randomized_swing_up as study
+
+    pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    rig = SWING_UP_RIGS["late"]
+    plant = as_the_lab_knows(true_plant(rig), rig)
+    names = tuple(f"theta{i}" for i in range(1, 10))
+    spread = Covariance(names, np.diag((0.01 * plant.theta) ** 2))
+    named = found_on(rig).plant
+    for name, one in (("long", plant), ("short", plant.replace(covariance=spread)), ("named", named)):
+        one.save(tmp_path / f"{name}.json")
+    some = {n: study.ARMS[n] for n in ("ranged", "with the named effects", "posterior, poor log")}
+    monkeypatch.setattr(study, "ARMS", some)
+    scores = study.run(study.Size.quick(), tmp_path, say=lambda text: None)
+    assert set(scores) == set(some)
+    for places in scores.values():
+        assert places[study.RIG]["success"].n == 1
+        assert places[study.OTHERS]["success"].n == 4
+        assert places[study.OTHERS]["worst"].value == 6.0, "twenty thousand steps teach nothing"
+    record = json.loads((tmp_path / "posterior-poor-log-20000-0.json").read_text())
+    assert record["env"]["randomize"] == {"theta": "posterior"}
+    assert record["recipe"] == "robust"
+    record = json.loads((tmp_path / "ranged-20000-0.json").read_text())
+    assert set(record["env"]["randomize"]) == {"theta", "input_delay", "arm_spring.k", "arm_spring.q1n"}
+    assert study.table(scores).row_count == 3
+    monkeypatch.setattr(study, "train", lambda *_, **__: pytest.fail("it was trained already"))
+    assert study.run(study.Size.quick(), tmp_path, say=lambda text: None) == scores
+
+
+def test_ranges_that_do_not_reach_what_was_found_leave_it_as_it_is() -> None:
+    from experiments.studies.randomized_swing_up import ranges_around
+
+    plant = true_plant(SWING_UP_RIGS["cable"])
+    usual = {"theta", "input_delay", "arm_spring.k", "arm_spring.q1n"}
+    assert set(ranges_around(plant)) == usual
+    assert set(ranges_around(plant.with_effects(Effect("input_delay", {"d": 0.016})))) == usual
+    strong = plant.with_effects(Effect("arm_spring", {"k": 2.0, "q1n": 0.3}))
+    assert set(ranges_around(strong)) == {"theta", "input_delay"}
+
+
+def test_the_slowest_count_failures_with_the_whole_duration() -> None:
+    from experiments.studies.randomized_swing_up import figures
+
+    won = np.array([True] * 38 + [False] * 2)
+    found = figures([won, won], [np.full(40, 1.0)] * 2, 15.0)
+    assert found["success"].value == 0.95
+    assert found["typical"].value == 1.0
+    assert found["worst"].value == 15.0, "4 of 80 failed, and the worst 5 % are 4"
 
 
 @pytest.mark.timeout(300)
