@@ -64,8 +64,12 @@ RIGS = (
         "McGill, upright with PRBS",
         "qube_mcgill",
         ("balance_prbs_20230828T161301",),
-        {"another run": ("balance_prbs_20230828T161334",), "a third run": ("balance_prbs_20230828T161408",)},
-        ("another run", "a third run"),
+        {
+            "another run": ("balance_prbs_20230828T161334",),
+            "a third run": ("balance_prbs_20230828T161408",),
+            "a fourth run": ("balance_prbs_20230828T161441",),
+        },
+        ("another run", "a third run", "a fourth run"),
         skip=1.0,  # the hand-over to the controller
     ),
 )
@@ -98,6 +102,8 @@ def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
     witnesses = [log for n in rig.witnesses if n in rig.held_out for log in _read(folder, rig, rig.held_out[n])]
     diagnosis = diagnose(logs, witnesses) if look else None
     after = diagnosis.after.plant if diagnosis and diagnosis.after else estimate.plant
+    if diagnosis and diagnosis.second and diagnosis.second.better:
+        after = diagnosis.second.plant
     before_and_after = [_gaps(plant, folder, rig) for plant in (estimate.plant, after)]
     learned = None
     if diagnosis and diagnosis.after:
