@@ -14,8 +14,6 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
-from furuta_gym.cache_folder import compilations
-
 _logger = logging.getLogger("furuta.steps")
 
 errors = Console(stderr=True)
@@ -38,6 +36,8 @@ def steps(command: str, samples: int | None = None, console: Console | None = No
 
     command: of `furuta`, of `FIRST_TIME` where samples are given; how fast it went here is remembered by it.
     """
+    from furuta_gym.cache_folder import compilations  # not before a long work: help loads no library of numbers
+
     console = console or errors
     began, compiled = time.monotonic(), compilations()
     expected = None if samples is None else _expected(command, samples)
