@@ -297,7 +297,11 @@ def advance(X, t0, t1, t_u, U, j, W, P, codes, h_max):
 
 @compiled
 def workspace(rows, lanes):
-    """What `advance_within` works in, for whoever calls it again and again: (work, state, source)."""
+    """What `advance_within` works in, for whoever calls it again and again: (work, state, source).
+
+    Rows of work: a stage's states, their rates and sums of rates (rows each), TH, the two torques; then the times since
+    the step began, torques of the motor, times, and how long the command lasts.
+    """
     return np.empty((3 * rows + N_BASE + 6, lanes)), np.empty((5, lanes)), np.empty(lanes, np.int64)
 
 

@@ -83,8 +83,16 @@ def shooting(plant: Plant, logs: Log | Sequence[Log], zeros: Zeros | None = None
     values = np.array([c.to_value(zi) for c, zi in zip(coordinates, z, strict=True)])
     slopes = np.array([c.slope(zi) for c, zi in zip(coordinates, z, strict=True)])
     std = slopes * np.sqrt(np.maximum(np.diag(problem.covariance(z)), 0.0))
+    names = tuple(c.name for c in coordinates)
     fitted = filled_plant(plant, coordinates, z).replace(covariance=None, checks={}, provenance={})
-    return Shooting(fitted, tuple(c.name for c in coordinates), values, std, converged)
+    return Shooting(_with_errors(fitted, names, std), names, values, std, converged)
+
+
+def _with_errors(plant: Plant, names: Sequence[str], std: Array) -> Plant:
+    """The plant with the standard deviations of its effects' parameters; those of an earlier fit are not its own."""
+    found = {name: float(s) for name, s in zip(names, std, strict=True) if np.isfinite(s)}
+    own = [{p: found[f"{e.name}.{p}"] for p in e.parameters if f"{e.name}.{p}" in found} for e in plant.effects]
+    return plant.replace(effects=tuple(replace(e, std=s) for e, s in zip(plant.effects, own, strict=True)))
 
 
 class _Problem:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,16 @@ def test_the_truth_is_found_from_a_wrong_start_within_its_errors() -> None:
     assert found.values[[0, 2, 3, 4]] == pytest.approx(truth.theta[[0, 2, 3, 4]], rel=0.02)
     assert np.abs((found.values - truth.theta) / found.std).max() < 4.0
     assert found.plant.theta == pytest.approx(found.values)
+
+
+def test_effects_have_errors_of_this_fit() -> None:
+    log, truth = loop_log("arm_spring", duration=10.0)
+    (spring,) = truth.effects
+    earlier = truth.with_effects(replace(spring, std={"k": 1e3, "q1n": 1e3}))
+    found = shooting(earlier, log)
+    own = dict(zip(found.names, found.std, strict=True))
+    assert dict(found.plant.effects[0].std) == pytest.approx({p: own[f"arm_spring.{p}"] for p in ("k", "q1n")})
+    assert abs(found.plant.effects[0].parameters["k"] - spring.parameters["k"]) < 4.0 * own["arm_spring.k"]
 
 
 def test_a_log_that_is_too_short_is_told() -> None:
