@@ -115,7 +115,7 @@ def searched(
     search = Search(anchor, only, policy, progress, fitter)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),
-        lambda: afresh(nominal, starts, search),
+        lambda known: afresh(nominal, starts, search, known),
         search,
         dragged,
     )
@@ -197,22 +197,22 @@ _Answer = tuple[Naming, Estimate, Where]
 
 def _settled(
     named: Callable[[Mapping[str, Fit]], _Answer],
-    other: Callable[[], Mapping[str, Fit]],
+    other: Callable[[Fit | None], Mapping[str, Fit]],
     search: Search,
     dragged: bool = False,
 ) -> _Answer:
-    """named(joined): the names. other(): the best fits of one effect from the logs' own starts, which join the search
-    at once where model (5) is `dragged` away by what is missing. Else the search is made again with them, if names
-    leave structure and one of them beats the best single effect so far."""
+    """named(joined): the names. other(known): the best fits of one effect from the logs' own starts. They join the
+    search at once where model (5) is `dragged` away by what is missing. Else the search is made again with them, if
+    names leave structure and one of them beats the best single effect so far."""
     if dragged:
         search.progress("fitting every effect from other starts, as much is missing")
-        return named(other())
+        return named(other(None))
     naming, after, rest = named(NOTHING_YET)
     if not rest.matters and _verdict(naming, rest, search.policy)[0] != "unknown":
         return naming, after, rest
     search.progress("fitting every effect from other starts, as structure is left")
-    fresh = other()
     best = naming.rankings[0][0].fit if naming.rankings else naming.nominal
+    fresh = other(best)
     first = min(fresh, key=lambda name: cost(fresh[name]), default=None)
     if first is None or cost(fresh[first]) > cost(best) - search.policy.believed:
         return naming, after, rest

@@ -103,15 +103,15 @@ def _backlash_rate(tau, a1, plant_theta1, b, s, w):
 ARM_EFFECTS = (
     EffectType(
         name="arm_stribeck",
-        title="friction of the arm that differs near standstill",
+        title="friction of the arm that grows near standstill",
         place="arm",
         equation="arm: −ΔF exp(−(q̇1/vs)²) tanh(r q̇1)",
-        symptom="friction is larger or smaller near standstill than the Coulomb level it settles to (ΔF > 0: larger)",
+        symptom="friction is larger near standstill than the Coulomb level it settles to in motion",
         says=lambda ΔF, vs: near_standstill("arm", ΔF, vs),
         parameters=(
-            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 0.5, relative_to="theta8"),
+            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 0.5, relative_to="theta8", lower=0.0),
             Parameter(
-                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
+                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=3.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
             ),
         ),
         kernels={"torque": _stribeck},

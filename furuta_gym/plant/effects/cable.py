@@ -1,5 +1,7 @@
 """Torques of a cable on the arm's row: stiffer to one side, taut to one side, and friction that remembers."""
 
+from collections.abc import Mapping
+
 from .declaration import EffectType, Parameter
 
 
@@ -13,6 +15,20 @@ def _cable_coefficients(k, q1n, k3, q1s):
     return rest, -k - 3.0 * k3 * q1s * q1s, 3.0 * k3 * q1s, -k3
 
 
+def _cable_and_spring(spring: Mapping[str, float], cable: Mapping[str, float]) -> dict[str, float]:
+    """The cable that pulls as this one and a spring do; it is without torque at an angle between theirs."""
+    from scipy.optimize import brentq  # slow to import, and seldom asked for
+
+    def pull(q1: float) -> float:
+        return spring["k"] * (q1 - spring["q1n"]) - _cable(q1, **cable)[0]
+
+    low, high = sorted((spring["q1n"], cable["q1n"]))
+    rest = low if pull(low) >= 0.0 else high
+    if pull(low) < 0.0 < pull(high):
+        rest = float(brentq(pull, low, high))  # type: ignore[arg-type]
+    return {**cable, "k": cable["k"] + spring["k"], "q1n": rest}
+
+
 def _taut(q1, k1, k2, q1n, qt):
     pull = k1 * min(q1 - qt, 0.0) + k2 * max(q1 - qt, 0.0)
     rest = k1 * min(q1n - qt, 0.0) + k2 * max(q1n - qt, 0.0)
@@ -22,6 +38,15 @@ def _taut(q1, k1, k2, q1n, qt):
 def _taut_coefficients(k1, k2, q1n, qt):
     # of 1, min(q1 − qt, 0), max(q1 − qt, 0)
     return k1 * min(q1n - qt, 0.0) + k2 * max(q1n - qt, 0.0), -k1, -k2
+
+
+def _taut_and_spring(spring: Mapping[str, float], cable: Mapping[str, float]) -> dict[str, float]:
+    """The taut cable that pulls as this one and a spring do."""
+    k1, k2, qt = cable["k1"] + spring["k"], cable["k2"] + spring["k"], cable["qt"]
+    rest = cable["q1n"] - qt
+    pull = cable["k1"] * min(rest, 0.0) + cable["k2"] * max(rest, 0.0) + spring["k"] * (spring["q1n"] - qt)
+    k = k1 if pull < 0.0 else k2
+    return {"k1": k1, "k2": k2, "q1n": qt + (pull / k if k > 0.0 else 0.0), "qt": qt}
 
 
 def _hysteresis(q1, κ, d, κ2, d2, y, y2):
@@ -57,6 +82,7 @@ CABLE_EFFECTS = (
         ),
         kernels={"torque": _cable},
         linear=_cable_coefficients,
+        includes={"arm_spring": _cable_and_spring},
         mistaken_for=("arm_spring", "arm_taut_cable", "arm_ripple", "base_tilt"),
     ),
     EffectType(
@@ -83,6 +109,7 @@ CABLE_EFFECTS = (
         ),
         kernels={"torque": _taut},
         linear=_taut_coefficients,
+        includes={"arm_spring": _taut_and_spring},
         mistaken_for=("arm_cable", "arm_spring", "arm_ripple", "base_tilt"),
     ),
     EffectType(

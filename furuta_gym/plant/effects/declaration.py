@@ -77,8 +77,9 @@ class EffectType:
     The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
     entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
-    shapes that have a grid stay as they are. `learned` marks what is no name: no search proposes it, and no descent
-    moves its parameters.
+    shapes that have a grid stay as they are. `includes` says which other effects are special cases of this one: a
+    function of the other's parameters and of this one's gives this one's parameters that do what both did. `learned`
+    marks what is no name: no search proposes it, and no descent moves its parameters.
     """
 
     name: str
@@ -95,6 +96,9 @@ class EffectType:
     dissipative: bool = False
     learned: bool = False
     linear: Callable[..., tuple[float, ...]] | None = None
+    includes: Mapping[str, Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]] = field(
+        default_factory=dict
+    )
     arguments: dict[str, tuple[str, ...]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -64,15 +64,15 @@ PENDULUM_EFFECTS = (
     ),
     EffectType(
         name="pendulum_stribeck",
-        title="friction of the pendulum that differs near standstill",
+        title="friction of the pendulum that grows near standstill",
         place="pendulum",
         equation="pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)",
         symptom="the pendulum sticks near rest more than its friction in motion explains",
         says=lambda ΔF, vs: near_standstill("pendulum", ΔF, vs),
         parameters=(
-            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 1.0, relative_to="theta9"),
+            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 1.0, relative_to="theta9", lower=0.0),
             Parameter(
-                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=10.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
+                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=3.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
             ),
         ),
         kernels={"torque": _stribeck},

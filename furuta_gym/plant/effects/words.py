@@ -41,8 +41,7 @@ def either(value: float, positive: str, negative: str) -> str:
 
 def near_standstill(joint: str, ΔF: Quantity, vs: Quantity) -> str:
     """Stribeck friction of the arm or the pendulum."""
-    size = f"{ΔF.size} {either(ΔF, 'larger', 'smaller')}"
-    return f"Near standstill, below about {vs}, the {joint}'s friction is {size} than in motion"
+    return f"Near standstill, below about {vs}, the {joint}'s friction is {ΔF} larger than in motion"
 
 
 def by_direction(joint: str, a: Quantity) -> str:

@@ -7,6 +7,7 @@ model; on thinned records a fit of every effect from there takes tenths of a sec
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,16 +18,16 @@ from ...estimation.start import Start as LogStart
 from ...estimation.start import reduced
 from .discrete import grid_of
 from .fits import Fit, added
-from .multistart import Start, best_of, multi_start
+from .multistart import Start, best_of, multi_start, one_round
 from .search import Search
 from .suspects import price
 
 
-def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> dict[str, Fit]:
+def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search, known: Fit | None = None) -> dict[str, Fit]:
     """The best fits of model (5) with one effect among those that start at `starts`, by the effect's name.
 
     nominal: the model without effects, which gives the records. starts: from `estimation.start.candidates`; without
-    any, nothing is found."""
+    any, nothing is found. known: a fit that is there already; what cannot catch up with it is not followed."""
     names = [n for n in search.only or EFFECTS if n in EFFECTS]
     policy, records = search.policy, nominal.records
     share = min(1.0, policy.thinned_length / sum(r.duration for r in records))
@@ -37,10 +38,13 @@ def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> dict[str
     tried = {e: [Start((e.name,), p.with_effects(e), v) for p, v in zip(plants, noises, strict=True)] for e in effects}
     if not (plants and effects):
         return {}
-    first = _one_round([start for group in tried.values() for start in group], thin, search)
+    every = [start for group in tried.values() for start in group]
+    rounds = shared_pool().map(lambda start: one_round(start, thin, search, "screen"), every)
+    first = dict(zip(every, rounds, strict=True))
     best = [first[min(group, key=lambda start: first[start].value)] for group in tried.values()]
     on = [_start_at(fitted, nominal) for fitted in best]
-    ends = best_of(multi_start(on, thin, search, halve=False))
+    ahead = math.inf if known is None else one_round(known, thin, search, "screen").value
+    ends = best_of(multi_start(on, thin, search, ahead, halve=False, effort="screen"))
     order = sorted(ends, key=lambda name: cost(ends[name]))
     full = [_start_at(ends[name], nominal) for name in order[: policy.fitted_whole]]
     return best_of(multi_start(full, nominal, search, halve=False))
@@ -48,22 +52,6 @@ def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search) -> dict[str
 
 def _start_at(fitted: Fit, nominal: Fit) -> Start:
     return Start((added(fitted, nominal).name,), fitted.plant, fitted.noise, fitted.zeros)
-
-
-def _one_round(starts: Sequence[Start], thin: Fit, search: Search) -> dict[Start, Fit]:
-    def run(at: Start) -> Fit:
-        return search.fitter(
-            at.plant,
-            at.noise,
-            thin.records,
-            anchor=search.anchor,
-            policy=search.policy,
-            iterations=search.policy.round_iterations,
-            effort="coarse",
-            zeros=at.zeros,
-        )
-
-    return dict(zip(starts, shared_pool().map(run, starts), strict=True))
 
 
 def cost(fitted: Fit) -> float:

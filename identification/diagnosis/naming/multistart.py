@@ -20,7 +20,7 @@ from ...estimation.pool import shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
-from .fits import Fit, Fitter, without
+from .fits import Effort, Fit, Fitter, without
 from .suspects import alike
 
 
@@ -55,12 +55,17 @@ class Start:
 
 
 def multi_start(
-    starts: Sequence[Start], current: Fit, setting: Setting, ahead: float = math.inf, halve: bool | None = None
+    starts: Sequence[Start],
+    current: Fit,
+    setting: Setting,
+    ahead: float = math.inf,
+    halve: bool | None = None,
+    effort: Effort = "coarse",
 ) -> dict[Start, Fit]:
     """Coarse fits from several starts, a few iterations at a time; a start that cannot catch up is pruned.
 
     ahead: value [nats] of a fit that is there already. halve: keep half of the starts after each round (default: only
-    without `ahead`).
+    without `ahead`). effort: of the fits.
     """
     policy = setting.policy
     halve = math.isinf(ahead) if halve is None else halve
@@ -69,7 +74,7 @@ def multi_start(
     for turn in range(policy.rounds):
         if not running:
             break
-        results = shared_pool().map(lambda entry: _round(current, entry[1], setting), running)
+        results = shared_pool().map(lambda entry: one_round(entry[1], current, setting, effort), running)
         pace = {}
         for (start, _), result in zip(running, results, strict=True):
             pace[start] = fits[start].value - result.value if start in fits else math.inf
@@ -87,7 +92,8 @@ def multi_start(
     return fits
 
 
-def _round(current: Fit, at: Start | Fit, setting: Setting) -> Fit:
+def one_round(at: Start | Fit, current: Fit, setting: Setting, effort: Effort) -> Fit:
+    """A few iterations from a start, or on from a fit, on the records of `current`."""
     return setting.fitter(
         at.plant,
         at.noise,
@@ -95,7 +101,7 @@ def _round(current: Fit, at: Start | Fit, setting: Setting) -> Fit:
         anchor=setting.anchor,
         policy=setting.policy,
         iterations=setting.policy.round_iterations,
-        effort="coarse",
+        effort=effort,
         zeros=at.zeros,
     )
 

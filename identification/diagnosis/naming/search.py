@@ -232,9 +232,10 @@ class Search:
         )
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
-        """Fitted without one of its effects."""
-        plant = fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name != name))
-        return self._rival(plant, fitted, fitted)
+        """Fitted without one of its effects; an effect of which it is a special case takes its part over."""
+        gone = next(e for e in fitted.plant.effects if e.name == name)
+        rest = tuple(_with_part_of(gone, e) for e in fitted.plant.effects if e.name != name)
+        return self._rival(fitted.plant.replace(effects=rest), fitted, fitted)
 
     def reconsidered(
         self, found: Sequence[Ranking], asked_for: Callable[[Fit, Fit], bool] = lambda without, fitted: False
@@ -272,6 +273,16 @@ class Search:
             found[-1] = (last, *found[-1][1:])
         found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
         return found
+
+
+def _with_part_of(gone: Effect, effect: Effect) -> Effect:
+    """The effect doing what it and `gone` did, where its law includes that one's; else as it is."""
+    together = effect.type.includes.get(gone.name)
+    if together is None:
+        return effect
+    values = together(gone.parameters, effect.parameters)
+    inside = all(p.lower <= values[p.name] <= p.upper for p in effect.type.parameters)
+    return Effect(effect.name, values) if inside else effect
 
 
 def _contesting(ranking: Ranking, reduced: Fit, policy: DecisionPolicy) -> list[Suspect]:

@@ -57,6 +57,15 @@ def test_a_cable_is_linear_in_its_coefficients(effect, q1):
     assert np.dot(c, functions) == pytest.approx(torque(effect, q1), abs=1e-7, rel=1e-7)
 
 
+@given(effect=cables, k=stiffnesses, q1n=places, q1=places)
+def test_a_cable_takes_a_spring_in(effect, k, q1n, q1):
+    """Both together are a cable of the same kind, with the same torque everywhere."""
+    spring = Effect("arm_spring", {"k": k, "q1n": q1n})
+    one = Effect(effect.name, effect.type.includes["arm_spring"](spring.parameters, effect.parameters))
+    both = torque(effect, q1) + torque(spring, q1)
+    assert torque(one, q1) == pytest.approx(both, rel=1e-6, abs=1e-4)
+
+
 def test_a_spring_is_a_cable_of_either_kind():
     for q1 in (-2.0, 0.1, 3.0):
         spring = torque(Effect("arm_spring", {"k": 0.3, "q1n": -0.5}), q1)

@@ -167,7 +167,7 @@ def settled(first: Any, second: Any, other: Any, dragged: bool = False) -> tuple
         made.append("with" if joined else "without")
         return second if joined else first
 
-    return _settled(named, lambda: {other.plant.effects[0].name: other}, search({}), dragged), made
+    return _settled(named, lambda known: {other.plant.effects[0].name: other}, search({}), dragged), made
 
 
 @pytest.mark.parametrize(("better", "verdict"), [(7.0, "unknown"), (60.0, "named")])

@@ -72,7 +72,7 @@ def test_what_an_effect_changes_counts_theta_with_it():
     """Friction near standstill changes next to nothing where Coulomb friction takes it back; by itself, what it
     is."""
     drag = Effect("pendulum_quadratic_drag", {"c": 0.01})
-    wide = Effect("pendulum_stribeck", {"ΔF": 0.005, "vs": 10.0})  # nearly the same as Coulomb friction
+    wide = Effect("pendulum_stribeck", {"ΔF": 0.005, "vs": 3.0})  # nearly the same as Coulomb friction
     before = TABLE_3.with_effects(drag)
     log, _ = loop_log(duration=4.0)
     taken_back = before.replace(theta=TABLE_3.theta - np.eye(9)[8] * 0.005).with_effects(drag, wide)

@@ -219,3 +219,22 @@ def test_the_search_says_what_it_fits() -> None:
     ranking_of(by, a_fit(value=100.0), "arm_spring")
     assert said[0] == "fitting arm_spring"
     assert said[-1] == "fitting the model without it"
+
+
+def test_a_cable_takes_the_part_of_a_spring_that_is_dropped() -> None:
+    """It starts with both their torques, where nothing is lost, and not far away with its own alone."""
+    spring = Effect("arm_spring", {"k": 0.4, "q1n": 0.2})
+    cable = Effect("arm_taut_cable", {"k1": 0.1, "k2": 0.6, "q1n": 0.3, "qt": 0.5})
+    asked: list[Plant] = []
+
+    def fitter(plant: Plant, *given: Any, **more: Any) -> Any:
+        asked.append(plant)
+        return a_fit(*plant.effects)
+
+    by = replace(search({"": 0.0}), fitter=fitter)
+    by.reduced(a_fit(spring, cable), "arm_spring")
+    (taut,) = asked[0].effects
+    values = {name: pytest.approx(x) for name, x in {"k1": 0.5, "k2": 1.0, "qt": 0.5}.items()}
+    assert taut.parameters == {**values, "q1n": pytest.approx(0.5 + (0.1 * -0.2 + 0.4 * -0.3) / 0.5)}
+    by.reduced(a_fit(spring, cable), "arm_taut_cable")
+    assert asked[-1].effects == (spring,)
