@@ -18,13 +18,14 @@ ROOT = Path(__file__).parents[1]
 SIZE = (360, 240)  # pixels
 COLOURS = 32
 EVERY = 2  # actions a picture: 25 pictures a second
+LENGTH = 5.0  # s
 
 
 def film(task: str, folder: Path) -> Path:
-    """Write `folder`/ID.gif of one episode, in real time."""
+    """Write `folder`/ID.gif of one short episode, in real time."""
     from PIL import Image
 
-    env = gym.make(TASK_IDS[task], render_mode="rgb_array")
+    env = gym.make(TASK_IDS[task], render_mode="rgb_array", time_limit=LENGTH)
     setup = env.unwrapped.setup  # type: ignore[attr-defined]
     name = task.replace("_", "-")
     policy = make_controller(str(ROOT / "controllers" / "policies" / f"{name}-qube.zip"), QUBE, setup.action_period)

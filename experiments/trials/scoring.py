@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,9 @@ RIGHT = ("right", "pair")
 """Outcomes that count as named right: alone, or within a set of two equals."""
 
 _SHARPNESS = "friction_sharpness"
+SAME_LAW = {("arm_spring", "bench"): "arm_cable"}
+"""(hidden effect, form) whose law is exactly that of another library effect: either name is right. A spring k e (1 +
+0.15 e²) is a cable with k3 = 0.15 k that is softest where it has no torque."""
 _COVERED = 1.959964  # 95 % of a normal distribution
 _TURN = 2.0 * math.pi
 
@@ -60,7 +63,7 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
     """Mark one answer (diagnosis.json as a dictionary, or {"error": …}) by the sealed truth of its trial."""
     trial = sealed["trial"]
     hidden = [h["name"] for h in trial["hidden"]]
-    sets = stated_sets(answer)
+    sets = [_one_name(s, trial["hidden"]) for s in stated_sets(answer)]
     result = _result(trial["kind"], hidden, trial["friction"] == "hard", sets, answer)
     true = _true_sets(hidden, trial["friction"] == "hard", sets)
     matched = [s for s in _matched(hidden, true) if s is not None]
@@ -73,7 +76,7 @@ def score(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> Outcome:
         form="+".join(h["form"] for h in trial["hidden"]),
         ratio=min(ratios) if None not in ratios else None,
         result=result,
-        named=tuple(s[0] for s in sets),
+        named=tuple(s[0] for s in stated_sets(answer)),
         found=sum(len(s) <= 2 for s in matched),
         false=len(true) - len(matched),
         inside=bool(hidden) and set(hidden) <= {name for s in sets for name in s},
@@ -94,6 +97,12 @@ def stated_sets(answer: Mapping[str, Any]) -> list[tuple[str, ...]]:
     if answer.get("verdict") not in ("named", "ambiguous"):
         return []
     return [(e["name"], *(n for n in e.get("confused_with", ()) if n != e["name"])) for e in answer["effects"]]
+
+
+def _one_name(equals: tuple[str, ...], hidden: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """A set of equals in which another name of a hidden law is the hidden effect's."""
+    other = {SAME_LAW[h["name"], h["form"]]: h["name"] for h in hidden if (h["name"], h["form"]) in SAME_LAW}
+    return tuple(dict.fromkeys(other.get(name, name) for name in equals))
 
 
 def _result(kind: str, hidden: list[str], hard: bool, sets: list[tuple[str, ...]], answer: Mapping[str, Any]) -> str:

@@ -77,6 +77,21 @@ def test_one_effect(answer, result, inside):
     assert outcome.right == (result in ("right", "pair"))
 
 
+def test_a_stiffening_spring_is_a_cable_by_either_name():
+    """Only in the bench's form, whose law is exactly the cable's (test_agrees_with_the_plant)."""
+    stiffening, plain = hidden("arm_spring", form="bench"), hidden("arm_spring")
+    both = said(("arm_cable", "arm_spring"))
+    assert marked(stiffening, said(("arm_cable",))) == "right"
+    assert marked(stiffening, said(SPRING)) == "right"
+    assert marked(stiffening, both) == "right"
+    assert marked(stiffening, said(SPRING, ("arm_cable",))) == "extra"
+    assert marked(stiffening, said(("arm_taut_cable",))) == "wrong"
+    assert score(stiffening, said(("arm_cable",))).named == ("arm_cable",)
+    assert marked(plain, said(("arm_cable",))) == "wrong"
+    assert marked(plain, both) == "pair"
+    assert marked(hidden("arm_cable", form="bench"), said(SPRING)) == "wrong"
+
+
 def test_hard_friction_may_be_named_as_sharpness():
     sharp = ("friction_sharpness",)
     on_hard = hidden("arm_spring", form="bench", friction="hard")

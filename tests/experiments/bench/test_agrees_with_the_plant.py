@@ -82,3 +82,17 @@ def test_the_table_form_of_each_effect(name):
     assert shown > 3e-4, "the effect must do something here, or the comparison says nothing"
     assert np.abs(state[:, :2] - plant_state[:, :2]).max() < 1e-4
     assert np.abs(reading - plant_reading).max() < 1e-4
+
+
+def test_the_benchs_spring_is_the_plants_cable():
+    """Why trials take either name for it (`experiments.trials.scoring.SAME_LAW`)."""
+    s = SETS["servo"]
+    hidden = HiddenEffect("arm_spring", 8.0, form="bench", parameters={"q1n": -0.4})
+    k = hidden.values(s)["k"]
+    start, commands = (0.5, 3.0), _commands(s)
+    state, _ = _bench(s, (hidden,), start, commands)
+    cable = Effect("arm_cable", {"k": k, "q1n": -0.4, "k3": 0.15 * k, "q1s": -0.4})
+    as_cable, _ = _plant(s, (cable,), start, commands)
+    as_spring, _ = _plant(s, (Effect("arm_spring", {"k": k, "q1n": -0.4}),), start, commands)
+    assert np.abs(as_spring - as_cable)[:, :2].max() > 1e-3, "it must stiffen here, or this says nothing"
+    assert np.abs(state[:, :2] - as_cable[:, :2]).max() < 1e-4
