@@ -179,10 +179,14 @@ def _draw(gap: Gap, logs: Sequence[Log], plot: Path) -> None:
 
 def _check_effects(names: Sequence[str]) -> None:
     """Before the fit: an effect that is not in the library, or stands there twice. Raises ValueError."""
+    import difflib
+
     from furuta_gym.plant import EFFECTS
 
     if strange := [name for name in names if name not in EFFECTS]:
-        raise ValueError(f"--effects {', '.join(strange)}: no such effect; the library has {', '.join(EFFECTS)}")
+        near = dict.fromkeys(n for name in strange for n in difflib.get_close_matches(name, EFFECTS, n=1))
+        hint = f"did you mean {', '.join(near)}? " if near else ""
+        raise ValueError(f"--effects {', '.join(strange)}: no such effect; {hint}the library has {', '.join(EFFECTS)}")
     if len(set(names)) < len(names):
         raise ValueError(f"--effects {', '.join(names)}: an effect stands there twice; name each once")
 

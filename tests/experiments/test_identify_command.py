@@ -46,7 +46,7 @@ def test_a_profile_interval_stands_beside_the_standard_deviation(file: Path, tmp
         (["--profile", "theta12"], "theta12"),
         (["--profile", "theta2", "--fix", "theta2=0.04"], "theta2"),
         (["--profile", "theta2", "--method", "filtered-ls"], "--profile"),
-        (["--effects", "arm_sprung"], "arm_spring"),
+        (["--effects", "arm_sprung"], "did you mean arm_spring?"),
         (["--effects", "arm_spring,arm_spring"], "twice"),
         (["--effects", "arm_spring", "--method", "filtered-ls"], "--effects"),
         (["--u-max", "0.1"], "--u-max"),

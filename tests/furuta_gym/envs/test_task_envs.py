@@ -1,12 +1,15 @@
 """FurutaBalance-v0 and FurutaSwingUp-v0: the rig of FurutaID-v0, as learners want it."""
 
 import warnings
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import controllers
+from controllers import make_controller
 from furuta_gym.envs import TASK_IDS
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.sb3 import FurutaVecEnv
@@ -14,6 +17,7 @@ from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 
 IDS = list(TASK_IDS.values())
+POLICIES = Path(controllers.__file__).parent / "policies"
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -40,6 +44,23 @@ def test_as_learners_expect_it(env_id, tmp_path):
     assert (setup.samples, setup.sample_time) == (4, 0.006)  # 24 ms: never shorter than asked for
     assert env.metadata["render_fps"] <= 50
     assert setup.longest == round(20.0 / 0.024)
+
+
+@pytest.mark.parametrize(("env_id", "name"), [(IDS[0], "balance-qube.zip"), (IDS[1], "swing-up-qube.zip")])
+def test_a_good_policy_reaches_the_threshold(env_id, name):
+    env = gym.make(env_id)
+    policy = make_controller(str(POLICIES / name), QUBE, env.unwrapped.setup.action_period)
+    returns = []
+    for seed in range(3):
+        _, info = env.reset(seed=seed)
+        total, over = 0.0, False
+        while not over:
+            share = policy(info["measured_state"][:2]) / QUBE.u_max
+            _, reward, terminated, truncated, info = env.step(np.array([share], np.float32))
+            total, over = total + reward, terminated or truncated
+        returns.append(total)
+    assert env.spec.reward_threshold < min(returns)
+    assert max(returns) <= 100.0
 
 
 def test_speeds_come_from_every_sample():
