@@ -9,8 +9,8 @@ RUN python -m venv /opt/furuta \
 
 FROM python:3.13-slim
 COPY --from=build /opt/furuta /opt/furuta
-RUN useradd --create-home furuta && mkdir /work && chown furuta /work
-USER furuta
+RUN useradd --create-home --uid 1000 furuta && mkdir /work && chown furuta /work
+USER 1000
 ENV PATH=/opt/furuta/bin:$PATH FURUTA_CACHE=/home/furuta/.cache/furuta-gym
 RUN furuta warm-up
 WORKDIR /work
