@@ -61,7 +61,7 @@ class Diagnosis:
 
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
-    error over the noise floor that the effects leave on such data, where that is much; 1 otherwise. second: what
+    error over the noise floor that is left on such data, where that is much; 1 otherwise. second: what
     multiple shooting makes of the same structure, where much is left or the floor is in doubt. learned: a torque
     without a name that was learned from what is left, and whether it was added. stretches: of each log, the seconds
     (from, to) that were searched; empty where all were.
@@ -149,6 +149,15 @@ class Diagnosis:
         """The same once data that no fit saw are still predicted with `ratio` times the error that noise leaves."""
         return replace(self, summary=f"{self.summary} {sentences.still_off(ratio)}", still_off=ratio)
 
+    def astray(self, ratio: float) -> Diagnosis:
+        """The same where nothing was named, once data that no fit saw are predicted with `ratio` times the error that
+        noise leaves. Structure that seemed negligible counts then. Where there is none, nobody can say whether the
+        parameters are too uncertain or the model is at fault."""
+        if self.rest is None or not self.rest.found:
+            return replace(self, summary=f"{self.summary} {sentences.astray(ratio)}")
+        summary = self.summary.replace(sentences.nothing(self.rest), sentences.left(self.rest))
+        return replace(self, verdict="unknown", summary=summary).falling_short(ratio)
+
     @property
     def _left(self) -> str:
         """Where what is left over shows; never that nothing is, beside a summary that says that something is."""
@@ -175,6 +184,7 @@ class Diagnosis:
             "rest": self.rest.to_dict() if self.rest else None,
             "left_over_torque": self.left_over,
             "command_rms": self.command_rms,
+            "zeros": self.after.zeros_by_log if self.after else {},
             "gap": self.gap.to_dict() if self.gap else None,
             "second_witness": self.second.to_dict() if self.second else None,
             "learned": self.learned.to_dict() if self.learned else None,
@@ -214,6 +224,7 @@ class Diagnosis:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:
                     lines.append(f"    equally likely on these logs: {', '.join(equals)}")
+        lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []
         if self.leftover and self.rest:
             lines.append(f"  unexplained structure: {self._left}")
             if self.found:

@@ -94,6 +94,15 @@ def still_off(ratio: float) -> str:
     return f"Predictions of held-out data are still {ratio:.1f} times as far off as noise alone would make them."
 
 
+def astray(ratio: float) -> str:
+    """How far off held-out data are predicted where nothing else speaks against the model."""
+    return (
+        f"Predictions of held-out data are {ratio:.1f} times as far off as noise alone would make them, though nothing "
+        "stands out of the noise on the searched logs. Either these say too little about the parameters, or the "
+        "held-out ones show what these do not: search all of them together."
+    )
+
+
 def unexplained(torque: float, command: float, unit: str) -> str:
     """The rms torque that the plant takes for noise, beside the command."""
     share = f" ({100 * torque / command:.2g} % of the command)" if command > 0 else ""

@@ -52,14 +52,17 @@ def _own_tail(diagnosis: Diagnosis, held: HeldOut) -> GapChange | None:
 
 
 def judged(diagnosis: Diagnosis, gap: GapChange) -> Diagnosis:
-    """The diagnosis in the light of held-out data: names taken back, or what they leave of the gap.
+    """The diagnosis in the light of held-out data: names taken back, what they leave of the gap, or that nothing was
+    named and the gap is there.
 
     Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat.
     """
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
-    if witness is None or not witness.changed:
+    if witness is None:
         return diagnosis
+    far = witness.after_over_floor > diagnosis.policy.far
+    if not witness.changed:
+        return diagnosis.astray(witness.after_over_floor) if far else diagnosis
     if speaks_against(witness, diagnosis.policy):
         return diagnosis.vetoed()
-    far = witness.after_over_floor > diagnosis.policy.far
     return diagnosis.falling_short(witness.after_over_floor) if far else diagnosis

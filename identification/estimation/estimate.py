@@ -130,9 +130,22 @@ class Estimate:
             "valid": self.valid,
             "identifiability": self.identifiability.to_dict(),
             "physical_consistency": physical_consistency(self.plant.theta).to_dict(),
-            "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
+            "zeros": self.zeros_by_log,
             "warnings": list(self.warnings),
         }
+
+    @property
+    def zeros_by_log(self) -> dict[str, list[float]]:
+        """Zeros of the encoders [rad], arm and pendulum, by the log's number, for JSON."""
+        return {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()}
+
+    @property
+    def zeros_told(self) -> list[str]:
+        """A sentence for each log that counts from zeros of its own."""
+        return [
+            f"log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)"
+            for i, (arm, pendulum) in self.zeros.items()
+        ]
 
     def __str__(self) -> str:
         lines = [f"Estimate ({self.method}, {self.samples} samples): {self.message}"]
@@ -150,8 +163,7 @@ class Estimate:
         if self.noise is not None:
             q, unit = self.noise.torque, self.plant.unit
             lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
-        for i, (arm, pendulum) in self.zeros.items():
-            lines.append(f"  log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)")
+        lines += [f"  {line}" for line in self.zeros_told]
         if self.stretches:
             lines.append(f"  fitted on {spans_text(self.stretches)}: what says most about θ; --all takes every sample")
         if self.u_max_guessed:

@@ -239,7 +239,7 @@ def a_diagnosis(*names: str, verdict: str = "named", **more: Any) -> Diagnosis:
     with_them = TABLE_3.with_effects(*(TABLE_3.default_effect(name) for name in names))
     given: dict[str, Any] = {
         "before": SimpleNamespace(plant=TABLE_3),
-        "after": SimpleNamespace(plant=with_them),
+        "after": SimpleNamespace(plant=with_them, zeros_by_log={}, zeros_told=[]),
         "naming": naming(*found),
         "rest": rest(),
         "left_over": 0.0,

@@ -15,10 +15,11 @@ from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
+from identification.diagnosis.sentences import nothing
 from identification.diagnosis.verify import judged, measure_gap, verified
 from identification.kalman.record import Record
 from tests.factories import loop_log
-from tests.identification.diagnosis.fits import a_change, a_diagnosis, naming, suspect
+from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, naming, rest, suspect
 
 POLICY = DecisionPolicy()
 
@@ -45,12 +46,29 @@ def test_a_name_that_closes_nothing_is_taken_back(closed: tuple[float, float], l
 
 
 def test_where_no_effect_was_found_nothing_is_taken_back() -> None:
-    none = a_change((0.0, 0.0), 0.0)
-    none = replace(none, after=none.before)
+    near = a_gap(1.0)
+    none = replace(a_change((0.0, 0.0), 0.0), before=near, after=near)
     assert not none.changed
     assert not speaks_against(none, POLICY)
     found = a_diagnosis(verdict="none")
     assert judged(found, none) is found
+
+
+@pytest.mark.parametrize("after", [1.4, 2.6])
+@pytest.mark.parametrize("evidence", [-4.0, 90.0])
+def test_where_nothing_was_named_and_predictions_are_far_off(after: float, evidence: float) -> None:
+    """With structure on the searched logs, however slight, that is something unknown; without any, nobody can tell."""
+    told, gap = rest(evidence, counts=0.35), a_gap(after)
+    none = replace(a_change(), before=gap, after=gap)
+    said = replace(a_diagnosis(verdict="none", rest=told), summary=f"{nothing(told)} And a zero.")
+    found = judged(said, none)
+    off = after > POLICY.far
+    assert found.verdict == ("unknown" if off and told.found else "none")
+    assert found.leftover is (off and told.found)
+    assert ("2.6 times" in found.summary) is off
+    assert ("search all of them together" in found.summary) is (off and not told.found)
+    assert ("negligible" in found.summary) is (told.found and not off)
+    assert found.summary.count("And a zero.") == 1
 
 
 @pytest.mark.parametrize(("after", "told"), [(1.05, False), (2.1, True)])
