@@ -233,13 +233,18 @@ def naming(
     return Naming(nominal=a_fit(), accepted=found, refused=refused, **(given | more))
 
 
+def an_estimate(plant: Plant) -> Any:
+    """What a diagnosis asks of an `Estimate`."""
+    return SimpleNamespace(plant=plant, zeros_by_log={}, zeros_told=[])
+
+
 def a_diagnosis(*names: str, verdict: str = "named", **more: Any) -> Diagnosis:
     """A diagnosis that found some effects of 200 nats each, not verified yet."""
     found = [suspect(name, 200.0) for name in names]
     with_them = TABLE_3.with_effects(*(TABLE_3.default_effect(name) for name in names))
     given: dict[str, Any] = {
-        "before": SimpleNamespace(plant=TABLE_3),
-        "after": SimpleNamespace(plant=with_them, zeros_by_log={}, zeros_told=[]),
+        "before": an_estimate(TABLE_3),
+        "after": an_estimate(with_them),
         "naming": naming(*found),
         "rest": rest(),
         "left_over": 0.0,

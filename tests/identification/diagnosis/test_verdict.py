@@ -14,10 +14,10 @@ from identification.diagnosis.diagnose import _anchor, _settled, _verdict, _with
 from identification.diagnosis.naming.forward import unsettled
 from identification.diagnosis.policy import DecisionPolicy
 from tests.factories import loop_log
-from tests.identification.diagnosis.fits import a_diagnosis, a_fit, naming, rest, search, suspect
+from tests.identification.diagnosis.fits import a_diagnosis, a_fit, an_estimate, naming, rest, search, suspect
 
 POLICY = DecisionPolicy()
-AFTER = SimpleNamespace(plant=TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")))
+AFTER = an_estimate(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")))
 SPRING, DELAY = suspect("arm_spring", 200.0), suspect("input_delay", 200.0)
 
 
@@ -247,5 +247,5 @@ def test_equals_that_predict_the_same_ask_for_no_experiment() -> None:
 @pytest.mark.parametrize(("n", "told"), [(1.0, True), (7.0, False)])
 def test_a_ripple_of_one_period_a_turn_is_told_as_what_it_is(n: float, told: bool) -> None:
     ripple = Effect("arm_ripple", {"A": 0.05, "φ": 0.3, "n": n})
-    found = a_diagnosis("arm_ripple", rest=None, after=SimpleNamespace(plant=TABLE_3.with_effects(ripple)))
+    found = a_diagnosis("arm_ripple", rest=None, after=an_estimate(TABLE_3.with_effects(ripple)))
     assert ("no cogging" in str(found)) is told
