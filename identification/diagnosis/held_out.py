@@ -58,6 +58,16 @@ class HeldOut:
         refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None)
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
 
+    def together(self, plant: Plant) -> float | None:
+        """Error over the noise floor on the logs held out, once a plant's parameters are fitted to them as well. None
+        where there are none, or where no such fit can be had."""
+        if not self.whole:
+            return None
+        try:
+            return validate(identify((*self.logs, *self.whole), plant).plant, self.whole).ratio_to_floor
+        except ValueError:
+            return None
+
     def change(self, before: Gap, after: Gap) -> GapChange:
         """How much of the gap closes from one plant to another; nothing from one to itself."""
         closed = closed_fraction(before, after) if after is not before else ClosedFraction(0.0, (0.0, 0.0))

@@ -149,14 +149,16 @@ class Diagnosis:
         """The same once data that no fit saw are still predicted with `ratio` times the error that noise leaves."""
         return replace(self, summary=f"{self.summary} {sentences.still_off(ratio)}", still_off=ratio)
 
-    def astray(self, ratio: float) -> Diagnosis:
+    def astray(self, ratio: float, together: float | None) -> Diagnosis:
         """The same where nothing was named, once data that no fit saw are predicted with `ratio` times the error that
-        noise leaves. Structure that seemed negligible counts then. Where there is none, nobody can say whether the
-        parameters are too uncertain or the model is at fault."""
-        if self.rest is None or not self.rest.found:
-            return replace(self, summary=f"{self.summary} {sentences.astray(ratio)}")
-        summary = self.summary.replace(sentences.nothing(self.rest), sentences.left(self.rest))
-        return replace(self, verdict="unknown", summary=summary).falling_short(ratio)
+        noise leaves, and with `together` times where model (5) is fitted to them as well (None: nobody can say). What
+        such a fit mends, the searched logs said too little about; what it does not is something unknown."""
+        if self.verdict == "unknown":
+            return self.falling_short(ratio)
+        told = replace(self, summary=f"{self.summary} {sentences.astray(ratio, together, self.policy.far)}")
+        if together is None or together <= self.policy.far:
+            return told
+        return replace(told, verdict="unknown", still_off=ratio)
 
     @property
     def _left(self) -> str:

@@ -94,12 +94,19 @@ def still_off(ratio: float) -> str:
     return f"Predictions of held-out data are still {ratio:.1f} times as far off as noise alone would make them."
 
 
-def astray(ratio: float) -> str:
-    """How far off held-out data are predicted where nothing else speaks against the model."""
+def astray(ratio: float, together: float | None, far: float) -> str:
+    """How far off held-out data are predicted where nothing was named, and with model (5) fitted to them as well."""
+    told = f"Predictions of held-out data are {ratio:.1f} times as far off as noise alone would make them"
+    if together is None:
+        return f"{told}, though nothing stands out of the noise before."
+    if together > far:
+        return (
+            f"{told}, and {together:.1f} times with model (5) fitted to all logs together: something is missing that "
+            "shows there. Search all logs together."
+        )
     return (
-        f"Predictions of held-out data are {ratio:.1f} times as far off as noise alone would make them, though nothing "
-        "stands out of the noise on the searched logs. Either these say too little about the parameters, or the "
-        "held-out ones show what these do not: search all of them together."
+        f"{told}, and {together:.1f} times with model (5) fitted to all logs together: the searched logs alone say too "
+        "little about its parameters."
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from .gap_change import GapChange, speaks_against
@@ -20,7 +21,8 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         gap = measure_gap(diagnosis, held)
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
-    return judged(replace(diagnosis, gap=gap), gap)
+    plant = diagnosis.before.plant
+    return judged(replace(diagnosis, gap=gap), gap, lambda: held.together(plant))
 
 
 def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:
@@ -51,9 +53,12 @@ def _own_tail(diagnosis: Diagnosis, held: HeldOut) -> GapChange | None:
         return None
 
 
-def judged(diagnosis: Diagnosis, gap: GapChange) -> Diagnosis:
+def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | None] = lambda: None) -> Diagnosis:
     """The diagnosis in the light of held-out data: names taken back, what they leave of the gap, or that nothing was
     named and the gap is there.
+
+    together() is the error over the noise floor of model (5) fitted to all logs, None where nobody can say; it takes
+    time, and is asked only if it matters.
 
     Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat.
     """
@@ -62,7 +67,7 @@ def judged(diagnosis: Diagnosis, gap: GapChange) -> Diagnosis:
         return diagnosis
     far = witness.after_over_floor > diagnosis.policy.far
     if not witness.changed:
-        return diagnosis.astray(witness.after_over_floor) if far else diagnosis
+        return diagnosis.astray(witness.after_over_floor, together()) if far else diagnosis
     if speaks_against(witness, diagnosis.policy):
         return diagnosis.vetoed()
     return diagnosis.falling_short(witness.after_over_floor) if far else diagnosis

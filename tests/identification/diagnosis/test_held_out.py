@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from furuta_gym.plant import TABLE_3
 from identification.diagnosis.held_out import HeldOut
 from identification.validation.gap import Gap
 from tests.factories import loop_log, made_log
@@ -100,3 +101,18 @@ def test_of_a_log_with_a_long_gap_the_last_part_is_one_of_its_samples() -> None:
     begins = late.t[round((1.0 - POLICY.tail) * len(log))]
     assert gap.times.min() - gap.horizon == pytest.approx(begins, abs=0.05)
     assert len(gap.times) > 0.9 * len(HeldOut((log,), (), POLICY).gap(plant).times)
+
+
+@pytest.mark.parametrize(("hidden", "something_is_missing"), [(None, False), ("arm_spring", True)])
+def test_a_fit_to_all_logs_tells_poor_parameters_from_another_rig(
+    hidden: str | None, something_is_missing: bool
+) -> None:
+    """θ5 half as large: the held-out log mends it, unless a cable acts there, which no θ imitates."""
+    fitted, held_out = loop_log(seed=1, duration=6.0)[0], loop_log(hidden, 3.0, seed=2, duration=6.0)[0]
+    wrong = TABLE_3.replace(theta=TABLE_3.theta * [1.0, 1.0, 1.0, 1.0, 0.5, 1.0, 1.0, 1.0, 1.0])
+    held = HeldOut((fitted,), (held_out,), POLICY)
+    assert held.gap(wrong).ratio_to_floor > POLICY.far
+    together = held.together(wrong)
+    assert together is not None
+    assert (together > POLICY.far) is something_is_missing
+    assert HeldOut((fitted,), (), POLICY).together(wrong) is None

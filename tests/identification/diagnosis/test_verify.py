@@ -15,11 +15,10 @@ from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
-from identification.diagnosis.sentences import nothing
 from identification.diagnosis.verify import judged, measure_gap, verified
 from identification.kalman.record import Record
 from tests.factories import loop_log
-from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, naming, rest, suspect
+from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, naming, suspect
 
 POLICY = DecisionPolicy()
 
@@ -54,21 +53,28 @@ def test_where_no_effect_was_found_nothing_is_taken_back() -> None:
     assert judged(found, none) is found
 
 
-@pytest.mark.parametrize("after", [1.4, 2.6])
-@pytest.mark.parametrize("evidence", [-4.0, 90.0])
-def test_where_nothing_was_named_and_predictions_are_far_off(after: float, evidence: float) -> None:
-    """With structure on the searched logs, however slight, that is something unknown; without any, nobody can tell."""
-    told, gap = rest(evidence, counts=0.35), a_gap(after)
-    none = replace(a_change(), before=gap, after=gap)
-    said = replace(a_diagnosis(verdict="none", rest=told), summary=f"{nothing(told)} And a zero.")
-    found = judged(said, none)
-    off = after > POLICY.far
-    assert found.verdict == ("unknown" if off and told.found else "none")
-    assert found.leftover is (off and told.found)
-    assert ("2.6 times" in found.summary) is off
-    assert ("search all of them together" in found.summary) is (off and not told.found)
-    assert ("negligible" in found.summary) is (told.found and not off)
-    assert found.summary.count("And a zero.") == 1
+@pytest.mark.parametrize(
+    ("before", "after", "together", "verdict", "told"),
+    [
+        ("none", 1.4, 9.0, "none", None),
+        ("none", 2.6, 1.1, "none", "say too little about its parameters"),
+        ("none", 2.6, 2.2, "unknown", "2.2 times with model (5) fitted to all logs together: something is missing"),
+        ("none", 2.6, None, "none", "2.6 times as far off"),
+        ("unknown", 2.6, 1.1, "unknown", "still 2.6 times as far off"),
+        ("unknown", 1.4, 1.1, "unknown", None),
+    ],
+)
+def test_where_nothing_was_named_and_predictions_are_far_off(
+    before: str, after: float, together: float | None, verdict: str, told: str | None
+) -> None:
+    """A fit to all logs tells poor parameters from something that the searched logs do not show."""
+    gap = a_gap(after)
+    said = a_diagnosis(verdict=before)
+    found = judged(said, replace(a_change(), before=gap, after=gap), lambda: together)
+    assert found.verdict == verdict
+    assert (found is said) is (told is None)
+    assert (told or "") in found.summary
+    assert found.leftover is (verdict == "unknown" and after > POLICY.far)
 
 
 @pytest.mark.parametrize(("after", "told"), [(1.05, False), (2.1, True)])
