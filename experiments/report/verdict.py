@@ -40,7 +40,9 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
     if d.verdict in ("named", "ambiguous") and d.leftover:
         label += "; a part remains"
     headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
-    good = d.verdict in ("named", "none") and not d.leftover
+    gap = judged_on(d)
+    far = gap is not None and gap.after_over_floor > d.policy.far
+    good = d.verdict in ("named", "none") and not d.leftover and not far
     return Verdict(label, good, headline, tuple(_doubts(d)), tuple(_facts(d)), next_step)
 
 
@@ -135,6 +137,14 @@ def _doubts(d: Diagnosis) -> list[str]:
     if alike := equals(d) if d.verdict == "ambiguous" else []:
         others = joined([EFFECTS[name].title for name in alike], "or")
         doubts.append(f"These logs cannot tell this from {others}.")
+    if d.together is not None:
+        fitted = f"With model (5) fitted to all logs together it is {times(d.together)} times"
+        why = (
+            "what is missing shows there"
+            if d.verdict == "unknown"
+            else "the searched logs alone say too little about the parameters"
+        )
+        doubts.append(f"{fitted}: {why}. Diagnose all logs together.")
     remains = []
     if d.verdict in ("named", "ambiguous"):
         if d.rest is not None and d.rest.matters:

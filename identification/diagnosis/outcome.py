@@ -61,7 +61,8 @@ class Diagnosis:
 
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
-    error over the noise floor that is left on such data, where that is much; 1 otherwise. second: what
+    error over the noise floor that is left on such data, where that is much; 1 otherwise. together: the same with model
+    (5) fitted to these data as well, where nothing was named and they were predicted far off. second: what
     multiple shooting makes of the same structure, where much is left or the floor is in doubt. learned: a torque
     without a name that was learned from what is left, and whether it was added. stretches: of each log, the seconds
     (from, to) that were searched; empty where all were.
@@ -81,6 +82,7 @@ class Diagnosis:
     gap_remark: str = ""
     confirmed: bool = True
     still_off: float = 1.0
+    together: float | None = None
     second: SecondWitness | None = field(default=None, repr=False)
     learned: Learned | None = field(default=None, repr=False)
     stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
@@ -155,7 +157,8 @@ class Diagnosis:
         such a fit mends, the searched logs said too little about; what it does not is something unknown."""
         if self.verdict == "unknown":
             return self.falling_short(ratio)
-        told = replace(self, summary=f"{self.summary} {sentences.astray(ratio, together, self.policy.far)}")
+        summary = f"{self.summary} {sentences.astray(ratio, together, self.policy.far)}"
+        told = replace(self, summary=summary, together=together)
         if together is None or together <= self.policy.far:
             return told
         return replace(told, verdict="unknown", still_off=ratio)
@@ -188,6 +191,7 @@ class Diagnosis:
             "command_rms": self.command_rms,
             "zeros": self.after.zeros_by_log if self.after else {},
             "gap": self.gap.to_dict() if self.gap else None,
+            "together_over_floor": self.together,
             "second_witness": self.second.to_dict() if self.second else None,
             "learned": self.learned.to_dict() if self.learned else None,
             "stretches_s": [[list(span) for span in spans] for spans in self.stretches],

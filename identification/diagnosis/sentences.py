@@ -102,7 +102,7 @@ def astray(ratio: float, together: float | None, far: float) -> str:
     if together > far:
         return (
             f"{told}, and {together:.1f} times with model (5) fitted to all logs together: something is missing that "
-            "shows there. Search all logs together."
+            "shows there. Diagnose all logs together."
         )
     return (
         f"{told}, and {together:.1f} times with model (5) fitted to all logs together: the searched logs alone say too "

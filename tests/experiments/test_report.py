@@ -27,6 +27,7 @@ from experiments.report.estimate_page import estimate_page
 from experiments.report.page import plotly_js
 from experiments.report.search_figures import rankings
 from experiments.report.validation_page import adequacy, validation_page
+from experiments.report.verdict import verdict as first_screen
 from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import GapChange, rms_interval
@@ -357,6 +358,25 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
     assert len(found.headings) == 6
     for figure in found.figures.values():
         assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
+
+
+@pytest.mark.parametrize(
+    ("together", "word", "why"),
+    [(1.0, "none", "too little about the parameters"), (2.3, "unknown", "what is missing shows there")],
+)
+def test_nothing_missing_is_not_all_where_new_data_are_far_off(examined, together, word, why):
+    d = examined.diagnosis
+    gap = replace(d.gap, after=d.gap.before)
+    assert gap.after_over_floor > d.policy.far
+    none = replace(d, verdict="none", after=d.before, naming=replace(d.naming, accepted=(), equals=()), gap=gap)
+    far = none.astray(gap.after_over_floor, together)
+    assert far.verdict == word
+    shown = first_screen(far, "next")
+    assert not shown.good
+    assert any(why in doubt for doubt in shown.doubts)
+    x = replace(examined, diagnosis=far, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
+    assert x.to_dict()["together_over_floor"] == together
+    assert f"all logs together it is {together:.1f} times" in text_of(build(x))
 
 
 def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
