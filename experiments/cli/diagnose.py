@@ -139,7 +139,7 @@ def diagnose_command(
     written += [] if lacking else ["report.html"]
     written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
-    if found.plant is not None:
+    if found.plant is not None and found.together is None:
         typer.echo(f"Next: furuta compare --plant {shlex.quote(str(output / 'plant.json'))} -o comparison")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
 from .law import Law, law_of
-from .words import ALIKE, NEXT, PART_REMAINS, TELL_APART, joined
+from .words import ALIKE, NEXT, PART_REMAINS, TELL_APART, TOGETHER, joined
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class Examination:
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
         d, design = self.diagnosis, self.design
+        if d.together is not None:
+            return TOGETHER.format(logs=shlex.join(log.source for log in (*self.logs, *self.held_out)))
         if design is not None and design.nats >= CLEAR:
             entry, duration = design.best.entry, design.best.setup.duration
             use = "it is the whole command" if design.whole_command else "add it to your controller's command"

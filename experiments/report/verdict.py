@@ -40,6 +40,8 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
     if d.verdict in ("named", "ambiguous") and d.leftover:
         label += "; a part remains"
     headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
+    if d.verdict == "none" and d.together is not None:
+        label += "; parameters uncertain"
     gap = judged_on(d)
     far = gap is not None and gap.after_over_floor > d.policy.far
     good = d.verdict in ("named", "none") and not d.leftover and not far
@@ -144,7 +146,7 @@ def _doubts(d: Diagnosis) -> list[str]:
             if d.verdict == "unknown"
             else "the searched logs alone say too little about the parameters"
         )
-        doubts.append(f"{fitted}: {why}. Diagnose all logs together.")
+        doubts.append(f"{fitted}: {why}.")
     remains = []
     if d.verdict in ("named", "ambiguous"):
         if d.rest is not None and d.rest.matters:

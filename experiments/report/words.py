@@ -45,6 +45,9 @@ PART_REMAINS = (
 )
 """What to do with a named effect that leaves a part unexplained."""
 
+TOGETHER = "Diagnose all logs together, and hold out a new one: `furuta diagnose {logs} --held-out NEW -o diagnosis`."
+"""What to do where nothing was named and held-out logs are predicted far off."""
+
 
 TELL_APART = (
     "To tell {titles}, run the experiment {what} for {seconds} s: it is predicted to leave {nats} nats between them. "

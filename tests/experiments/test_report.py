@@ -371,12 +371,15 @@ def test_nothing_missing_is_not_all_where_new_data_are_far_off(examined, togethe
     none = replace(d, verdict="none", after=d.before, naming=replace(d.naming, accepted=(), equals=()), gap=gap)
     far = none.astray(gap.after_over_floor, together)
     assert far.verdict == word
-    shown = first_screen(far, "next")
-    assert not shown.good
-    assert any(why in doubt for doubt in shown.doubts)
+    screen = first_screen(far, "next")
+    assert not screen.good
+    assert any(why in doubt for doubt in screen.doubts)
     x = replace(examined, diagnosis=far, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
     assert x.to_dict()["together_over_floor"] == together
-    assert f"all logs together it is {together:.1f} times" in text_of(build(x))
+    shown = text_of(build(x))
+    assert f"all logs together it is {together:.1f} times" in shown
+    assert "Diagnose all logs together, and hold out a new one" in shown
+    assert "Nothing needs doing" not in shown
 
 
 def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
