@@ -62,7 +62,7 @@ def minimise(
 
     Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum. Stops
     when the decrease of V that the quadratic model promises (a log-likelihood: absolute, in nats) is below
-    `tolerance`, or two steps in a row brought less. With `exact` the expansion returned is exact and holds the scores.
+    `tolerance`, or two steps in a row brought less. With `exact` the expansion returned is exact.
     """
     free = np.arange(len(z)) if free is None else np.asarray(free)
     z = np.clip(z, problem.low, problem.high)
@@ -84,7 +84,7 @@ def minimise(
             small = small + 1 if expansion.value - there.value < tolerance else 0
             polishing = exact and (polishing or expansion.value - there.value < _POLISH)
         if polishing or there is None:
-            there = problem.expand(z, exact=polishing, scores=polishing)
+            there = problem.expand(z, exact=polishing)
         expansion = there
         if small >= 2 and (polishing or not exact):
             return Optimum(z, expansion.value, expansion, iteration, True, "converged")

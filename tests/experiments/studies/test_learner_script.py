@@ -205,9 +205,9 @@ def test_a_watched_environment_is_the_same_and_knows_what_upright_is(capsys: pyt
         (one, _, *_), (two, _, terminated, truncated, info) = plain.step(u), watched.step(u)
         assert np.array_equal(one, two)
         state, ended = info["state"], terminated or truncated
-    assert "watched: step=250, held=1" in capsys.readouterr().out
+    assert "watched: step=1000, held=1" in capsys.readouterr().out
     watched.reset(seed=6)
-    for _ in range(250):
+    for _ in range(1000):
         *_, terminated, truncated, _ = watched.step(np.zeros(1, dtype=np.float32))
         if terminated or truncated:
             break

@@ -236,8 +236,8 @@ TH = LARGE_RIG.theta
 LOSSES = {
     "arm_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1)}),
     "pendulum_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1)}),
-    "arm_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 10)}),
-    "pendulum_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 10)}),
+    "arm_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3)}),
+    "pendulum_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3)}),
     "arm_coulomb_asymmetry": st.fixed_dictionaries({"a": st.floats(-TH[7], TH[7])}),
     "pendulum_coulomb_asymmetry": st.fixed_dictionaries({"a": st.floats(-TH[8], TH[8])}),
     "arm_position_friction": st.fixed_dictionaries(
