@@ -83,9 +83,9 @@ def test_the_documented_figures_are_those_of_the_kept_outcomes():
 def test_the_documented_figures_of_the_present_search_are_those_of_its_runs():
     page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
     lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
-    outcomes = [o for n in (29, 30, 31) for o in read_outcomes(DOCS / "data" / f"trials_outcomes_{n}.csv")]
-    for row in headline(summarize(outcomes)):
-        assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
+    for run in (30, 32):
+        for row in headline(summarize(read_outcomes(DOCS / "data" / f"trials_outcomes_{run}.csv"))):
+            assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
 
 
 def test_the_command_counts_a_kept_file_again(monkeypatch):
