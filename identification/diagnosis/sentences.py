@@ -98,7 +98,7 @@ def astray(ratio: float, together: float | None, far: float) -> str:
     """How far off held-out data are predicted where nothing was named, and with model (5) fitted to them as well."""
     told = f"Predictions of held-out data are {ratio:.1f} times as far off as noise alone would make them"
     if together is None:
-        return f"{told}, though nothing stands out of the noise before."
+        return f"{told}, though nothing stands out of the noise on the searched logs."
     if together > far:
         return (
             f"{told}, and {together:.1f} times with model (5) fitted to all logs together: something is missing that "

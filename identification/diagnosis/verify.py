@@ -67,7 +67,9 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
         return diagnosis
     far = witness.after_over_floor > diagnosis.policy.far
     if not witness.changed:
-        return diagnosis.astray(witness.after_over_floor, together()) if far else diagnosis
+        if not far:
+            return diagnosis
+        return diagnosis.astray(witness.after_over_floor, together() if diagnosis.verdict == "none" else None)
     if speaks_against(witness, diagnosis.policy):
         return diagnosis.vetoed()
     return diagnosis.falling_short(witness.after_over_floor) if far else diagnosis

@@ -23,11 +23,6 @@ class Quantity(float):
     def __format__(self, spec: str) -> str:
         return super().__format__(spec) if spec else _spoken(float(self), self.unit)
 
-    @property
-    def size(self) -> Quantity:
-        """Its absolute value."""
-        return Quantity(abs(self), self.unit)
-
 
 def percent(share: float) -> str:
     """The size of a share: 0.08 and −0.08 are "8 %"."""

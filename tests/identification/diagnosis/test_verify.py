@@ -77,6 +77,15 @@ def test_where_nothing_was_named_and_predictions_are_far_off(
     assert found.leftover is (verdict == "unknown" and after > POLICY.far)
 
 
+def test_all_logs_are_fitted_only_where_it_matters() -> None:
+    """It takes seconds: not where predictions are near, nor where the verdict is "unknown" anyway."""
+    asked: list[float] = []
+    for verdict, ratio in (("none", 1.4), ("unknown", 2.6), ("none", 2.6)):
+        gap = a_gap(ratio)
+        judged(a_diagnosis(verdict=verdict), replace(a_change(), before=gap, after=gap), lambda: asked.append(1.0))
+    assert asked == [1.0]
+
+
 @pytest.mark.parametrize(("after", "told"), [(1.05, False), (2.1, True)])
 def test_what_names_leave_of_the_gap_is_told(after: float, told: bool) -> None:
     found = judged(a_diagnosis("arm_spring"), a_change(after=after))
