@@ -138,7 +138,7 @@ def _estimate(
             "the zero of q2 (upright), or give a start plant"
         )
     coordinates = problem.coordinates
-    spread = fit_covariance(problem, problem.expand(optimum.z, exact=True, scores=True, fine=True))
+    spread = fit_covariance(problem, problem.expand(optimum.z, exact=True, scores=True))
     own = [i for i, c in enumerate(coordinates) if c.of_plant]
     slopes = np.array([coordinates[i].slope(optimum.z[i]) for i in own])
     names = tuple(coordinates[i].name for i in own)

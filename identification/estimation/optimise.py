@@ -27,7 +27,8 @@ class Expansion:
 
 
 class Problem(Protocol):
-    """An objective V(z) in nats, within bounds. noisy (n,): which coordinates are logarithms of variances."""
+    """An objective V(z) in nats, within bounds. noisy (n,): which coordinates are logarithms of variances. `moved` is
+    where a step ends: at z + step, or near it where a curve leads lower."""
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
@@ -36,6 +37,10 @@ class Problem(Protocol):
     def value(self, z: NDArray[np.float64]) -> float: ...
 
     def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion: ...
+
+    def moved(
+        self, z: NDArray[np.float64], step: NDArray[np.float64], information: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,7 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
         # it aims at is the logarithm of that ratio
         largest = np.abs(moved[~problem.noisy]).max(initial=1.0)
         moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
-        trial = np.clip(z + moved, problem.low, problem.high)
+        trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial)) if polishing else problem.expand(trial)
         if there.value < expansion.value:
             gained = expansion.value - there.value > 0.5 * predicted

@@ -28,11 +28,10 @@ from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
 from .optimise import Expansion
 from .pool import mapped
+from .steps import LinearEffect
 
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
 _BANDWIDTH = 3.0  # rad/s
-_EXACT_STEP = 0.1  # of a coordinate's step: differences of V itself are one-sided, and V is sharp
-_FINE_STEP = 1e-3  # of the plant's: what is left where parameters imitate each other must not be the error of these
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
 
@@ -71,6 +70,7 @@ class PredictionError:
             axis = c.row - READING.start
             if c.noise and axis >= 0 and all(r.quantum[axis] > 0 for r in self.records):
                 self.low[i] = max(self.low[i], 0.0)
+        self._linear = LinearEffect.among(plant, self.coordinates)
         self.noisy = np.array([c.noise for c in self.coordinates])
 
     def on(self, records: Sequence[Record]) -> PredictionError:
@@ -157,6 +157,15 @@ class PredictionError:
         found = {i: filled_zeros(self.coordinates, z, i, self.zeros) for i in logs}
         return {i: (float(x[0]), float(x[1])) for i, x in found.items() if x.any()}
 
+    def moved(
+        self, z: NDArray[np.float64], step: NDArray[np.float64], information: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Where a step from z ends: within the bounds, and bent as the effects ask for (see `steps`)."""
+        end = np.clip(z + step, self.low, self.high)
+        for effect in self._linear:
+            end = effect.bent(z, end, information)
+        return end
+
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""
         total = self._prior(z)[0]
@@ -166,21 +175,17 @@ class PredictionError:
             total += float(np.sum(result.cost))
         return total
 
-    def expand(
-        self, z: NDArray[np.float64], exact: bool = False, scores: bool = False, fine: bool = False
-    ) -> Expansion:
+    def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion:
         """V, gradient and Fisher information at z.
 
         `exact` lets the gains follow every parameter; else they follow the noise only, which is half the cost. The
         gradient is then that of a predictor with frozen gains: it vanishes at the truth, but under a wrong model not
-        quite at the minimum of V. `fine` takes differences over smaller steps, for error bars: answers that cancel to a
-        thousandth, as those of a cable's stiffness and softest place, are then not buried in the differences' error.
+        quite at the minimum of V.
         """
         n = len(z)
         noisy = [i for i, c in enumerate(self.coordinates) if exact or c.noise]
         order = np.array(noisy + [i for i in range(n) if i not in noisy], dtype=np.int64)
-        usual = _EXACT_STEP if exact else 1.0
-        steps = np.array([c.step * (_FINE_STEP if fine and c.of_plant else usual) for c in self.coordinates])
+        steps = np.array([c.step for c in self.coordinates])
         steps = np.where(z + steps > self.high, -steps, steps)
         bank = np.repeat(z[None], n + 1, axis=0)
         bank[np.arange(1, n + 1), order] += steps[order]

@@ -35,7 +35,7 @@ from .rounding import counted
 _REGISTER = 8  # lanes, of the widest processors
 _SPEED = {"r1": 2, "r2": 3}  # the state in which the velocity of its friction is
 _LONGEST = 1e-3  # s, of the integration
-STATE_STEP = 1e-6  # of a state, for its Jacobian: far below 1/r and far above rounding
+STATE_STEP = 1e-5  # of a state, for its Jacobian: far below 1/r, and so far above rounding that V is smooth over 1e-6
 
 
 @compiled(forceinline=True)

@@ -24,6 +24,13 @@ PENDULUM_ZERO_STD = 1.5
 _ZERO_LIMIT = 3.0, 4e-3
 """Counts, and radians where these are more: what a pendulum at rest may be off. Beyond it a zero is an effect."""
 
+_STEP = 1e-6
+"""Of differences for derivatives. Short: where parameters imitate each other their answers cancel to a thousandth, and
+what is left must not be the differences' error. Not shorter: then it would be rounding's."""
+_KINK_STEP = 1e-4
+"""The same of r, and of a shape that a search looks for on a grid: a place, a width or a time. V is not smooth there."""
+_NOISE_STEP = 1e-4
+
 _STAND_FOR_A_ZERO = {"pendulum_encoder_offset", "base_tilt"}
 
 SHARPNESS_NAMES = ("r", *_SHARPNESS)
@@ -35,8 +42,8 @@ class Coordinate:
     """One free number. `log` works on its logarithm (it stays positive), else on value / scale.
 
     row: its row in P (of "r" the first), in the packed noise, or the axis of an encoder's zero; zero_of: the log whose
-    zero it is, None for anything else. low, high: bounds of the value; step: difference used
-    for derivatives, in the coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
+    zero it is, None for anything else. low, high: bounds of the value. step: difference used for derivatives, in the
+    coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
     coordinate itself, for a log coordinate a log-normal prior.
     """
 
@@ -46,7 +53,7 @@ class Coordinate:
     scale: float = 1.0
     low: float = -math.inf
     high: float = math.inf
-    step: float = 1e-4
+    step: float = _STEP
     noise: bool = False
     prior: tuple[float, float] | None = None
     weak_prior: tuple[float, float] | None = None
@@ -100,7 +107,8 @@ def plant_coordinates(
         names = _SHARPNESS if isinstance(plant.friction_sharpness, tuple) else ("r",)
         rows = [plant.layout.rows(name)[0] for name in names]
         coordinates += [
-            Coordinate(name, row, log=True, low=1.0, high=1e4, step=1e-3) for name, row in zip(names, rows, strict=True)
+            Coordinate(name, row, log=True, low=1.0, high=1e4, step=_KINK_STEP)
+            for name, row in zip(names, rows, strict=True)
         ]
     for effect in plant.effects:
         if effect.type.learned:
@@ -136,7 +144,7 @@ def _theta_coordinates(plant: Plant, negative_friction: bool) -> list[Coordinate
     for i, name in enumerate(THETA_NAMES):
         if i >= 5:
             scale = float(max(abs(theta[i]), least[i]))
-            coordinates.append(Coordinate(name, i, log=False, scale=scale, low=lowest, step=1e-3))
+            coordinates.append(Coordinate(name, i, log=False, scale=scale, low=lowest))
         elif theta[i] > 0:
             coordinates.append(Coordinate(name, i, log=True))
         else:
@@ -146,10 +154,11 @@ def _theta_coordinates(plant: Plant, negative_friction: bool) -> list[Coordinate
 
 
 def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coordinate:
+    step = _KINK_STEP if p.role == "shape" and p.grid else _STEP
     if p.role == "shape" and p.lower > 0:
-        return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=1e-3)
+        return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=step)
     scale = usual if usual and math.isfinite(usual) else 1.0
-    return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=1e-3)
+    return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=step)
 
 
 def _checked_prior(name: str, prior: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -165,7 +174,7 @@ def noise_coordinates(least: Sequence[float] | NDArray[np.float64] = (1e-22, 1e-
     """Torque noise intensities of the rows, at least `least`, and factors on the variances of the readings."""
     return [
         Coordinate(
-            name, i, log=True, low=least[i] if i < 2 else 0.05, high=1e6 if i < 2 else 1e4, step=1e-3, noise=True
+            name, i, log=True, low=least[i] if i < 2 else 0.05, high=1e6 if i < 2 else 1e4, step=_NOISE_STEP, noise=True
         )
         for i, name in enumerate(NOISE_NAMES)
     ]
@@ -267,4 +276,4 @@ def _pendulum_zero(log: int, count: float) -> Coordinate:
 
 def _zero(log: int, axis: int, std: float, scale: float) -> Coordinate:
     name = f"log{log + 1}.zero{axis + 1}"
-    return Coordinate(name, axis, log=False, scale=scale, step=0.05 if axis else 0.005, prior=(0.0, std), zero_of=log)
+    return Coordinate(name, axis, log=False, scale=scale, prior=(0.0, std), zero_of=log)

@@ -1,0 +1,92 @@
+"""Bent steps: straight in the coefficients, within bounds, and what they are for: cables whose fits arrive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furuta_gym.plant import TABLE_3, Effect, Plant
+from identification.diagnosis.naming.fits import fit
+from identification.estimation.prediction_error import quietest
+from identification.estimation.steps import LinearEffect
+from identification.kalman.coordinates import plant_coordinates
+from identification.kalman.noise_model import Noise
+from identification.kalman.record import Record
+from tests.factories import loop_log
+
+CABLE = {"k": 0.2, "q1n": 0.3, "k3": 0.2, "q1s": -0.5}
+TAUT = {"k1": 0.1, "k2": 1.5, "q1n": 0.1, "qt": 0.3}
+
+
+def cabled(name: str, values: dict[str, float]) -> Plant:
+    return TABLE_3.with_effects(Effect(name, values))
+
+
+def small_steps(size: int, largest: float) -> st.SearchStrategy[list[float]]:
+    return st.lists(st.floats(-largest, largest), min_size=size, max_size=size)
+
+
+@given(small_steps(4, 0.05))
+def test_a_bent_step_is_straight_in_the_coefficients(step: list[float]) -> None:
+    """Of a cubic, by numpy's own polynomials."""
+    plant = cabled("arm_cable", CABLE)
+    coordinates = plant_coordinates(plant)
+    (effect,) = LinearEffect.among(plant, coordinates)
+    z = np.array([c.to_z(plant.packed().p[c.row]) for c in coordinates])
+    at = [i for i, c in enumerate(coordinates) if c.name.startswith("arm_cable")]
+
+    def cubic(z: np.ndarray) -> np.ndarray:
+        k, q1n, k3, q1s = (coordinates[i].to_value(z[i]) for i in at)
+        grid = np.linspace(-2.0, 2.0, 9)
+        pull = -k * (grid - q1n) - k3 * ((grid - q1s) ** 3 - (q1n - q1s) ** 3)
+        return np.polynomial.polynomial.polyfit(grid, pull, 3)
+
+    straight = z.copy()
+    straight[at] += step
+    tiny = z.copy()
+    tiny[at] += 1e-4 * np.array(step)
+    wanted = cubic(z) + 1e4 * (cubic(tiny) - cubic(z))
+    end = effect.bent(z, straight, np.eye(len(z)))
+    np.testing.assert_allclose(cubic(end), wanted, atol=1e-5)
+    others = [i for i in range(len(z)) if i not in at]
+    np.testing.assert_array_equal(end[others], straight[others])
+
+
+@given(small_steps(4, 3.0), st.sampled_from([("arm_cable", CABLE), ("arm_taut_cable", TAUT)]))
+def test_a_bent_step_stays_within_the_bounds(step: list[float], cable: tuple[str, dict[str, float]]) -> None:
+    plant = cabled(*cable)
+    coordinates = plant_coordinates(plant)
+    (effect,) = LinearEffect.among(plant, coordinates)
+    z = np.array([c.to_z(plant.packed().p[c.row]) for c in coordinates])
+    low, high = np.array([c.z_bounds for c in coordinates]).T
+    at = [i for i, c in enumerate(coordinates) if c.name.startswith(cable[0])]
+    straight = z.copy()
+    straight[at] += step
+    end = effect.bent(z, np.clip(straight, low, high), np.eye(len(z)))
+    assert np.all((low <= end) & (end <= high))
+
+
+def test_what_is_not_free_is_not_moved() -> None:
+    plant = cabled("arm_cable", CABLE)
+    assert not LinearEffect.among(
+        plant, plant_coordinates(plant, fixed={"arm_cable.k", "arm_cable.q1n", "arm_cable.q1s"})
+    )
+    coordinates = plant_coordinates(plant, fixed={"arm_cable.q1s"})
+    (effect,) = LinearEffect.among(plant, coordinates)
+    assert set(effect.solved) == {"k", "q1n", "k3"}
+    assert not LinearEffect.among(TABLE_3, plant_coordinates(TABLE_3))
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_fits_of_a_cable_arrive(seed: int) -> None:
+    """From the truth and from afar, at the same optimum. With straight steps they ended half a nat to 20 nats apart:
+    k, q1n, k3 and q1s imitate each other along a valley that curves."""
+    log, plant = loop_log("arm_cable", T=0.008, seed=seed)
+    records = [Record.from_log(log)]
+    noise = Noise(3.0 * quietest(plant, records))
+    starts = [{}, {"k": 0.4, "q1n": 0.0, "k3": 0.3, "q1s": -0.2}, {"k": 0.02, "q1s": -1.0}]
+    ends = [fit(plant.with_effects(Effect("arm_cable", {**CABLE, **s})), noise, records, effort="full") for s in starts]
+    values = [end.value for end in ends]
+    assert np.ptp(values) < 0.2, values
