@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Iterable, Sequence
 from io import BytesIO
@@ -125,7 +126,8 @@ def identify_command(
     typer.echo(str(estimate))
     for p in profiles:
         std = float(estimate.std[estimate.names.index(p.name)])
-        typer.echo(f"{p}; ± 1.96 standard deviations: {_interval(estimate.value(p.name), std)}")
+        beside = f"; ± 1.96 standard deviations: {_interval(estimate.value(p.name), std)}" if math.isfinite(std) else ""
+        typer.echo(f"{p}{beside}")
     typer.echo(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )

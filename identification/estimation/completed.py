@@ -26,7 +26,7 @@ def with_plant(
 ) -> Estimate:
     """The estimate with its plant completed: covariance, stds of effects, sensors, u_max, provenance, checks."""
     plant = estimate.plant
-    std = dict(zip(estimate.names, estimate.std.tolist(), strict=True))
+    std = {name: s for name, s in zip(estimate.names, estimate.std.tolist(), strict=True) if math.isfinite(s)}
     effects = tuple(
         Effect(e.name, e.parameters, {p: std[f"{e.name}.{p}"] for p in e.parameters if f"{e.name}.{p}" in std})
         for e in plant.effects

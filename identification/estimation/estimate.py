@@ -72,11 +72,25 @@ class Estimate:
 
     @property
     def std(self) -> NDArray[np.float64]:
+        """Standard deviations (n,) of `values`; infinite for a `rough` parameter.
+
+        The likelihood of a play's width has an optimum every fraction of a per cent, a dozen nats deep: its curvature
+        in one of them says nothing of the error.
+        """
+        return np.where(self._rough, np.inf, self._width)
+
+    @property
+    def _width(self) -> NDArray[np.float64]:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
+    def _rough(self) -> NDArray[np.bool_]:
+        rough = {f"{e.name}.{p.name}" for e in self.plant.effects for p in e.type.parameters if p.rough}
+        return np.array([name in rough for name in self.names])
+
+    @property
     def correlation(self) -> NDArray[np.float64]:
-        std = np.where(self.std > 0, self.std, 1.0)
+        std = np.where(self._width > 0, self._width, 1.0)
         return self.covariance / np.outer(std, std)
 
     @property
@@ -104,7 +118,7 @@ class Estimate:
             raise ValueError(f"{name} was not estimated; a profile can be had of {', '.join(self.names)}")
         i = [c.name for c in self.problem.coordinates].index(name)
         slope = self.problem.coordinates[i].slope(self.optimum.z[i])
-        return profile(self.problem, self.optimum.z, name, float(self.std[self.names.index(name)] / abs(slope)))
+        return profile(self.problem, self.optimum.z, name, float(self._width[self.names.index(name)] / abs(slope)))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plant file."""
@@ -150,9 +164,9 @@ class Estimate:
     def __str__(self) -> str:
         lines = [f"Estimate ({self.method}, {self.samples} samples): {self.message}"]
         width = max(len(n) for n in (*self.names, *self.fixed))
-        for n, v, s in zip(self.names, self.values, self.std, strict=True):
+        for n, v, s, rough in zip(self.names, self.values, self.std, self._rough, strict=True):
             relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and math.isfinite(s) else ""
-            remark = "at its bound" if n in self.at_bound else ""
+            remark = "at its bound" if n in self.at_bound else "likelihood too rough for an error" if rough else ""
             if n in self.identifiability.unidentified:
                 remark = "NOT IDENTIFIED"
             elif n in self.identifiability.weak:

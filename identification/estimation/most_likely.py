@@ -27,6 +27,7 @@ from ..kalman.record import Record, stretches
 from ..logs.log import Log
 from ..logs.signs import motion_signs
 from .estimate import Estimate, NoiseReport
+from .grids import from_grids
 from .identifiability import Motion, judge, spoken
 from .known import known_values, restless, value_of, with_known
 from .long_logs import begin
@@ -97,6 +98,12 @@ def _most_likely(
         starts = [Start(with_known(s.plant, known), s.noise) for s in starts]
         winner, _ = race(records, starts, freely(starts[0].plant), physical=physical, pool=pool)
     plant = with_known(winner.plant, known, effects)
+
+    def quickly(plant: Plant, records: Sequence[Record]) -> PredictionError:
+        return PredictionError(plant, records, free(plant), winner.noise, physical=physical, zeros=zeros)
+
+    named = {effect for effect in effects if isinstance(effect, str)}
+    plant = from_grids(quickly, plant, records, named, {*fixed, *priors}, pool)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
     optimum = minimise(problem, begin(problem, iterations), iterations)
     if noise is None:  # an earlier fit that goes on has been restarted already

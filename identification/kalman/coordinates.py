@@ -28,7 +28,7 @@ _STEP = 1e-6
 """Of differences for derivatives. Short: where parameters imitate each other their answers cancel to a thousandth, and
 what is left must not be the differences' error. Not shorter: then it would be rounding's."""
 _KINK_STEP = 1e-4
-"""The same of r, and of a shape that a search looks for on a grid: a place, a width or a time. V is not smooth there."""
+"""The same of r, and of a shape that is searched on a grid: a place, a width or a time. V is not smooth in those."""
 _NOISE_STEP = 1e-4
 
 _STAND_FOR_A_ZERO = {"pendulum_encoder_offset", "base_tilt"}

@@ -1,0 +1,59 @@
+"""Effects given by name alone: fits that arrive where a start at the truth does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3, Effect
+from identification.estimation.grids import from_grids
+from identification.estimation.identify import identify
+from identification.estimation.prediction_error import PredictionError, quietest
+from identification.kalman.coordinates import plant_coordinates
+from identification.kalman.noise_model import Noise
+from identification.kalman.record import Record
+from tests.factories import loop_log
+
+
+@pytest.mark.parametrize("name", ["payload_step", "arm_hysteresis"])
+def test_a_name_alone_is_start_enough(name: str) -> None:
+    """From their defaults both ended 200 to 280 nats above: the time of a step and the width of a stop have optima of
+    their own around the start."""
+    log, plant = loop_log(name, T=0.004, seed=2)
+    from_truth, by_name = identify(log, plant), identify(log, effects=[name])
+    assert by_name.log_likelihood > from_truth.log_likelihood - 0.5
+
+
+def test_a_whole_number_is_found() -> None:
+    """No descent moves it."""
+    log, plant = loop_log("arm_ripple", T=0.008, seed=1)
+    (ripple,) = plant.effects
+    elsewhere = plant.with_effects(Effect("arm_ripple", {**ripple.parameters, "n": 5}))
+    records = [Record.from_log(log)]
+
+    def make(start, records):
+        return PredictionError(start, records, plant_coordinates(start), Noise(3.0 * quietest(start, records)))
+
+    started = from_grids(make, elsewhere, records, {"arm_ripple"}, set(), None)
+    assert started.effects[0].parameters["n"] == ripple.parameters["n"]
+
+
+def test_what_is_known_stays() -> None:
+    records = [Record.from_log(loop_log("payload_step", duration=4.0)[0])]
+    plant = TABLE_3.with_effects(Effect("payload_step", {"m": 0.04, "t0": 2.0}))
+
+    def never(*_):
+        raise AssertionError("nothing is to be tried")
+
+    assert from_grids(never, plant, records, {"payload_step"}, {"payload_step.t0"}, None) == plant
+    assert from_grids(never, plant, records, set(), set(), None) == plant
+    assert from_grids(never, TABLE_3, records, {"payload_step"}, set(), None) == TABLE_3
+
+
+def test_values_that_are_given_are_not_left() -> None:
+    """An Effect with values is a start by itself: its fit stays in the optimum next to it."""
+    log, plant = loop_log("arm_ripple", T=0.008, duration=6.0, seed=1)
+    given = Effect("arm_ripple", {**plant.effects[0].parameters, "n": 5})
+    found = identify(log, effects=[given])
+    assert found.plant.effects[0].parameters["n"] == 5
+    assert np.isfinite(found.log_likelihood)
