@@ -1,0 +1,138 @@
+"""The numbers of a report are those of the files and of the validation."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("plotly", reason="the report needs the extra 'report'")
+pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
+
+from experiments.report.search_figures import rankings
+from identification.diagnosis.gap_change import rms_interval
+from identification.diagnosis.verify import measure_gap
+from identification.validation.gap import closed_fraction, validate
+
+from .asking import Page, build, held, text_of
+
+
+def test_the_json_keeps_the_contract(examined):
+    found = json.loads(json.dumps(examined.to_dict(), allow_nan=False))
+    assert {"verdict", "effects", "ranking", "where", "gap", "next_experiment", "runtime_s"} <= set(found)
+    assert {"channel", "intervals_s", "variable", "map"} <= set(found["where"])
+    assert {"back_emf", "amplifier_gain"} <= set(found["absorbed"])
+    names = {"before", "after", "noise_floor", "closed_fraction", "closed_interval", "held_out"}
+    assert names <= set(found["gap"])
+    for side in ("before", "after", "noise_floor"):
+        assert {"rms_q1", "rms_q2"} <= set(found["gap"][side])
+    assert found["gap"]["held_out"] is True
+    assert found["next_experiment"]
+
+
+def test_error_bars_are_told_too_small_where_something_is_left(examined):
+    left = examined.diagnosis.falling_short(2.0)
+    told = {d.leftover: (build(replace(examined, diagnosis=d)), str(d)) for d in (examined.diagnosis, left)}
+    for leftover, (page, text) in told.items():
+        assert ("The error bars are too small for that reason" in page) == leftover
+        assert ("they are too small afterwards as well" in page) == leftover
+        assert ("here they are too small" in text) == leftover
+
+
+def test_one_verdict_that_no_section_contradicts(examined):
+    complete = text_of(build(examined))
+    assert "no torque stands out of the noise any more" in complete
+    assert "remains" not in complete
+    short = text_of(build(replace(examined, diagnosis=examined.diagnosis.falling_short(2.4))))
+    assert "Named; a part remains" in short
+    assert short.count("2.4 times") >= 2
+    for promise in ("Nothing is left", "any more", "the error should stay near the noise floor"):
+        assert promise not in short
+    vetoed = text_of(build(replace(examined, diagnosis=examined.diagnosis.vetoed())))
+    assert "A cable that pulls at the arm would explain the fitted logs, but the error on new data" in vetoed
+    assert "Use plant.json in the simulator" not in vetoed
+
+
+def test_the_first_sentence_is_physical_and_its_numbers_are_the_files(examined, page):
+    k, q1n = (examined.diagnosis.after.plant.effect("arm_spring").parameters[n] for n in ("k", "q1n"))
+    data = examined.to_dict()
+    before, after = (data["gap"][side]["ratio_to_floor"] for side in ("before", "after"))
+    headline = text_of(page[page.index("<h1>") : page.index("</h1>")])
+    assert headline == (
+        f"A cable pulls the arm towards {math.degrees(q1n):.0f}°: {k:.3g} V/rad. After adding it, the error on new "
+        f"data falls from {before:.1f} to {after:.1f} times the noise."
+    )
+
+
+def test_the_law_is_drawn_through_what_the_log_asks_for(examined, page):
+    """A spring is a line of slope −k, and the points lie on it."""
+    k, q1n = (examined.diagnosis.after.plant.effect("arm_spring").parameters[n] for n in ("k", "q1n"))
+    shown = examined.law.best_seen(examined.where_after.maps)
+    assert (shown.row, shown.variable) == ("arm", "arm angle")
+    place, torque = examined.law.mean(shown)
+    assert torque == pytest.approx(-k * (place - q1n), abs=1e-9)
+    slope = np.polyfit(place, torque + shown.mean, 1, w=1.0 / shown.std)[0]
+    assert slope == pytest.approx(-k, rel=0.1)
+    assert np.all(examined.law.torque[:, 1] == pytest.approx(0.0, abs=1e-9))
+    figure = Page(page).figures["law"]
+    assert [trace["name"] for trace in figure["data"]] == ["fitted law", "asked for by the log"]
+
+
+def test_bars_show_the_contenders(examined):
+    """Lengths are shares of the leader's; what lost thousands of nats has no bar, and so squeezes no other."""
+    naming = examined.diagnosis.naming
+    leader, other = naming.rankings[0][0], naming.rankings[0][-1]
+    far_off = replace(other, name="base_tilt", gain=-4558.0, net=-4565.0)
+    (bars, *_) = rankings(replace(naming, rankings=((leader, other, far_off), *naming.rankings[1:])))
+    shares = {bar.identifier: bar.share for bar in bars.bars}
+    assert shares["arm_spring"] == 1.0
+    assert shares["base_tilt"] == 0.0
+    assert all(0.0 <= share <= 1.0 for share in shares.values())
+
+
+def test_every_number_of_nats_says_what_it_counts(examined, page):
+    """Those of the bars are net gains on the searched logs, one is of the next readings of new data; no others."""
+    ranked = {f"{s.net:+.0f}".replace("-", "−") for step in examined.diagnosis.naming.rankings for s in step}
+    text = text_of(page)
+    for said in re.findall(r"([+−]\d+) nats", text):
+        assert said in ranked
+    likelier = f"One reading ahead, the addition makes new data likelier by {examined.gap.likelier:.0f} nats"
+    assert likelier in text
+    assert "nats" not in text_of(page[page.index("<h1>") : page.index("</header>")])
+
+
+def test_the_gap_is_that_of_the_validation(examined, logs):
+    change = examined.gap
+    before, after = (validate(e.plant, [logs[1]]) for e in (examined.diagnosis.before, examined.diagnosis.after))
+    assert change.before.rms == pytest.approx(before.rms)
+    assert change.closed == closed_fraction(before, after)
+    assert change.closed.value > 0.9
+    said = change.to_dict()
+    assert said["before"]["rms_q1"] == pytest.approx(float(before.rms[0]))
+    for side in ("before", "after"):  # one floor for both, the lower
+        ratios = [said[side][q] / said["noise_floor"][q] for q in ("rms_q1", "rms_q2")]
+        assert said[side]["ratio_to_floor"] == pytest.approx(float(np.sqrt(np.mean(np.square(ratios)))))
+    assert said["noise_floor"]["rms_q1"] == pytest.approx(min(before.floor[0], after.floor[0]))
+
+
+def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
+    log = logs[0]
+    change = measure_gap(examined.diagnosis, held(log))
+    assert change.tail == 0.3
+    assert change.to_dict()["held_out"] is False
+    starts = change.before.times - change.before.horizon
+    assert starts.min() >= log.t[0] + 0.7 * log.duration - 1e-9
+    assert change.before.rms == pytest.approx(np.sqrt(np.mean(change.before.errors**2, axis=0)))
+    assert change.closed.value > 0.8
+    rest = log.slice(stop=float(log.t[0]) + 0.7 * log.duration)  # what the plants may know
+    moved = replace(log, q1=np.where(log.t > rest.t[-1], log.q1 + 0.05, log.q1))
+    assert measure_gap(examined.diagnosis, held(moved)).before.rms[0] > change.before.rms[0]
+
+
+def test_intervals_of_the_rms_cover_it(examined):
+    low, high = rms_interval(examined.gap.after).T
+    assert np.all((low < examined.gap.after.rms) & (examined.gap.after.rms < high))

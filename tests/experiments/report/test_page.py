@@ -1,0 +1,211 @@
+"""A report's page stands alone, and says what was found, with every verdict."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("plotly", reason="the report needs the extra 'report'")
+pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
+
+from experiments.report import examine, render
+from experiments.report.drawing import MOST_POINTS
+from experiments.report.page import plotly_js
+from experiments.report.validation_page import adequacy, validation_page
+from experiments.report.verdict import verdict as first_screen
+from furuta_gym.plant import TABLE_3, Effect
+from identification.diagnosis.learned import Learned
+from identification.diagnosis.verify import measure_gap, verified
+from identification.estimation.estimate import rounded
+from identification.logs.log import Log
+
+from .asking import Page, build, held, size_of, text_of, with_gap
+
+
+def test_the_page_stands_alone_and_reads_from_top_to_bottom(page, checked):
+    for html, sections in ((page, 6), (checked[0], 4), (checked[1], 3)):
+        found = Page(html)
+        assert [heading.split()[0] for heading in found.headings] == [str(i + 1) for i in range(sections)]
+        assert {address[1:] for address in found.addresses} <= set(found.ids)
+        assert all(address.startswith("#") for address in found.addresses)
+        assert len(found.addresses) == sections
+        assert not {"link", "iframe", "img", "object"} & set(found.tags)
+        assert "default-src 'none'" in html
+        assert "@media print" in html
+        assert "://" not in html.replace(plotly_js(), "")
+        assert len(html.encode()) < 2e6
+        assert not found.unlabelled
+        assert len(set(found.ids)) == len(found.ids)
+        assert {f"plot-{name}" for name in found.figures} <= set(found.ids)
+    drawn = {"predictions", "closed-loop", "law", "torque-0", "map-arm-arm-angle", "parameters", "horizons"}
+    assert drawn <= set(Page(page).figures)
+    assert {"predictions", "horizons", "residuals"} <= set(Page(checked[1]).figures)
+    assert "precision" in Page(checked[0]).figures
+
+
+def test_the_bundle_is_that_of_the_python_package():
+    from plotly.offline import get_plotlyjs_version
+
+    assert f"plotly.js (basic - minified) v{get_plotlyjs_version()}" in plotly_js()[:200]
+
+
+def test_axes_have_titles_and_traces_are_thinned(page):
+    for name, figure in Page(page).figures.items():
+        axes = [axis for key, axis in figure["layout"].items() if key.startswith("yaxis")]
+        assert any("title" in axis for axis in axes) or name in ("parameters", "precision"), name
+        assert {trace["type"] for trace in figure["data"]} <= {"scatter", "bar"}, "what the basic bundle draws"
+        assert any("title" in axis for key, axis in figure["layout"].items() if key.startswith("xaxis")), name
+        for trace in figure["data"]:
+            assert size_of(trace["x"]) <= 2 * MOST_POINTS + 2, name  # a band goes there and back
+
+
+def test_the_page_says_what_was_found(page, examined):
+    k = examined.diagnosis.after.plant.effect("arm_spring").parameters["k"]
+    assert f"k = {k:.4g}" in page
+    assert "<code>arm_spring</code>" in page
+    assert f"<b>{100 * examined.gap.closed.value:.1f} %</b>" in page
+    assert "back emf (adds to θ6), amplifier gain (scales every θ)" in page
+    assert "the model misses a torque on the arm that depends on the arm angle" in page
+
+
+def test_the_first_screen_of_identify_and_validate(examined, checked):
+    gap = examined.gap.before
+    for html in checked:
+        first = text_of(html[html.index("<h1>") : html.index("</header>")])
+        assert "The model is not adequate" in first
+        assert f"{gap.ratio_to_floor:.1f} times what noise alone leaves" in first
+        assert f"{gap.fit_percent[0]:.1f} and".replace("-", "−") in first
+        assert "Next: Find what is missing: furuta diagnose" in first
+        assert "-o diagnosis" in first
+    before = examined.diagnosis.before
+    assert rounded(before.value("theta1"), float(before.std[0])) in text_of(checked[0])
+    assert "Θ" not in checked[0]  # θ6 begins a sentence there
+    assert text_of(checked[0]).count("(not identified)") == len(before.identifiability.unidentified) > 0
+    fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", ["a.csv"]))
+    assert "a.csv: fitted by this plant, so this is no test on new data." in text_of(fitted)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.74, 0.76, 1.0, 1.09, 1.11, 1.9, 2.1, 30.0])
+@pytest.mark.parametrize("torque", [0.5, 0.99])
+def test_the_badge_says_what_the_validation_says(examined, ratio, torque):
+    """One decision: the page's word and `Gap.verdict` go together."""
+    reading = np.sqrt(1.0 - torque) * examined.gap.before.floor
+    gap = replace(examined.gap.before, rms=ratio * examined.gap.before.floor, reading_floor=reading, repeats=False)
+    words = {
+        "Adequate": "nothing of size is missing",
+        "Something small is missing": "something small is missing",
+        "Not adequate": "the plant misses something",
+        "Cannot be judged": "",
+    }
+    judged = adequacy(gap)
+    assert words[judged.badge] in gap.verdict
+    assert (judged.badge == "Cannot be judged") == gap.verdict.startswith(("this says little", "below the floor"))
+    assert judged.good == (judged.badge == "Adequate")
+
+
+def test_the_page_shows_the_tail_that_judged_a_repeating_effect(page, examined, logs):
+    assert "On the last part of the searched logs" not in page
+    own_tail = measure_gap(examined.diagnosis, held(logs[0]))
+    html = build(with_gap(examined, replace(examined.gap, own_tail=own_tail)))
+    assert "On the last part of the searched logs" in html
+    windows = f", {len(own_tail.before.errors)} windows."
+    assert windows in html
+    assert windows not in page
+
+
+@pytest.mark.parametrize("verdict", ["none", "unknown", "insufficient_excitation"])
+def test_other_verdicts_have_a_page_too(examined, verdict):
+    d = examined.diagnosis
+    if verdict == "insufficient_excitation":
+        nothing = replace(d, verdict=verdict, before=None, after=None, naming=None, left_over=math.nan, gap=None)
+        x = examine(nothing, examined.logs)
+        assert x.where is None
+        assert x.gap is None
+    else:
+        naming = replace(d.naming, accepted=(), equals=())
+        d = replace(d, verdict=verdict, after=d.before, naming=naming, gap=None)
+        x = replace(examined, diagnosis=d, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
+    json.dumps(x.to_dict(), allow_nan=False)
+    found = Page(build(x))
+    assert len(found.headings) == 6
+    for figure in found.figures.values():
+        assert not {trace.get("name") for trace in figure["data"]} & {"before", "after"}
+
+
+@pytest.mark.parametrize(
+    ("together", "word", "why"),
+    [(1.0, "none", "too little about the parameters"), (2.3, "unknown", "what is missing shows there")],
+)
+def test_nothing_missing_is_not_all_where_new_data_are_far_off(examined, together, word, why):
+    d = examined.diagnosis
+    gap = replace(d.gap, after=d.gap.before)
+    assert gap.after_over_floor > d.policy.far
+    none = replace(d, verdict="none", after=d.before, naming=replace(d.naming, accepted=(), equals=()), gap=gap)
+    far = none.astray(gap.after_over_floor, together)
+    assert far.verdict == word
+    screen = first_screen(far, "next")
+    assert not screen.good
+    assert any(why in doubt for doubt in screen.doubts)
+    x = replace(examined, diagnosis=far, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
+    assert x.to_dict()["together_over_floor"] == together
+    shown = text_of(build(x))
+    assert f"all logs together it is {together:.1f} times" in shown
+    assert "Diagnose all logs together, and hold out a new one" in shown
+    assert "Nothing needs doing" not in shown
+
+
+def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
+    part = replace(examined, diagnosis=replace(examined.diagnosis, stretches=(((0.0, 20.0), (40.0, 80.0)),)))
+    assert "Only 0–20, 40–80 s were searched" in build(part)
+    assert "were searched" not in page
+
+
+@pytest.mark.parametrize("added", [True, False])
+def test_what_was_learned_is_drawn_with_what_became_of_it(examined, added):
+    plant = TABLE_3.with_effects(Effect("arm_learned", {"c00": 0.1, "c33": -0.2}))
+    learned = Learned(plant, 60.0, examined.gap, added, "so said the held-out logs")
+    with_it = replace(examined, diagnosis=replace(examined.diagnosis, learned=learned))
+    html = build(with_it)
+    text = text_of(html)
+    assert ("It is part of the plant: so said the held-out logs" in text) is added
+    assert ("It is not part of the plant: so said the held-out logs" in text) is not added
+    assert "learned torque [V]" in html or f"learned torque [{plant.unit}]" in html
+    assert "What no name explains" not in text_of(build(examined))
+    assert with_it.to_dict()["learned"]["added"] is added
+
+
+def test_a_file_name_cannot_write_into_the_page(examined):
+    evil = '</script><img src=x onerror="alert(1)">.csv'
+    log = replace(examined.logs[0], source=evil)
+    torques = tuple(replace(torque, source=evil) for torque in examined.where.torques)
+    x = replace(
+        examined,
+        logs=(log,),
+        held_out=(replace(examined.held_out[0], source=evil),),
+        where=replace(examined.where, torques=torques),
+        remarks={"closed loop": evil},
+        closed_loop=None,
+    )
+    x = with_gap(x, replace(examined.gap, logs=(log,)))
+    assert "img" not in Page(build(x)).tags
+
+
+def test_what_could_not_be_measured_is_said(examined):
+    plain = Log(examined.logs[0].t, examined.logs[0].q1, examined.logs[0].q2, examined.logs[0].u)
+    short = plain.slice(stop=0.9)
+    x = examine(
+        verified(replace(examined.diagnosis, rest=None, gap=None), held(short, short)),
+        [short],
+        [short],
+    )
+    assert {"where", "gap", "closed loop"} <= set(x.remarks)
+    html = build(x)
+    assert "Not available" in html
+    folded = text_of("".join(re.findall(r"<details>.*?</details>", html, flags=re.S)))
+    assert "controller_gain" in folded, "no warning: the log need not say it"
+    assert "controller_gain" not in text_of(re.sub(r"<details>.*?</details>", "", html, flags=re.S))
