@@ -51,7 +51,7 @@ def from_grids(
             continue
         usual = plant.default_effect(effect.name).parameters
         for p in effect.type.parameters:
-            points = [] if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], duration)
+            points = () if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], duration)
             if len(points) * math.prod(map(len, grids.values())) <= _MOST and len(points) > 1:
                 grids[effect.name, p.name] = points
     if not grids:
@@ -68,13 +68,11 @@ def from_grids(
     return min(mapped(pool, ended, tried), key=lambda end: end[0])[1]
 
 
-def _points(p: Parameter, usual: float, duration: float) -> list[float]:
+def _points(p: Parameter, usual: float, duration: float) -> tuple[float, ...]:
     """Values worth starting from; none for what has one optimum."""
-    if not (p.role == "shape" or p.rough) or p.optional or not p.grid or p.grid == "frequencies":
-        return []
-    if p.grid == "times":
-        return (_TIMES * duration).tolist()
-    return [float(x) * (usual / p.default if p.default else 1.0) for x in p.grid]
+    if not (p.role == "shape" or p.rough) or p.optional:
+        return ()
+    return tuple((_TIMES * duration).tolist()) if p.grid == "times" else p.grid_on(usual)
 
 
 def _moved(plant: Plant, values: dict[tuple[str, str], float]) -> Plant:

@@ -65,6 +65,11 @@ class Parameter:
         """Whether only positive values make sense (an estimator then works on the logarithm)."""
         return self.lower >= 0.0
 
+    def grid_on(self, usual: float) -> tuple[float, ...]:
+        """The numbers of its grid on a plant where its default is `usual`; none where a log decides."""
+        factor = usual / self.default if self.default else 1.0
+        return () if isinstance(self.grid, str) else tuple(float(x) * factor for x in self.grid)
+
 
 @dataclass(frozen=True)
 class EffectType:

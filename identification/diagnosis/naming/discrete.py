@@ -16,8 +16,7 @@ def grid_of(effect: Effect, plant: Plant) -> list[Effect]:
     effects = [effect]
     usual = plant.default_effect(effect.name).parameters
     for p in effect.type.parameters:
-        for value in p.grid if p.rough and not isinstance(p.grid, str) else ():
-            size = value * usual[p.name] / p.default
+        for size in p.grid_on(usual[p.name]) if p.rough else ():
             if size != effect.parameters[p.name]:
                 effects.append(Effect(effect.name, {**effect.parameters, p.name: size}))
     return effects

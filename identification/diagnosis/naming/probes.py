@@ -97,7 +97,7 @@ def _cell(effect, default, sizes, shape_values, spanned, i) -> Cell:
     if effect.linear is not None:
         return _spanning(effect, default, sizes, base)
     for p in sizes:
-        value = p.grid[i] * default[p.name] / p.default if p.grid else _SMALL * default[p.name]
+        value = p.grid_on(default[p.name])[i] if p.grid else _SMALL * default[p.name]
         for shape in (0.0, math.pi / 2 if spanned.span == "phase" else 1.0) if spanned else (None,):
             probe = base | {p.name: value}
             if spanned:
@@ -158,6 +158,4 @@ def _nearest(cell: Cell, weights: NDArray[np.float64], gram: NDArray[np.float64]
 def _grid(p: Parameter, default: float, choices: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     if isinstance(p.grid, str):
         return choices[p.grid]
-    if not p.grid:
-        return np.array([default])
-    return np.asarray(p.grid, dtype=float) * (default / p.default if p.default else 1.0)
+    return np.array(p.grid_on(default) or (default,))
