@@ -45,6 +45,25 @@ def test_a_strong_effect_is_found_where_model_5_is_far_away(strong):
     assert cost(found) < cost(nominal) - 100.0
 
 
+def test_what_cannot_catch_up_with_a_known_fit_costs_less(strong):
+    """Beside the right effect's fit, the others are given up early; without it the best of them are followed."""
+    log, nominal, anchor = strong
+    starts, right = candidates([log], TABLE_3), "input_gain_asymmetry"
+    known = afresh(nominal, starts, Search(anchor, [right]))[right]
+    rounds: list[str] = []
+
+    def counting(plant, *args, **asked):
+        rounds.append(asked["effort"])
+        return fit(plant, *args, **asked)
+
+    wrong = Search(anchor, [name for name in ONLY if name != right], fitter=counting)
+    without = afresh(nominal, starts, wrong)
+    spent = len(rounds)
+    beside = afresh(nominal, starts, wrong, known)
+    assert len(rounds) - spent < spent  # though one round is of the known fit
+    assert all(cost(found) > cost(known) + 100.0 for found in (*without.values(), *beside.values()))
+
+
 def test_without_starts_nothing_is_found(strong):
     _, nominal, anchor = strong
     assert afresh(nominal, [], Search(anchor, ONLY)) == {}
