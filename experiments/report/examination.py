@@ -61,7 +61,7 @@ class Examination:
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
         d, design = self.diagnosis, self.design
-        if d.together is not None:
+        if d.uncertain or (d.together is not None and not d.added):
             return TOGETHER.format(logs=shlex.join(log.source for log in (*self.logs, *self.held_out)))
         if design is not None and design.nats >= CLEAR:
             entry, duration = design.best.entry, design.best.setup.duration

@@ -40,7 +40,7 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
     if d.verdict in ("named", "ambiguous") and d.leftover:
         label += "; a part remains"
     headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
-    if d.verdict == "none" and d.together is not None:
+    if d.uncertain:
         label += "; parameters uncertain"
     gap = judged_on(d)
     far = gap is not None and gap.after_over_floor > d.policy.far
@@ -140,12 +140,9 @@ def _doubts(d: Diagnosis) -> list[str]:
         others = joined([EFFECTS[name].title for name in alike], "or")
         doubts.append(f"These logs cannot tell this from {others}.")
     if d.together is not None:
-        fitted = f"With model (5) fitted to all logs together it is {times(d.together)} times"
-        why = (
-            "what is missing shows there"
-            if d.verdict == "unknown"
-            else "the searched logs alone say too little about the parameters"
-        )
+        fitted = f"With the parameters fitted to all logs together it is {times(d.together)} times"
+        too_little = "the searched logs alone say too little about the parameters"
+        why = too_little if d.uncertain else "what is missing shows there"
         doubts.append(f"{fitted}: {why}.")
     remains = []
     if d.verdict in ("named", "ambiguous"):

@@ -46,7 +46,7 @@ PART_REMAINS = (
 """What to do with a named effect that leaves a part unexplained."""
 
 TOGETHER = "Diagnose all logs together, and hold out a new one: `furuta diagnose {logs} --held-out NEW -o diagnosis`."
-"""What to do where nothing was named and held-out logs are predicted far off."""
+"""What to do where held-out logs are predicted far off, and a fit to all logs mends it or nothing was named."""
 
 
 TELL_APART = (

@@ -61,8 +61,8 @@ class Diagnosis:
 
     gap: the prediction errors on data that no fit saw, or None where they could not be had; `gap_remark` says why.
     confirmed: False where such data have shown no gain from the effects; `plant` is then without them. still_off:
-    error over the noise floor that is left on such data, where that is much; 1 otherwise. together: the same with model
-    (5) fitted to these data as well, where nothing was named and they were predicted far off. second: what
+    error over the noise floor that is left on such data, where that is much; 1 otherwise. together: the same with the
+    parameters fitted to these data as well, where they were predicted far off. second: what
     multiple shooting makes of the same structure, where much is left or the floor is in doubt. learned: a torque
     without a name that was learned from what is left, and whether it was added. stretches: of each log, the seconds
     (from, to) that were searched; empty where all were.
@@ -152,16 +152,21 @@ class Diagnosis:
         return replace(self, summary=f"{self.summary} {sentences.still_off(ratio)}", still_off=ratio)
 
     def astray(self, ratio: float, together: float | None) -> Diagnosis:
-        """The same where nothing was named, once data that no fit saw are predicted with `ratio` times the error that
-        noise leaves, and with `together` times where model (5) is fitted to them as well (None: nobody can say). What
-        such a fit mends, the searched logs said too little about; what it does not is something unknown."""
-        if self.verdict == "unknown":
+        """The same once data that no fit saw are predicted with `ratio` times the error that noise leaves, and with
+        `together` times where the parameters are fitted to them as well (None: nobody can say). What such a fit mends,
+        the searched logs said too little about; what it does not is a part that is missing, or something unknown."""
+        if self.verdict == "unknown" or (together is None and self.added):
             return self.falling_short(ratio)
         summary = f"{self.summary} {sentences.astray(ratio, together, self.policy.far)}"
         told = replace(self, summary=summary, together=together)
         if together is None or together <= self.policy.far:
             return told
-        return replace(told, verdict="unknown", still_off=ratio)
+        return replace(told, verdict=self.verdict if self.added else "unknown", still_off=ratio)
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the searched logs say too little about the parameters to predict other data."""
+        return self.together is not None and self.together <= self.policy.far
 
     @property
     def _left(self) -> str:

@@ -95,18 +95,18 @@ def still_off(ratio: float) -> str:
 
 
 def astray(ratio: float, together: float | None, far: float) -> str:
-    """How far off held-out data are predicted where nothing was named, and with model (5) fitted to them as well."""
+    """How far off held-out data are predicted, and with the parameters fitted to them as well."""
     told = f"Predictions of held-out data are {ratio:.1f} times as far off as noise alone would make them"
     if together is None:
         return f"{told}, though nothing stands out of the noise on the searched logs."
     if together > far:
         return (
-            f"{told}, and {together:.1f} times with model (5) fitted to all logs together: something is missing that "
-            "shows there. Diagnose all logs together."
+            f"{told}, and {together:.1f} times with the parameters fitted to all logs together: something is missing "
+            "that shows there. Diagnose all logs together."
         )
     return (
-        f"{told}, and {together:.1f} times with model (5) fitted to all logs together: the searched logs alone say too "
-        "little about its parameters."
+        f"{told}, and {together:.1f} times with the parameters fitted to all logs together: the searched logs alone "
+        "say too little about them."
     )
 
 

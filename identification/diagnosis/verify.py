@@ -21,7 +21,7 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         gap = measure_gap(diagnosis, held)
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
-    plant = diagnosis.before.plant
+    plant = (diagnosis.after if diagnosis.added else diagnosis.before).plant
     return judged(replace(diagnosis, gap=gap), gap, lambda: held.together(plant))
 
 
@@ -57,7 +57,7 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     """The diagnosis in the light of held-out data: names taken back, what they leave of the gap, or that nothing was
     named and the gap is there.
 
-    together() is the error over the noise floor of model (5) fitted to all logs, None where nobody can say; it takes
+    together() is the error over the noise floor of the plant fitted to all logs, None where nobody can say; it takes
     time, and is asked only if it matters.
 
     Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat.
@@ -66,10 +66,9 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     if witness is None:
         return diagnosis
     far = witness.after_over_floor > diagnosis.policy.far
-    if not witness.changed:
-        if not far:
-            return diagnosis
-        return diagnosis.astray(witness.after_over_floor, together() if diagnosis.verdict == "none" else None)
-    if speaks_against(witness, diagnosis.policy):
+    if witness.changed and speaks_against(witness, diagnosis.policy):
         return diagnosis.vetoed()
-    return diagnosis.falling_short(witness.after_over_floor) if far else diagnosis
+    if not far:
+        return diagnosis
+    askable = diagnosis.verdict != "unknown" and not diagnosis.timed  # other logs have another clock
+    return diagnosis.astray(witness.after_over_floor, together() if askable else None)

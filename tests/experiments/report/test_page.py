@@ -159,6 +159,20 @@ def test_nothing_missing_is_not_all_where_new_data_are_far_off(examined, togethe
     assert "Nothing needs doing" not in shown
 
 
+@pytest.mark.parametrize(("together", "remains"), [(0.9, False), (1.9, True)])
+def test_a_named_effect_with_uncertain_parameters_leaves_no_part(examined, together, remains):
+    gap = replace(examined.diagnosis.gap, after=examined.diagnosis.gap.before)
+    d = replace(examined.diagnosis, gap=gap).astray(gap.after_over_floor, together)
+    assert d.verdict == "named"
+    screen = first_screen(d, "next")
+    assert not screen.good
+    assert screen.badge.endswith("a part remains" if remains else "parameters uncertain")
+    shown = text_of(build(replace(examined, diagnosis=d)))
+    assert f"all logs together it is {together:.1f} times" in shown
+    assert ("A part remains unexplained" in shown) is remains
+    assert ("Diagnose all logs together, and hold out a new one" in shown) is not remains
+
+
 def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
     part = replace(examined, diagnosis=replace(examined.diagnosis, stretches=(((0.0, 20.0), (40.0, 80.0)),)))
     assert "Only 0–20, 40–80 s were searched" in build(part)

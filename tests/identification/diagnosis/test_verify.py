@@ -57,8 +57,14 @@ def test_where_no_effect_was_found_nothing_is_taken_back() -> None:
     ("before", "after", "together", "verdict", "told"),
     [
         ("none", 1.4, 9.0, "none", None),
-        ("none", 2.6, 1.1, "none", "say too little about its parameters"),
-        ("none", 2.6, 2.2, "unknown", "2.2 times with model (5) fitted to all logs together: something is missing"),
+        ("none", 2.6, 1.1, "none", "searched logs alone say too little about them"),
+        (
+            "none",
+            2.6,
+            2.2,
+            "unknown",
+            "2.2 times with the parameters fitted to all logs together: something is missing",
+        ),
         ("none", 2.6, None, "none", "2.6 times as far off"),
         ("unknown", 2.6, 1.1, "unknown", "still 2.6 times as far off"),
         ("unknown", 1.4, 1.1, "unknown", None),
@@ -84,6 +90,26 @@ def test_all_logs_are_fitted_only_where_it_matters() -> None:
         gap = a_gap(ratio)
         judged(a_diagnosis(verdict=verdict), replace(a_change(), before=gap, after=gap), lambda: asked.append(1.0))
     assert asked == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "together", "off", "told"),
+    [
+        ("arm_spring", 1.1, 1.0, "say too little about them"),
+        ("arm_spring", 1.8, 2.1, "1.8 times with the parameters fitted to all logs together: something is missing"),
+        ("arm_spring", None, 2.1, "still 2.1 times as far off"),
+        ("payload_step", 1.1, 1.0, ""),  # other logs have another clock: they do not judge it
+    ],
+)
+def test_a_fit_to_all_logs_tells_uncertain_parameters_from_a_part_that_is_missing(
+    name: str, together: float | None, off: float, told: str
+) -> None:
+    found = judged(a_diagnosis(name), a_change(after=2.1), lambda: together)
+    assert found.verdict == "named"
+    assert found.still_off == pytest.approx(off)
+    assert found.leftover is (off > 1.0)
+    assert found.uncertain is (told == "say too little about them")
+    assert told in found.summary
 
 
 @pytest.mark.parametrize(("after", "told"), [(1.05, False), (2.1, True)])
