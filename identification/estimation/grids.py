@@ -26,7 +26,6 @@ from .start import reduced
 
 _SHORT = 6  # iterations
 _ROUGH = 0.5  # nats
-_COARSER = 2.0  # times the integration step
 _TIMES = np.linspace(0.05, 0.95, 19)  # of a log's duration
 _MOST = 60  # points: of several effects at once those of the first
 
@@ -41,7 +40,7 @@ def from_grids(
 ) -> Plant:
     """The plant with those of its effects that `names` has, where a short fit of everything gets lowest.
 
-    make: the problem of a plant on records. known: "effect.parameter" of what is not tried. A frequency starts from its
+    make: the problem of a plant on records, which may be integrated more coarsely than usual. known: "effect.parameter" of what is not tried. A frequency starts from its
     default: `diagnose` finds it in a spectrum. pool: where the fits run side by side, each in one thread.
     """
     duration = max(float(r.t[-1]) for r in records)
@@ -61,7 +60,6 @@ def from_grids(
 
     def ended(start: Plant) -> tuple[float, Plant]:
         problem = make(start, thin)
-        problem.coarser = _COARSER
         found = minimise(problem, problem.start(), _SHORT, _ROUGH, exact=False)
         return found.value, problem.plant_at(found.z) if math.isfinite(found.value) else start
 

@@ -39,6 +39,7 @@ from .restarts import restarted
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
 
+_COARSER = 2.0  # times the integration step, for a first look
 _R_RANGE = (3.0, 2000.0)  # s/rad
 _R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
 
@@ -100,7 +101,7 @@ def _most_likely(
     plant = with_known(winner.plant, known, effects)
 
     def quickly(plant: Plant, records: Sequence[Record]) -> PredictionError:
-        return PredictionError(plant, records, free(plant), winner.noise, physical=physical, zeros=zeros)
+        return PredictionError(plant, records, free(plant), winner.noise, _COARSER, physical=physical, zeros=zeros)
 
     named = {effect for effect in effects if isinstance(effect, str)}
     plant = from_grids(quickly, plant, records, named, {*fixed, *priors}, pool)
