@@ -40,8 +40,9 @@ def from_grids(
 ) -> Plant:
     """The plant with those of its effects that `names` has, where a short fit of everything gets lowest.
 
-    make: the problem of a plant on records, which may be integrated more coarsely than usual. known: "effect.parameter" of what is not tried. A frequency starts from its
-    default: `diagnose` finds it in a spectrum. pool: where the fits run side by side, each in one thread.
+    make: the problem of a plant on records, which may be integrated more coarsely than usual. known: "effect.parameter"
+    of what is not tried. A frequency starts from its default: `diagnose` finds it in a spectrum. pool: where the fits
+    run side by side, each in one thread.
     """
     duration = max(float(r.t[-1]) for r in records)
     grids = {}
