@@ -125,8 +125,8 @@ def test_differences_are_as_short_as_need_be() -> None:
 
 
 def test_the_objective_is_smooth_over_the_steps_of_its_derivatives() -> None:
-    """Second differences over 3e-11 show rounding errors alone. With state Jacobians over 1e-6 they were 2e-6 nats, which
-    differences over 1e-6 turn into slopes of whole nats."""
+    """Second differences over 3e-11 show rounding errors alone. With state Jacobians over 1e-6 they were 2e-6 nats,
+    which differences over 1e-6 turn into slopes of whole nats."""
     log, plant = loop_log("arm_cable", T=0.004)
     records = [Record.from_log(log)]
     p = PredictionError(plant, records, plant_coordinates(plant), Noise(quietest(plant, records)))
