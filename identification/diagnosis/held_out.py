@@ -5,6 +5,7 @@ A plant predicts whole logs as it is. The last part of a log is predicted by the
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,6 +18,7 @@ from ..estimation.identify import identify
 from ..estimation.zeros import moved
 from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
+from ..logs.checks import LogWarning
 from ..logs.log import Log
 from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
 from .gap_change import GapChange, speaks_against
@@ -63,10 +65,13 @@ class HeldOut:
         where there are none, or where no such fit can be had."""
         if not self.whole:
             return None
-        try:
-            return validate(identify((*self.logs, *self.whole), plant).plant, self.whole).ratio_to_floor
-        except ValueError:
-            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LogWarning)  # that their zeros lie apart, which is allowed for
+            try:
+                fitted = identify((*self.logs, *self.whole), plant)
+            except ValueError:
+                return None
+        return validate(fitted.plant, self.whole).ratio_to_floor
 
     def change(self, before: Gap, after: Gap) -> GapChange:
         """How much of the gap closes from one plant to another; nothing from one to itself."""
