@@ -65,16 +65,19 @@ class LinearEffect:
         """Where a step from z (n,) ends whose straight end is `straight` (n,), within the bounds.
 
         The coefficients change by what the straight step changes them by to first order. Where bounds forbid that,
-        they come as near as they can by `information` (n, n), the curvature of the objective at z.
+        they come as near as they can by `information` (n, n), the curvature of the objective at z. What the straight
+        step leaves where it is stays there: it is held, by a bound or by a profile.
         """
-        every, own = list(self.index.values()), [self.index[name] for name in self.solved]
-        if np.array_equal(straight[every], z[every]):
+        every = list(self.index.values())
+        moving = [name for name in self.solved if straight[self.index[name]] != z[self.index[name]]]
+        own = [self.index[name] for name in moving]
+        if len(own) < 2:
             return straight
         wanted = self._coefficients(z) + self._slopes(z, self.index) @ (straight - z)[every]
         # what a miss of the coefficients costs: as much as of the parameters that make it up
         values, vectors = np.linalg.eigh(information[np.ix_(own, own)])
-        weight = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T @ np.linalg.pinv(self._slopes(z, self.solved))
-        low, high = np.array([self.free[name].z_bounds for name in self.solved]).T
+        weight = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T @ np.linalg.pinv(self._slopes(z, moving))
+        low, high = np.array([self.free[name].z_bounds for name in moving]).T
         end = straight.copy()
 
         def misses(x: Array) -> Array:
