@@ -137,7 +137,7 @@ def _counts(where: Where) -> str:
 
 
 def _them(d: Diagnosis) -> str:
-    return joined([EFFECTS[s.name].title for s in d.found], "and")
+    return joined([EFFECTS[s.name].title for s in d.named], "and")
 
 
 def _grid(summary: str, drawings: Sequence[Drawing]) -> Details:

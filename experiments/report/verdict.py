@@ -50,8 +50,15 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
 
 def sentences(diagnosis: Diagnosis) -> list[str]:
     """What each effect found does to the rig, with its size."""
-    after = diagnosis.after
-    return [f"{e.sentence(after.plant.unit)}." for e in effects(diagnosis)] if after is not None else []
+    after, naming = diagnosis.after, diagnosis.naming
+    if after is None or naming is None:
+        return []
+    told = []
+    for effect in effects(diagnosis):
+        of = naming.describes(effect.name)
+        law = f" This only describes what the library's law of {EFFECTS[of].title} misses." if of is not None else ""
+        told.append(f"{effect.sentence(after.plant.unit)}.{law}")
+    return told
 
 
 def effects(diagnosis: Diagnosis) -> list[Effect]:
@@ -108,8 +115,8 @@ def _found(d: Diagnosis) -> str:
 
 def _improvement(d: Diagnosis) -> str:
     """What adding the effects does to the error on data that no fit saw."""
-    gap, titles = judged_on(d), joined([EFFECTS[s.name].title for s in d.found], "and")
-    one = len(d.found) == 1
+    gap, titles = judged_on(d), joined([EFFECTS[s.name].title for s in d.named], "and")
+    one = len(d.named) == 1
     it = "it" if one else "them"
     if gap is None:
         return "It could not be tested on new data." if d.found else ""

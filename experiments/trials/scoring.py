@@ -112,7 +112,7 @@ def _result(kind: str, hidden: list[str], hard: bool, sets: list[tuple[str, ...]
     if verdict == "insufficient_excitation":
         return "insufficient"
     if kind == "outside":
-        if verdict == "unknown" or (sets and answer.get("leftover")):
+        if verdict == "unknown" or (sets and (answer.get("leftover") or answer.get("other_laws"))):
             return "right"
         return "wrong" if sets else "missed"
     if verdict == "unknown":

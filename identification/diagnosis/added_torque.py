@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, Effect, EffectType, Plant
+from furuta_gym.plant import Effect, EffectType, Plant
 from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.linearization import state_derivative
 
@@ -47,37 +46,6 @@ def added_torque(plant: Plant, names: Sequence[str], signals: Signals) -> NDArra
         apart = state_derivative(plant, x, tau, t)[2:4] - state_derivative(without, x, u, t)[2:4]
         m11, m12, m22 = mass_matrix(q[1], *without.theta[:4])
         rows.append((m11 * apart[0] + m12 * apart[1], m12 * apart[0] + m22 * apart[1]))
-    return np.array(rows)
-
-
-def law_change(before: Plant, after: Plant, name: str, other: str, logs: Sequence[Log]) -> float:
-    """How much the torque that a motion asks for changes from one plant to another that has the effect `name` besides,
-    as a share of the torque of its effect `other`: deviation over deviation along the longest log, on the rows on which
-    `name` acts.
-
-    θ counts with the effects, as it takes back most of what an effect that only mends another's form adds. Constant
-    parts do not count: a tilted base holds the pendulum with a torque beside which the form of its pull on the arm
-    would be nothing. Infinite where one of the two is no function of the motion, or where the filter loses the log."""
-    if not all(is_function_of_motion(EFFECTS[n]) for n in (name, other)):
-        return math.inf
-    try:
-        signals = motion_of(after, logs)
-    except ValueError:
-        return math.inf
-    rows = [row for row, joint in enumerate(("arm", "pendulum")) if joint in EFFECTS[name].place] or [0, 1]
-    change = (_asked_for(after, signals) - _asked_for(before, signals))[:, rows]
-    size = float(np.sum(np.var(added_torque(after, [other], signals)[:, rows], axis=0)))
-    return math.sqrt(float(np.sum(np.var(change, axis=0))) / size) if size > 0.0 else math.inf
-
-
-def _asked_for(plant: Plant, signals: Signals) -> NDArray[np.float64]:
-    """Torque (N, 2) besides the plant's own that the accelerations of a motion need."""
-    command = _commanded(plant.effects, signals)
-    rows = []
-    for t, q, v, a, tau in zip(signals.t, signals.q, signals.v, signals.a, command, strict=True):
-        left = a - state_derivative(plant, np.array([*q, *v]), tau, t)[2:4]
-        m11, m12, m22 = mass_matrix(q[1], *plant.theta[:4])
-        rows.append((m11 * left[0] + m12 * left[1], m12 * left[0] + m22 * left[1]))
     return np.array(rows)
 
 

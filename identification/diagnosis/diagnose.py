@@ -21,14 +21,15 @@ from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
 from . import sentences
-from .added_torque import law_change
 from .equals import interchangeable
 from .held_out import HeldOut
 from .learning import with_learned
-from .locate.locate import locate, long_enough
+from .leftovers import Leftovers
+from .locate.locate import locate
 from .locate.location import Where
+from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
-from .naming.fits import Fit, Fitter, added, fit
+from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.journal import FitJournal
 from .naming.search import NOTHING_YET, Search
@@ -159,19 +160,8 @@ def _named(
 ) -> tuple[Naming, Estimate, Where]:
     """The search for names, the estimate with what was found, and what that leaves. joined: see `name_effects`."""
     logs, policy = held.logs, search.policy
-    known: dict[int, tuple[Fit, float]] = {}  # a search asks for the same fit again
-
-    def left(fitted: Fit) -> float:
-        if id(fitted) not in known:
-            found = locate(fitted.plant, moved(logs, fitted.zeros), policy)
-            known[id(fitted)] = fitted, 0.0 if found.negligible else found.evidence
-        return known[id(fitted)][1]
-
-    def change(without: Fit, fitted: Fit, other: str) -> float:
-        name = added(fitted, without).name
-        return law_change(without.plant, fitted.plant, name, other, moved(logs, fitted.zeros))
-
-    naming = upheld(name_effects(nominal, search, most, left, held, joined, change), search, held)
+    rest = Leftovers(logs, policy)
+    naming = upheld(name_effects(nominal, search, most, rest, held, joined), search, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
@@ -179,9 +169,9 @@ def _named(
     elif abs(_zero_in_counts(naming.final)) > policy.negligible:  # which `before` takes as none
         after = identify(logs, before.plant, zeros=naming.final.zeros)
     search.progress("looking at what is left")
-    rest = locate(after.plant, moved(logs, after.zeros), policy)
-    naming = unsettled(naming, rest, policy)
-    return replace(naming, same=interchangeable(naming, logs, policy)), after, rest
+    remains = locate(after.plant, moved(logs, after.zeros), policy)
+    naming = unsettled(naming, remains, policy)
+    return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
 
 
 def _zero_in_counts(fitted: Fit) -> float:
@@ -268,5 +258,7 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, 
         return ("unknown", remains[0]) if remains else ("none", sentences.nothing(rest))
     if rest.matters and rest.evidence > sum(suspect.net for suspect in naming.accepted):
         return "unknown", f"{remains[0]} {sentences.nearest(names)}"
-    verdict = "ambiguous" if any(naming.apart) else "named"
+    own = {suspect.name for suspect in naming.own}
+    apart = any(equals for s, equals in zip(naming.accepted, naming.apart, strict=True) if s.name in own)
+    verdict = "ambiguous" if apart else "named"
     return verdict, " ".join([sentences.misses(naming), *remains])

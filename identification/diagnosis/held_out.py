@@ -22,7 +22,7 @@ from ..logs.checks import LogWarning
 from ..logs.log import Log
 from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
 from .gap_change import GapChange, speaks_against
-from .naming.fits import Fit, added
+from .naming.fits import Fit, added, further
 from .naming.suspects import follows_clock
 from .policy import DecisionPolicy
 
@@ -87,7 +87,10 @@ class HeldOut:
         return gap.ratio_to_floor > self.policy.far
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
-        """Whether a further effect closes some of the gap for certain, and a share of it that matters."""
+        """Whether further effects close some of the gap for certain, and a share of it that matters. Of what follows
+        the clock of its own log, other logs say nothing."""
+        if self.whole and all(follows_clock(effect.name) for effect in further(fitted, without)):
+            return False
         change = self._between(without, fitted)
         if change is None:
             return False

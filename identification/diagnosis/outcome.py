@@ -137,6 +137,11 @@ class Diagnosis:
         return self.naming.accepted if self.naming else ()
 
     @property
+    def named(self) -> tuple[Suspect, ...]:
+        """Of these, the ones that are named: without what only describes another law of one."""
+        return self.naming.own if self.naming else ()
+
+    @property
     def not_visible(self) -> list[str]:
         """Effects that θ imitates on these logs, so that nothing can be said about them."""
         shares = self.naming.absorbed if self.naming else {}
@@ -181,12 +186,14 @@ class Diagnosis:
         """As diagnosis.json has it."""
         naming = self.naming
         effects = [self._effect(i, suspect) for i, suspect in enumerate(naming.accepted)] if naming else []
+        describes = [naming.describes(suspect.name) for suspect in naming.accepted] if naming else []
         first = naming.rankings[0] if naming and naming.rankings else ()
         return {
             "schema": SCHEMA,
             "verdict": self.verdict,
             "summary": self.summary,
-            "effects": effects,
+            "effects": [e for e, of in zip(effects, describes, strict=True) if of is None],
+            "other_laws": [e | {"law_of": of} for e, of in zip(effects, describes, strict=True) if of is not None],
             "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
             "not_visible": self.not_visible,
             "absorbed": dict(ABSORBED),
@@ -230,6 +237,9 @@ class Diagnosis:
             for suspect, equals in zip(self.naming.accepted, self.naming.apart, strict=True):
                 found = self.after.plant.effect(suspect.name) if self.after else None
                 lines.append(f"  + {found}   [{EFFECTS[suspect.name].equation}]")
+                if (of := self.naming.describes(suspect.name)) is not None:
+                    lines.append(f"    describes what the law of {of} misses; no effect of its own")
+                    continue
                 lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
                 if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
                     lines.append(f"    {ONCE_A_TURN}")

@@ -58,7 +58,11 @@ class DecisionPolicy:
     least_share: float = _rule(0.1, "the same where structure was left without it and none is with it", DEV)
     doubtful_share: float = _rule(0.05, "of some gain before, from which an effect waits for what follows it", DEV)
     alike_share: float = _rule(0.5, "the same beside a look-alike of its own", DEV)
-    form: float = _rule(0.1, "of a look-alike's torque, what a further effect must change: laws are no better", DEV)
+    another_law: float = _rule(
+        0.45, "of its net gain, what another law of an effect before must explain for it to be no further one", DEV
+    )
+    foreign: float = _rule(0.1, "of its gain, up to which their laws have nothing to do with a further effect", DEV)
+    much: float = _rule(100.0, "net gain from which such an effect counts however small it is beside them", DEV, "nats")
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
     together: float = _rule(0.8, "of one effect's gain, what two in its place need between them", DEV)
     pairs: int = _rule(6, "pairs that are tried in place of one effect", COST, "pairs")

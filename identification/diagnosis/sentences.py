@@ -28,10 +28,19 @@ def effects(names: Sequence[str], same: Sequence[Sequence[str]] = ()) -> str:
 
 
 def misses(naming: Naming) -> str:
-    """What the model misses, and what of it was taken back."""
-    names = [suspect.name for suspect in naming.accepted]
-    either = ", or a look-alike that these logs cannot tell from it" if any(naming.apart) else ""
-    text = f"The model misses {effects(names, naming.same)}{either}."
+    """What the model misses, of which effects the law is another, and what was taken back."""
+    own = {suspect.name for suspect in naming.own}
+    which = [i for i, suspect in enumerate(naming.accepted) if suspect.name in own]
+    names = [naming.accepted[i].name for i in which]
+    same = [naming.same[i] for i in which] if naming.same else ()
+    either = ", or a look-alike that these logs cannot tell from it" if any(naming.apart[i] for i in which) else ""
+    text = f"The model misses {effects(names, same)}{either}."
+    for suspect in naming.accepted:
+        if (of := naming.describes(suspect.name)) is not None:
+            text += (
+                f" The law of {of} is not quite the library's: {effects([suspect.name])} describes the difference, "
+                "and is part of the plant for that only."
+            )
     if naming.taken_back:
         back = capital(effects([suspect.name for suspect in naming.taken_back]))
         text += f" {back} would explain more of these logs, but predictions of held-out data do not improve with it."

@@ -7,7 +7,7 @@ best is then believed or not by its likelihood with the noise estimated anew, wi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,14 +56,16 @@ class Evidence:
     change: Array
 
 
-def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: tuple[str, str]) -> Evidence:
-    """Evidence of a family: the price is of its directions and of the search for them, the noise estimated anew on
-    both sides.
+def evidence_of(
+    looks: Sequence[Look], columns: Sequence[list[Family]], chosen: Collection[tuple[str, str]]
+) -> Evidence:
+    """Evidence of families, by channel and variable: the price is of their directions and of the search for them, the
+    noise estimated anew on both sides.
 
     With the noise held at what the plain model needs, a missing torque passes for torque noise and its evidence
     shrinks tenfold.
     """
-    own = [[f for f in group if _merged(f) == chosen] for group in columns]
+    own = [[f for f in group if _merged(f) in chosen] for group in columns]
     with_it = _refit(looks, own)
     without = _refit(looks, [[] for _ in looks])
     samples = sum(2 * int(look.plain.used.sum()) for look in looks)

@@ -16,22 +16,21 @@ from numpy.typing import NDArray
 from furuta_gym.plant import THETA_NAMES, Plant
 from furuta_gym.plant.effects.words import number
 
-from ...discrepancy.basis import ZEROS, Knots, Signals, families
-from ...discrepancy.correction import combined, flexible
+from ...discrepancy.basis import ZEROS
+from ...discrepancy.correction import combined
 from ...discrepancy.prediction_change import prediction_change
 from ...discrepancy.response import answers
 from ...estimation.pool import one_blas_thread
 from ...kalman.likelihood import whiten
 from ...kalman.noise import likeliest
-from ...kalman.path import along, follow, refilter, smooth
-from ...kalman.record import Stretch, stretches
-from ...kalman.whiteness import FEWEST, Whitened, innovations
-from ...logs.checks import LogError
+from ...kalman.path import follow, refilter, smooth
+from ...kalman.whiteness import Whitened, innovations
 from ...logs.log import Log
 from ..policy import DecisionPolicy
 from .constancy import Constancy, constancy
 from .evidence import HORIZON, Look, evidence_of, parameters_of, suspicions_of
 from .location import MissingTorque, Suspicion, Where
+from .seen import Seen
 from .structure import largest_line, predictable
 from .torque_maps import VARIABLES, torque_map
 
@@ -40,7 +39,6 @@ _BLOCK = 0.25  # s
 Array = NDArray[np.float64]
 
 
-@one_blas_thread
 def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | None = None) -> Where:
     """Where the plant fails on these logs, usually those it was fitted to.
 
@@ -48,14 +46,16 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
     ValueError if a log is too short or the filter loses it.
     """
     policy = policy or DecisionPolicy()
-    logs = [logs] if isinstance(logs, Log) else list(logs)
-    looks = [_look(plant, stretch, float(logs[stretch.log].t[0])) for stretch in long_enough(logs, policy)]
-    knots = Knots.of([look.signals for look in looks])
-    peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
-    columns = [families(look.signals, plant, knots, peaks, (0.0, logs[look.log].duration)) for look in looks]
+    return located(Seen.of(plant, (logs,) if isinstance(logs, Log) else logs, policy), policy)
+
+
+@one_blas_thread
+def located(seen: Seen, policy: DecisionPolicy) -> Where:
+    """`locate` for what has been seen already."""
+    plant, logs, looks, columns = seen.plant, seen.logs, seen.looks, seen.columns
     suspicions = suspicions_of(looks, columns, policy)
     best = suspicions[0]
-    evidence = evidence_of(looks, columns, (best.channel, best.variable))
+    evidence = evidence_of(looks, columns, {(best.channel, best.variable)})
     counts = evidence.change / _count(logs)
     found = evidence.nats > policy.left
     torques = tuple(_missing(look, logs[look.log].source) for look in looks)
@@ -94,17 +94,6 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
     )
 
 
-def long_enough(logs: Sequence[Log], policy: DecisionPolicy) -> list[Stretch]:
-    """The stretches between gaps in which `locate` looks. Raises LogError if there is none."""
-    found = [s for s in stretches(logs) if s.record.duration >= policy.shortest and len(s.piece) >= FEWEST]
-    if not found:
-        raise LogError(
-            f"{', '.join(log.source for log in logs)}: no stretch of {policy.shortest:g} s without a gap of the clock. "
-            "Expected one at least, to say what a model misses; record without dropping samples, or more slowly."
-        )
-    return found
-
-
 def _count(logs: Sequence[Log]) -> Array:
     """One count of each encoder (2,) [rad]; of readings that are not rounded, the step that would give their noise."""
     counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
@@ -115,16 +104,6 @@ def _count(logs: Sequence[Log]) -> Array:
 def _channel(best: Suspicion) -> str:
     """As diagnosis.json has it; a constant torque on the pendulum, which nothing drives, is a wrong zero."""
     return "sensor" if (best.channel, best.variable) == ("pendulum", "constant") else best.channel
-
-
-def _look(plant: Plant, stretch: Stretch, start: float) -> Look:
-    try:
-        found = flexible(plant, stretch.record)
-    except ValueError as error:
-        raise ValueError(f"{stretch.piece.source}: {error}") from error
-    smoothed = smooth(found.plain.path)
-    plain = along(found.plain.path, smoothed.mean, smoothed.variance[:, 2:4]) or found.uncorrected
-    return Look(stretch.log, start, found, plain, Signals.of(found.uncorrected))
 
 
 def _missing(look: Look, source: str) -> MissingTorque:

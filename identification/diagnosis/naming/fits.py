@@ -196,8 +196,13 @@ def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:
 
 def added(fitted: Fit, current: Fit) -> Effect:
     """The effect of `fitted` that `current` does not have (a plant keeps its effects in the library's order)."""
+    return further(fitted, current)[0]
+
+
+def further(fitted: Fit, current: Fit) -> tuple[Effect, ...]:
+    """All effects of `fitted` that `current` does not have."""
     had = {e.name for e in current.plant.effects}
-    return next(e for e in fitted.plant.effects if e.name not in had)
+    return tuple(e for e in fitted.plant.effects if e.name not in had)
 
 
 def without(fitted: Fit, current: Fit) -> Plant:

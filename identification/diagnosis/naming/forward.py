@@ -15,7 +15,7 @@ from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from ..policy import DecisionPolicy
 from .fits import Fit
-from .judge import Change, Judge, Left, NoWitness, Witness, never_small, nothing_left
+from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .pairs import two_for_one
 from .search import NOTHING_YET, Search
 from .suspects import Ranking, Suspect, alike
@@ -31,7 +31,8 @@ class Naming:
     accepted: the effects found. equals: beside each of them, what cannot be told from it. absorbed: share of each
     effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
     told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
-    same: of the equals, those that predict the same, so that nobody need tell them apart.
+    same: of the equals, those that predict the same, so that nobody need tell them apart. laws: which of the effects
+    found only describes another law of which.
     """
 
     nominal: Fit = field(repr=False)
@@ -43,6 +44,17 @@ class Naming:
     refused: Suspect | None = None
     taken_back: tuple[Suspect, ...] = ()
     same: tuple[tuple[str, ...], ...] = ()
+    laws: Mapping[str, str] = field(default_factory=dict)
+
+    def describes(self, name: str) -> str | None:
+        """The effect found of whose law another one is a part; None for an effect of its own."""
+        of = self.laws.get(name)
+        return of if of in {s.name for s in self.accepted} else None
+
+    @property
+    def own(self) -> tuple[Suspect, ...]:
+        """The effects found, without what only describes another law of one."""
+        return tuple(s for s in self.accepted if self.describes(s.name) is None)
 
     @property
     def apart(self) -> tuple[tuple[str, ...], ...]:
@@ -62,27 +74,26 @@ class _Grown:
     last: Ranking = ()
     absorbed: dict[str, float] = field(default_factory=dict)
     refused: Suspect | None = None
+    laws: Mapping[str, str] = field(default_factory=dict)
 
 
 def name_effects(
     nominal: Fit,
     search: Search,
     most: int = 6,
-    left: Left = nothing_left,
+    rest: Rest = NoRest(),  # noqa: B008  (no state)
     witness: Witness = NoWitness(),  # noqa: B008  (no state)
     joined: Mapping[str, Fit] = NOTHING_YET,
-    change: Change = never_small,
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.
 
-    nominal: the model without effects. most: effects at most. left(fit): evidence [nats] of torques that a fit
-    does not explain; a further effect that leaves more than it explains is not what is missing, only something that
-    takes its shape. witness: while a model is far off on data that no fit saw, these decide about a further effect, and
-    not how small it is beside the largest. joined: fits with one effect from other starts. change(without,
-    fit, other): how much a further effect changes the torques beside a look-alike.
+    nominal: the model without effects. most: effects at most. rest: what fits leave; a further effect that leaves
+    more than it explains, or that only describes another law of one before it, is not what is missing. witness: while
+    a model is far off on data that no fit saw, these decide about a further effect, and not how small it is beside the
+    largest. joined: fits with one effect from other starts.
     """
-    judge = Judge(search.policy, left, witness, change)
+    judge = Judge(search.policy, rest, witness)
     grown = _grow(search, _Grown(nominal, nominal), most, judge, joined)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
         grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
@@ -90,24 +101,28 @@ def name_effects(
     accepted = tuple(ranking[0] for ranking in grown.found)
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal) for r in grown.found)
     rankings = (*grown.found, grown.last) if grown.last else grown.found
-    return Naming(grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused)
+    return Naming(
+        grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused, laws=grown.laws
+    )
 
 
 def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mapping[str, Fit] = NOTHING_YET) -> _Grown:
     """Effects added one at a time, until no further one is believed.
 
     An effect that leaves more than it explains, or is small beside the others, stays for the time being: where several
-    are missing, it may be right, and only the next ones show it. In the end data that no fit saw must ask for it."""
+    are missing, it may be right, and only the next ones show it. In the end they must leave less than it explains,
+    or, if it is small, data that no fit saw must ask for it. What only describes another law of an effect found stays
+    where such data ask for it."""
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
-    found, last, refused = list(so_far.found), (), None
-    doubts: list[_Grown] = []  # before each effect that only data which no fit saw can justify, with what followed it
+    found, last, refused, laws = list(so_far.found), (), None, dict(so_far.laws)
+    doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
         search.progress(f"scoring the library (step {step + 1})")
         names, table = search.suspects(current, step)
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
         worth = partial(judge.counts, found, current=current)
-        complete = step > 0 and bool(names) and judge.left(current) <= 0.0
+        complete = step > 0 and bool(names) and judge.rest.left(current) <= 0.0
         joining = NOTHING_YET if step else joined
         current, last = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
         if step == 0:
@@ -123,20 +138,23 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         if leaves_more and judge.minor(found, last[0]):
             refused = last[0]
             break
-        together = search.reconsidered([*found, last], judge.confirmed)
+        together = search.reconsidered([*found, last], judge.asked_for)
         small = judge.slight(together, last[0], current)
         exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
-        mends_form = not exchanged and judge.mends_form(together, last[0], current)
-        if mends_form or (small and judge.minor(together[:-1], together[-1][0])):
+        law_of = None if exchanged else judge.law_of(together, current)
+        if law_of is not None and judge.confirmed(current, last[0].fit):
+            laws[last[0].name] = law_of
+        elif law_of is not None or (small and judge.minor(together[:-1], together[-1][0])):
             refused = last[0]
             break
         if leaves_more or small:
-            doubts.append(_Grown(nominal, current, tuple(found), last, absorbed, last[0]))
+            doubts.append((_Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws)), small))
         found, last, current = together, (), together[-1][0].fit
-    for before in doubts:
-        if not judge.confirmed(before.current, current):
+    for before, small in doubts:
+        explained = not small and judge.rest.left(current) <= before.last[0].net
+        if not (explained or judge.confirmed(before.current, current)):
             return before
-    return _Grown(nominal, current, tuple(found), last, absorbed, refused)
+    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws)
 
 
 def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:

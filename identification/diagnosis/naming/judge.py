@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from ..policy import DecisionPolicy
-from .fits import Fit
-from .suspects import Ranking, Suspect, alike, slight
-
-Left = Callable[[Fit], float]
-"""Evidence [nats] of torques that a fit does not explain."""
+from .fits import Fit, added
+from .suspects import Ranking, Suspect, price, slight
 
 
-def nothing_left(fitted: Fit) -> float:
-    """A `Left` that never sees anything."""
-    return 0.0
+class Rest(Protocol):
+    """What a fit leaves of the logs that it was fitted to."""
+
+    def left(self, fitted: Fit) -> float:
+        """Evidence [nats] of torques that a fit does not explain."""
+        ...
+
+    def another_law(self, fitted: Fit, name: str) -> float:
+        """The same, of what goes with the variables of an effect's own law; nan where nobody can say."""
+        ...
 
 
-Change = Callable[[Fit, Fit, str], float]
-"""How much a further effect changes the torques of a model, as a share of the torque of an effect found before;
-infinite where nobody can say."""
+class NoRest:
+    """A `Rest` that never sees anything."""
 
+    def left(self, fitted: Fit) -> float:
+        return 0.0
 
-def never_small(before: Fit, after: Fit, other: str) -> float:
-    """A `Change` that says nothing."""
-    return math.inf
+    def another_law(self, fitted: Fit, name: str) -> float:
+        return math.nan
 
 
 class Witness(Protocol):
@@ -64,49 +68,67 @@ class Judge:
     """Whether a further effect is one, or only mends the form of those found."""
 
     policy: DecisionPolicy
-    left: Left
+    rest: Rest
     witness: Witness
-    change: Change
 
     def counts(self, found: Sequence[Ranking], gain: float, current: Fit) -> bool:
-        """Whether a further effect of some gain [nats] may be one at all. The witness is asked last: it takes time."""
+        """Whether a further effect of some gain [nats] may be one at all. What takes time is asked last."""
         largest = max((ranking[0].gain for ranking in found), default=0.0)
-        return gain >= self.policy.least_share * largest or (gain > self.policy.believed and self.witness.far(current))
+        return gain >= self.policy.least_share * largest or (
+            gain > self.policy.believed and (self.foreign(gain, current) or self.witness.far(current))
+        )
+
+    def foreign(self, net: float, before: Fit) -> bool:
+        """Whether a further effect explains much that has nothing to do with the laws of those before it: hardly
+        anything that the model before leaves goes with their variables. net: its gain [nats], less its price."""
+        if net < self.policy.much:
+            return False
+        least = self.policy.foreign * net
+        return all(self.rest.another_law(before, effect.name) <= least for effect in before.plant.effects)
+
+    def asked_for(self, without: Fit, fitted: Fit) -> bool:
+        """Whether an effect found stays that is slight beside the others."""
+        name = added(fitted, without).name
+        net = without.value - fitted.value - price(name, fitted.samples)
+        return self.foreign(net, without) or self.confirmed(without, fitted)
 
     def much_left(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
         """Whether a further effect leaves so much that a better fit of it, or of another, may have been missed."""
         largest = max((ranking[0].gain for ranking in found), default=math.inf)
-        return self.left(suspect.fit) > max(suspect.net, self.policy.own_share * largest)
+        return self.rest.left(suspect.fit) > max(suspect.net, self.policy.own_share * largest)
 
     def takes_shape(self, found: Sequence[Ranking], suspect: Suspect, current: Fit) -> bool:
         """Whether a further effect leaves more than it explains."""
-        return bool(found) and self.left(suspect.fit) > suspect.net and not self.confirmed(current, suspect.fit)
+        return bool(found) and self.rest.left(suspect.fit) > suspect.net and not self.confirmed(current, suspect.fit)
 
     def minor(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
         """Whether a further effect explains too little beside every other one, whatever comes after it."""
         return all(suspect.gain < self.policy.doubtful_share * other.gain for other, *_ in found)
 
-    def mends_form(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
-        """Whether a further effect, the last of `together`, is a look-alike of another and hardly changes its torques.
-        Data that no fit saw ask for the right form, too, and say nothing about it."""
+    def law_of(self, together: Sequence[Ranking], before: Fit) -> str | None:
+        """The effect before it of which a further one, the last of `together`, only describes another law: such a law,
+        in that effect's own variables, would explain half as much to first order, and no less than any law in the
+        newest's."""
         *others, (newest, *_) = together
-        return any(
-            alike(newest.name, other.name) and self.change(before, suspect.fit, other.name) < self.policy.form
-            for other, *_ in others
-        )
+        laws = {other.name: self.rest.another_law(before, other.name) for other, *_ in others}
+        best = max(laws, key=lambda name: laws[name], default=None)
+        if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
+            return None
+        return best if laws[best] >= self.rest.another_law(before, newest.name) else None
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.
 
-        Not if it is just what was missing, nor if data that no fit saw ask for it."""
+        Not if it is just what was missing, nor if it has nothing to do with their laws or data that no fit saw ask for
+        it."""
         *others, (newest, *_) = together
         policy = self.policy
         if not slight(newest.name, newest.gain, others, policy):
             return False
         enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
-        if enough and self.left(suspect.fit) <= 0.0 and self.left(before) > policy.believed:
+        if enough and self.rest.left(suspect.fit) <= 0.0 and self.rest.left(before) > policy.believed:
             return False
-        return not self.confirmed(before, newest.fit)
+        return not (self.foreign(newest.net, before) or self.confirmed(before, newest.fit))
 
     def confirmed(self, before: Fit, after: Fit) -> bool:
         """Whether data that no fit saw, from which a model is far off, ask for a further effect."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
-from identification.diagnosis.added_torque import added_torque, law_change, motion_of
+from identification.diagnosis.added_torque import added_torque, motion_of
 from identification.diagnosis.naming.afresh import afresh, cost
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
@@ -85,38 +85,3 @@ def test_the_torque_of_an_effect_is_its_law():
         added = added_torque(plant, [effect.name], signals)
         np.testing.assert_allclose(added[:, 1], torque, atol=1e-9)
         np.testing.assert_allclose(added[:, 0], 0.0, atol=1e-9)
-
-
-def test_what_an_effect_changes_counts_theta_with_it():
-    """Friction near standstill changes next to nothing where Coulomb friction takes it back; by itself, what it
-    is."""
-    drag = Effect("pendulum_quadratic_drag", {"c": 0.01})
-    wide = Effect("pendulum_stribeck", {"ΔF": 0.005, "vs": 3.0})  # nearly the same as Coulomb friction
-    before = TABLE_3.with_effects(drag)
-    log, _ = loop_log(duration=4.0)
-    taken_back = before.replace(theta=TABLE_3.theta - np.eye(9)[8] * 0.005).with_effects(drag, wide)
-    names = "pendulum_stribeck", "pendulum_quadratic_drag"
-    after = before.with_effects(drag, wide)
-    signals = motion_of(after, [log])
-    sizes = [np.var(added_torque(after, [n], signals)[:, 1]) for n in names]
-    alone = law_change(before, after, *names, [log])
-    assert alone == pytest.approx(math.sqrt(sizes[0] / sizes[1]))
-    assert law_change(before, taken_back, *names, [log]) < 0.05 * alone
-
-
-def test_the_torque_that_holds_a_pendulum_on_a_tilted_base_makes_no_spring_of_the_arm_small():
-    tilt = Effect("base_tilt", {"αx": 0.0, "αy": 0.06, "G1": 0.0})  # a torque on both joints, nearly constant upright
-    spring = Effect("arm_spring", {"k": 0.02, "q1n": 0.0})
-    log, _ = loop_log(duration=4.0)
-    before = TABLE_3.with_effects(tilt)
-    after = before.with_effects(tilt, spring)
-    signals = motion_of(after, [log])
-    pull, held = (added_torque(after, [n], signals) for n in ("arm_spring", "base_tilt"))
-    assert np.sum(pull**2) < 0.01 * np.sum(held**2)
-    assert law_change(before, after, "arm_spring", "base_tilt", [log]) > 0.1
-
-
-def test_an_effect_with_a_memory_has_no_such_change():
-    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_presliding"), TABLE_3.default_effect("arm_stribeck"))
-    log, _ = loop_log(duration=4.0)
-    assert law_change(TABLE_3, plant, "arm_presliding", "arm_stribeck", [log]) == math.inf

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from identification.diagnosis.naming.forward import Naming, name_effects
-from identification.diagnosis.naming.judge import nothing_left
+from identification.diagnosis.naming.judge import NoRest
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Told, a_fit, search
 
 
-def named(values: dict[str, object], *names: str, left: object = None, **more: object) -> Naming:
-    by = search({"": 0.0, **values}, *names)
-    return name_effects(a_fit(), by, left=left or nothing_left, **more)  # type: ignore[arg-type]
+def named(values: dict[str, object], *names: str, witness: Any = None, **rest: Any) -> Naming:
+    """rest: answers of a `Rest`; besides, what `name_effects` takes."""
+    by, answers = search({"": 0.0, **values}, *names), NoRest()
+    more = {key: rest.pop(key) for key in ("most", "joined") if key in rest}
+    for question, answer in rest.items():
+        assert hasattr(answers, question)
+        setattr(answers, question, answer)
+    return name_effects(a_fit(), by, rest=answers, **({"witness": witness} if witness else {}), **more)
 
 
 def accepted(found: Naming) -> list[str]:
@@ -165,25 +171,40 @@ def test_a_small_effect_that_held_out_data_ask_for_stays_when_another_joins() ->
     assert found.final.value == pytest.approx(-2140.0, abs=0.1)
 
 
-BOTH = ["pendulum_quadratic_drag", "pendulum_stribeck"]
-
-
-@pytest.mark.parametrize(("change", "found"), [(0.05, ["pendulum_quadratic_drag"]), (0.3, BOTH)])
-def test_a_look_alike_that_hardly_changes_torques_mends_a_form_whatever_held_out_data_say(
-    change: float, found: list[str]
+@pytest.mark.parametrize(
+    ("drift", "periodic", "found"),
+    [
+        (300.0, 40.0, ["arm_friction_drift"]),  # another course of the drift would explain as much
+        (300.0, 400.0, None),  # more than half, and yet less than what goes with a frequency
+        (150.0, 40.0, None),  # less than half
+        (math.nan, math.nan, None),
+    ],
+)
+def test_what_goes_with_the_variables_of_an_effect_is_another_law_of_it(
+    drift: float, periodic: float, found: list[str] | None
 ) -> None:
-    """A drag of another power than the library's leaves what looks like friction near standstill."""
-    values = {"pendulum_quadratic_drag": -2000.0, " ".join(BOTH): -2500.0}
-    asked = []
+    both = ["arm_friction_drift", "periodic_torque"]
+    values = {"arm_friction_drift": -2000.0, " ".join(both): -2500.0}
+    of = {"arm_friction_drift": drift, "periodic_torque": periodic}
+    got = named(values, *both, another_law=lambda fit, name: of[name], witness=Told(needed=()))
+    assert accepted(got) == (found or both)
+    assert (got.refused is None) == (found is None)
+    asked_for = named(values, *both, another_law=lambda fit, name: of[name], witness=Told(needed=tuple(both)))
+    assert accepted(asked_for) == both  # held-out data ask for it: in the plant, and no name
+    assert [s.name for s in asked_for.own] == (found or both)
+    assert asked_for.laws == ({} if found is None else {"periodic_torque": "arm_friction_drift"})
 
-    def of(without: Any, fit: Any, other: str) -> float:
-        asked.append((without.plant.effect("pendulum_stribeck"), other))
-        return change
 
-    got = named(values, *BOTH, witness=Told(needed=tuple(BOTH)), change=of)
-    assert accepted(got) == found
-    assert asked == [(None, "pendulum_quadratic_drag")]
-    assert (got.refused is None) == (len(found) == 2)
+@pytest.mark.parametrize(
+    ("law", "net", "believed"), [(5.0, 150.0, True), (-40.0, 150.0, True), (40.0, 150.0, False), (5.0, 20.0, False)]
+)
+def test_a_small_effect_that_has_nothing_to_do_with_the_law_of_the_large_one_is_found(
+    law: float, net: float, believed: bool
+) -> None:
+    """A dead zone beside a tilt of twenty times its likelihood; what the tilt's law misses would look like a tilt."""
+    values = {"base_tilt": -3000.0, "base_tilt input_dead_zone": -3000.0 - net - PER_PARAMETER}
+    found = named(values, "base_tilt", "input_dead_zone", another_law=lambda fit, name: law)
+    assert accepted(found) == ["base_tilt", *(["input_dead_zone"] if believed else [])]
 
 
 def test_a_fit_that_joins_is_found_where_no_score_suggests_it() -> None:
@@ -239,7 +260,7 @@ def test_an_effect_that_leaves_much_stays_where_the_next_ones_justify_it() -> No
 
 def test_without_the_agreement_of_held_out_data_it_goes_with_all_that_followed() -> None:
     names = ("base_tilt", "input_delay", "arm_spring")
-    found = named(CHAIN, *names, left=_leaves)
+    found = named(CHAIN, *names, left=lambda fit: 800.0 if len(fit.plant.effects) > 1 else 50.0)
     assert accepted(found) == ["base_tilt"]
     assert found.refused is not None
     assert found.refused.name == "input_delay"
@@ -255,6 +276,11 @@ def test_beside_a_very_large_effect_a_smaller_one_waits_where_it_is_not_tiny(gai
     witness.confirms = lambda without, fitted: fitted.plant.effect("arm_spring") is not None
     found = named(values, *sprung.split(), left=left, witness=witness)
     assert accepted(found) == (sprung.split() if waits else ["base_tilt"])
+
+
+def test_it_stays_where_the_next_ones_explain_what_it_leaves() -> None:
+    names = ("base_tilt", "input_delay", "arm_spring")
+    assert accepted(named(CHAIN, *names, left=_leaves)) == list(names)
 
 
 def test_a_chain_ends_before_the_first_effect_that_held_out_data_do_not_ask_for() -> None:
@@ -276,8 +302,8 @@ def test_what_takes_the_place_of_a_look_alike_does_not_only_mend_its_form() -> N
         "base_tilt arm_cable": [Bowl(-2990.0), Bowl(-3899.0, 4.0)],
     }
 
-    def change(without: Any, fitted: Any, other: str) -> float:
-        return 0.01 if fitted.plant.effect("arm_cable") else 1.0
+    def of(fit: Any, name: str) -> float:
+        return 500.0 if name == "arm_spring" else -20.0
 
-    found = named(values, "base_tilt", "arm_spring", "arm_cable", change=change)
+    found = named(values, "base_tilt", "arm_spring", "arm_cable", another_law=of)
     assert accepted(found) == ["base_tilt", "arm_cable"]

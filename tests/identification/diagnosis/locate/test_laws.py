@@ -1,0 +1,48 @@
+"""Whether what is left goes with an effect's own variables."""
+
+from __future__ import annotations
+
+import pytest
+
+from furuta_gym.plant import EFFECTS, TABLE_3
+from identification.diagnosis.locate.evidence import _merged
+from identification.diagnosis.locate.laws import own_variables
+from identification.diagnosis.locate.seen import Seen
+from identification.diagnosis.policy import DecisionPolicy
+from tests.factories import loop_log
+
+POLICY = DecisionPolicy()
+LEARNED = "arm_learned"
+
+
+@pytest.fixture(scope="module")
+def pulled() -> Seen:
+    """A spring where a cable is that stiffens to one side."""
+    log, _ = loop_log("arm_cable")
+    return Seen.of(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")), [log], POLICY)
+
+
+def test_every_effect_has_variables_of_its_own_that_are_looked_at(pulled: Seen) -> None:
+    known = {_merged(family) for columns in pulled.columns for family in columns} | {("arm", "frequency")}
+    for name in set(EFFECTS) - {LEARNED}:
+        assert own_variables(name), name
+        assert own_variables(name) <= known, name
+
+
+def test_the_same_place_and_argument_is_the_same_variable() -> None:
+    assert own_variables("arm_spring") == own_variables("arm_taut_cable") == {("arm", "arm angle")}
+    assert own_variables("input_delay") == own_variables("actuator_lag")
+    assert own_variables("arm_stribeck").isdisjoint(own_variables("pendulum_stribeck"))
+    assert own_variables("arm_friction_drift").isdisjoint(own_variables("arm_stribeck"))
+
+
+def test_what_a_cable_leaves_of_a_spring_goes_with_the_angle(pulled: Seen) -> None:
+    assert pulled.another_law("arm_spring") > 100.0
+    assert pulled.another_law("input_delay") < 0.5 * pulled.another_law("arm_spring")
+
+
+def test_the_right_law_leaves_nothing_that_goes_with_it() -> None:
+    log, plant = loop_log("arm_spring")
+    seen = Seen.of(plant, [log], POLICY)
+    assert seen.another_law("arm_spring") < POLICY.left
+    assert seen.another_law("input_dead_zone") < POLICY.left
