@@ -127,6 +127,7 @@ def test_outside_the_library():
     assert marked(truth, said(verdict="unknown")) == "right"
     assert marked(truth, said(SPRING, leftover=True)) == "right"
     assert marked(truth, said(SPRING, leftover=False)) == "wrong"
+    assert marked(truth, said(SPRING, other_laws=[{"name": "actuator_lag", "law_of": SPRING[0]}])) == "right"
     assert marked(truth, said(SPRING)) == "wrong"
     assert marked(truth, said(leftover=True)) == "missed"
     assert marked(truth, said()) == "missed"

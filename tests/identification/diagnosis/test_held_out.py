@@ -73,6 +73,9 @@ def test_another_log_says_nothing_of_what_follows_a_logs_own_clock() -> None:
     worse = (BARE, _steady(5.0)), (DRIFT, _steady(6.0))
     assert not _held(*worse).denies(BARE, DRIFT)
     assert _held(*worse, whole=False).denies(BARE, DRIFT)
+    better = (BARE, _steady(5.0, 200.0)), (DRIFT, _steady(2.0))
+    assert not _held(*better).confirms(BARE, DRIFT)
+    assert _held(*better, whole=False).confirms(BARE, DRIFT)
 
 
 def test_a_tail_needs_its_share_of_the_likelihood_only() -> None:

@@ -13,6 +13,7 @@ from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import _anchor, _settled, _verdict, _without_sharpness
 from identification.diagnosis.naming.forward import unsettled
 from identification.diagnosis.policy import DecisionPolicy
+from identification.diagnosis.sentences import misses
 from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_diagnosis, a_fit, an_estimate, naming, rest, search, suspect
 
@@ -249,3 +250,32 @@ def test_a_ripple_of_one_period_a_turn_is_told_as_what_it_is(n: float, told: boo
     ripple = Effect("arm_ripple", {"A": 0.05, "φ": 0.3, "n": n})
     found = a_diagnosis("arm_ripple", rest=None, after=an_estimate(TABLE_3.with_effects(ripple)))
     assert ("no cogging" in str(found)) is told
+
+
+def test_what_describes_another_law_of_an_effect_is_told_apart_from_it() -> None:
+    """A lag of two time constants: a delay beside it describes the second."""
+    found = naming(suspect("input_delay", 150.0), suspect("actuator_lag", 900.0), laws={"input_delay": "actuator_lag"})
+    told = a_diagnosis("input_delay", "actuator_lag", naming=found, rest=None)
+    assert [s.name for s in told.named] == ["actuator_lag"]
+    assert [s.name for s in told.found] == ["input_delay", "actuator_lag"]
+    written = told.to_dict()
+    assert [e["name"] for e in written["effects"]] == ["actuator_lag"]
+    assert [(e["name"], e["law_of"]) for e in written["other_laws"]] == [("input_delay", "actuator_lag")]
+    assert "describes what the law of actuator_lag misses" in str(told)
+    text = misses(found)
+    assert text.startswith("The model misses a lag of the motor (actuator_lag). The law of actuator_lag is not quite")
+    assert "input_delay" in text
+
+
+def test_once_the_effect_is_gone_what_described_its_law_is_an_effect() -> None:
+    found = naming(suspect("input_delay", 150.0), laws={"input_delay": "actuator_lag"})
+    assert [s.name for s in found.own] == ["input_delay"]
+    assert found.describes("input_delay") is None
+
+
+def test_a_look_alike_of_what_only_describes_a_law_makes_nothing_ambiguous() -> None:
+    laws = {"input_delay": "actuator_lag"}
+    two = suspect("input_delay", 150.0), suspect("actuator_lag", 900.0)
+    for equals, verdict in (((("arm_backlash",), ()), "named"), (((), ("arm_backlash",)), "ambiguous")):
+        found = naming(*two, equals=equals, laws=laws)
+        assert _verdict(found, rest(), POLICY)[0] == verdict
