@@ -46,11 +46,14 @@ def diagnosis_page(x: Examination, extra: tuple[Section, ...] = ()) -> Page:
 
 
 def _effect(effect: Effect, d: Diagnosis) -> Text:
-    """An effect in small: identifier, law, values with error bars."""
+    """An effect in small: identifier, law, values with error bars, and whose law it only describes."""
     assert d.after is not None
+    assert d.naming is not None
+    of = d.naming.describes(effect.name)
+    told = "" if of is None else f"; describes only what the law of {of} misses"
     values = ", ".join(_value(effect, name, d.after.plant.unit) for name in effect.parameters)
-    line = Markup('<code>{}</code> <span class="equation">{}</span> {}').format(
-        effect.name, effect.type.equation, values
+    line = Markup('<code>{}</code> <span class="equation">{}</span> {}{}').format(
+        effect.name, effect.type.equation, values, told
     )
     return Text(line, "quiet")
 

@@ -49,16 +49,11 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
 
 
 def sentences(diagnosis: Diagnosis) -> list[str]:
-    """What each effect found does to the rig, with its size."""
-    after, naming = diagnosis.after, diagnosis.naming
-    if after is None or naming is None:
+    """What each named effect does to the rig, with its size."""
+    after, named = diagnosis.after, {s.name for s in diagnosis.named}
+    if after is None:
         return []
-    told = []
-    for effect in effects(diagnosis):
-        of = naming.describes(effect.name)
-        law = f" This only describes what the library's law of {EFFECTS[of].title} misses." if of is not None else ""
-        told.append(f"{effect.sentence(after.plant.unit)}.{law}")
-    return told
+    return [f"{e.sentence(after.plant.unit)}." for e in effects(diagnosis) if e.name in named]
 
 
 def effects(diagnosis: Diagnosis) -> list[Effect]:

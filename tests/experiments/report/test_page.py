@@ -173,6 +173,23 @@ def test_a_named_effect_with_uncertain_parameters_leaves_no_part(examined, toget
     assert ("Diagnose all logs together, and hold out a new one" in shown) is not remains
 
 
+def test_what_only_describes_a_law_is_in_small_and_not_in_the_headline(examined):
+    d = examined.diagnosis
+    (spring,), ripple = d.naming.accepted, TABLE_3.default_effect("arm_ripple")
+    naming = replace(
+        d.naming,
+        accepted=(replace(spring, name="arm_ripple"), spring),
+        equals=((), ()),
+        rankings=(d.naming.rankings[0], d.naming.rankings[0]),
+        laws={"arm_ripple": "arm_spring"},
+    )
+    after = replace(d.after, plant=d.after.plant.with_effects(*d.after.plant.effects, ripple))
+    told = replace(d, naming=naming, after=after)
+    assert first_screen(told, "next").headline == first_screen(d, "next").headline
+    shown = text_of(build(replace(examined, diagnosis=told)))
+    assert "describes only what the law of arm_spring misses" in shown
+
+
 def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
     part = replace(examined, diagnosis=replace(examined.diagnosis, stretches=(((0.0, 20.0), (40.0, 80.0)),)))
     assert "Only 0–20, 40–80 s were searched" in build(part)
