@@ -207,6 +207,20 @@ def test_a_small_effect_that_has_nothing_to_do_with_the_law_of_the_large_one_is_
     assert accepted(found) == ["base_tilt", *(["input_dead_zone"] if believed else [])]
 
 
+@pytest.mark.parametrize(("law", "kept"), [(-5.0, True), (30.0, False)])
+def test_a_small_effect_stays_when_another_small_one_joins(law: float, kept: bool) -> None:
+    """Each is reconsidered beside the others, by the same question that let it in."""
+    values = {
+        "base_tilt": -3000.0,
+        "base_tilt input_dead_zone": -3180.0,
+        "base_tilt arm_hysteresis": -3130.0,
+        "base_tilt input_dead_zone arm_hysteresis": -3400.0,
+    }
+    names = ["base_tilt", "input_dead_zone", "arm_hysteresis"]
+    found = named(values, *names, another_law=lambda fit, name: law)
+    assert accepted(found) == (names if kept else names[:1])
+
+
 def test_a_fit_that_joins_is_found_where_no_score_suggests_it() -> None:
     joining = a_fit("input_gain_asymmetry", value=-5000.0)
     values = {"arm_spring": -700.0, "input_gain_asymmetry": [Bowl(-5000.0)]}
