@@ -246,7 +246,7 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
 
 def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, str]:
     """The verdict, and what it says in sentences."""
-    names = [suspect.name for suspect in naming.accepted]
+    names = [suspect.name for suspect in naming.own]
     remains = []
     if rest.matters:
         remains = [sentences.left(rest)]

@@ -143,10 +143,12 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
         law_of = None if exchanged else judge.law_of(together, current)
         if law_of is not None and judge.confirmed(current, last[0].fit):
-            laws[last[0].name] = law_of
+            laws = _with_law(laws, last[0].name, law_of)
         elif law_of is not None or (small and judge.minor(together[:-1], together[-1][0])):
             refused = last[0]
             break
+        else:
+            laws.pop(last[0].name, None)  # it may have come back, as an effect of its own
         if leaves_more or small:
             doubts.append((_Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws)), small))
         found, last, current = together, (), together[-1][0].fit
@@ -155,6 +157,13 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         if not (explained or judge.confirmed(before.current, current)):
             return before
     return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws)
+
+
+def _with_law(laws: Mapping[str, str], name: str, of: str) -> dict[str, str]:
+    """The laws with one more. What it describes is an effect of its own: the root of a chain, and never itself."""
+    root = laws.get(of, of)
+    kept = {n: o for n, o in laws.items() if root != name or n != of}
+    return {**kept, name: of if root == name else root}
 
 
 def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from identification.diagnosis.naming.forward import Naming, name_effects
+from identification.diagnosis.naming.forward import Naming, _with_law, name_effects
 from identification.diagnosis.naming.judge import NoRest
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Told, a_fit, search
 
@@ -219,6 +219,12 @@ def test_a_small_effect_stays_when_another_small_one_joins(law: float, kept: boo
     names = ["base_tilt", "input_dead_zone", "arm_hysteresis"]
     found = named(values, *names, another_law=lambda fit, name: law)
     assert accepted(found) == (names if kept else names[:1])
+
+
+def test_what_a_law_describes_is_an_effect_of_its_own() -> None:
+    assert _with_law({}, "b", "a") == {"b": "a"}
+    assert _with_law({"b": "a"}, "c", "b") == {"b": "a", "c": "a"}
+    assert _with_law({"b": "a"}, "a", "b") == {"a": "b"}  # a was dropped and came back beside b
 
 
 def test_a_fit_that_joins_is_found_where_no_score_suggests_it() -> None:
