@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from .declaration import BenchEffect
 from .kernels import fields as at
@@ -168,7 +169,8 @@ def _cable(d, p, bench):
         d.put(stiffer=p["k3"], stiffer_q=p["q1s"], stiffer_from=p["q1n"])
         return
     points = np.linspace(-3.0, 3.0, at.TABLE)
-    _measured(d, points, p["k"] * points + p["k3"] * (points - p["q1s"]) ** 3, p["q1n"])
+    e = points - p["q1s"]
+    _measured(d, points, p["k"] * points + p["k3"] * np.sign(e) * np.abs(e) ** 2.5, p["q1n"])
 
 
 def _taut(d, p, bench):
@@ -183,7 +185,10 @@ def _taut(d, p, bench):
 
 
 def _measured(d, points, torques, rest):
-    d.put(table=torques - np.interp(rest, points, torques), table_from=points[0], table_step=points[1] - points[0])
+    """A table read smoothly and without overshoot: a cable's torque has no corners and does not turn back."""
+    curve = PchipInterpolator(points, torques)
+    d.put(table=torques - curve(rest), slopes=curve.derivative()(points))
+    d.put(table_from=points[0], table_step=points[1] - points[0])
 
 
 def _hysteresis(d, p, bench):
@@ -227,12 +232,13 @@ _ARM_TORQUES = (
         lambda s, k, v: {"k": 2.0 * k * s.coulomb[0], "q1n": v.near(0.3, -0.5, 0.5)}, _spring,
     ),
     _library(
-        "arm_cable", "arm: −k (q1 − q1n) − k3 ((q1 − q1s)³ − (q1n − q1s)³)", "from a table, a point every half radian",
+        "arm_cable", "arm: −k (q1 − q1n) − k3 ((q1 − q1s)³ − (q1n − q1s)³)",
+        "a smooth curve through a table, stiffens by the power 2.5",
         {"k": "{u}/rad", "q1n": "rad", "k3": "{u}/rad³", "q1s": "rad"}, _cable_sizes, _cable,
     ),
     _library(
         "arm_taut_cable", "arm: −(g(q1) − g(q1n)), g(q) = k1 (q − qt) for q < qt, k2 (q − qt) beyond",
-        "from a table, comes taut over half a radian",
+        "a smooth curve through a table, comes taut over a radian",
         {"k1": "{u}/rad", "k2": "{u}/rad", "q1n": "rad", "qt": "rad"}, _taut_sizes, _taut,
     ),
     _library(

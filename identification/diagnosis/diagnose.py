@@ -15,6 +15,7 @@ from furuta_gym.plant import EFFECTS, Plant
 from ..estimation.estimate import Estimate
 from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
+from ..estimation.memories import MEMORIES, remembering
 from ..estimation.pool import one_blas_thread
 from ..estimation.start import Start, candidates
 from ..estimation.zeros import moved
@@ -116,7 +117,7 @@ def searched(
     search = Search(anchor, only, policy, progress, fitter)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),
-        lambda known: afresh(nominal, starts, search, known),
+        lambda known: afresh(nominal, starts, search, known, _remembering(logs, before.plant)),
         search,
         dragged,
     )
@@ -217,6 +218,12 @@ def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:
         return candidates([stretch.piece for stretch in stretches(logs)], plant.replace(effects=()))
     except ValueError:
         return []
+
+
+def _remembering(logs: Sequence[Log], plant: Plant) -> list[Start]:
+    """The same with friction that remembers, one effect each."""
+    pieces = [stretch.piece for stretch in stretches(logs)]
+    return [start for name in MEMORIES for start in remembering(pieces, plant.replace(effects=()), name)]
 
 
 def _middle(starts: Sequence[Start], policy: DecisionPolicy) -> Plant:

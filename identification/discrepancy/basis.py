@@ -107,31 +107,36 @@ def families(
     found = []
     for row, channel in enumerate(("arm", "pendulum")):
         found += [
-            Family(channel, "constant", _on(row, np.ones_like(q1))),
-            Family(channel, "arm angle", _on(row, angle1)),
-            Family(channel, "arm speed", _on(row, *speed1)),
-            Family(channel, "pendulum angle", _on(row, angle2)),
-            Family(channel, "pendulum speed", _on(row, *speed2)),
-            Family(channel, "memory of the motion", _on(row, *(memory if row == 0 else memory2))),
+            Family(channel, "constant", on_row(row, np.ones_like(q1))),
+            Family(channel, "arm angle", on_row(row, angle1)),
+            Family(channel, "arm speed", on_row(row, *speed1)),
+            Family(channel, "pendulum angle", on_row(row, angle2)),
+            Family(channel, "pendulum speed", on_row(row, *speed2)),
+            Family(channel, "memory of the motion", on_row(row, *(memory if row == 0 else memory2))),
         ]
         if peaks.hertz:
             waves = [w(2 * math.pi * f * t) for f in peaks.hertz for w in (np.sin, np.cos)]
-            found.append(Family(channel, "frequency", _on(row, *waves), price=peaks.price))
+            found.append(Family(channel, "frequency", on_row(row, *waves), price=peaks.price))
     found += [
-        Family("arm", "arm angle and direction", _on(0, np.sin(q1) * c1, np.cos(q1) * c1)),
-        Family("input", "command", _on(0, hats(u, knots.u), u**3)),
-        Family("input", "change of the command", _on(0, *late)),
-        Family("sensor", "arm angle", None, _on(0, np.sin(y1), np.cos(y1) - 1.0)),
-        Family("sensor", "pendulum angle", None, _on(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
+        Family("arm", "arm angle and direction", on_row(0, np.sin(q1) * c1, np.cos(q1) * c1)),
+        Family("input", "command", on_row(0, hats(u, knots.u), u**3)),
+        Family("input", "change of the command", on_row(0, *late)),
+        Family("sensor", "arm angle", None, on_row(0, np.sin(y1), np.cos(y1) - 1.0)),
+        Family("sensor", "pendulum angle", None, on_row(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
     ]
-    first, last = span or (t[0], t[-1])
-    stages = [np.clip(1.0 - np.abs(4.0 * (t - first) / (last - first) - j), 0.0, None) for j in range(5)]
-    found += [Family("sensor", zero, None, _on(row, *stages)) for row, zero in enumerate(ZEROS)]
+    over_time = stages(t, span or (t[0], t[-1]))
+    found += [Family("sensor", zero, None, on_row(row, *over_time)) for row, zero in enumerate(ZEROS)]
     torques = parameter_torques(s, plant)
     for i in range(9):
-        columns = np.stack([torques[:, :, i] * stage[:, None] for stage in stages], axis=2)
+        columns = np.stack([torques[:, :, i] * stage[:, None] for stage in over_time], axis=2)
         found.append(Family("parameters", f"theta{i + 1} over time", columns))
     return found
+
+
+def stages(t: Array, span: tuple[float, float]) -> list[Array]:
+    """Five hats over time, whose sums are piecewise linear functions of it."""
+    first, last = span
+    return [np.clip(1.0 - np.abs(4.0 * (t - first) / (last - first) - j), 0.0, None) for j in range(5)]
 
 
 def parameter_torques(signals: Signals, plant: Plant) -> Array:
@@ -171,7 +176,8 @@ def hats(x: Array, knots: Array) -> Array:
     return out
 
 
-def _on(row: int, *columns: Array) -> Array:
+def on_row(row: int, *columns: Array) -> Array:
+    """Columns (N,) each as torques or errors of one row, 0 arm or 1 pendulum: (N, 2, m)."""
     stacked = np.column_stack(columns)
     out = np.zeros((len(stacked), 2, stacked.shape[1]))
     out[:, row] = stacked

@@ -37,12 +37,13 @@ def from_grids(
     names: Container[str],
     known: Container[str],
     pool: Executor | None,
+    further: Sequence[Plant] = (),
 ) -> Plant:
     """The plant with those of its effects that `names` has, where a short fit of everything gets lowest.
 
     make: the problem of a plant on records, which may be integrated more coarsely than usual. known: "effect.parameter"
     of what is not tried. A frequency starts from its default: `diagnose` finds it in a spectrum. pool: where the fits
-    run side by side, each in one thread.
+    run side by side, each in one thread. further: other plants to start from.
     """
     duration = max(float(r.t[-1]) for r in records)
     grids = {}
@@ -54,10 +55,11 @@ def from_grids(
             points = () if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], duration)
             if len(points) * math.prod(map(len, grids.values())) <= _MOST and len(points) > 1:
                 grids[effect.name, p.name] = points
-    if not grids:
+    if not grids and not further:
         return plant
     thin = [reduced(r, math.inf, THINNED, clock=True) for r in records]
     tried = [_moved(plant, dict(zip(grids, point, strict=True))) for point in itertools.product(*grids.values())]
+    tried += further
 
     def ended(start: Plant) -> tuple[float, Plant]:
         problem = make(start, thin)

@@ -31,6 +31,7 @@ from .grids import from_grids
 from .identifiability import Motion, judge, spoken
 from .known import known_values, restless, value_of, with_known
 from .long_logs import begin
+from .memories import MEMORIES, remembering
 from .methods import DEFAULT
 from .optimise import TOLERANCE, Optimum, minimise
 from .pool import shared_pool
@@ -104,7 +105,10 @@ def _most_likely(
         return PredictionError(plant, records, free(plant), winner.noise, _COARSER, physical=physical, zeros=zeros)
 
     named = {effect for effect in effects if isinstance(effect, str)}
-    plant = from_grids(quickly, plant, records, named, {*fixed, *priors}, pool)
+    pieces = [stretch.piece for stretch in used]
+    regressed = [s.plant for name in MEMORIES if name in named for s in remembering(pieces, plant, name)]
+    further = [with_known(p, known, [e for e in effects if e not in MEMORIES]) for p in regressed]
+    plant = from_grids(quickly, plant, records, named, {*fixed, *priors}, pool, further)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
     optimum = minimise(problem, begin(problem, iterations), iterations)
     if noise is None:  # an earlier fit that goes on has been restarted already

@@ -33,8 +33,12 @@ _TRUNCATED = 8.0  # widths: cut at scipy's 4, a second derivative keeps 1e-3/wid
 _ROD = 0.75  # θ2/θ4 of a thin rod
 _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a palm-sized pendulum and an arm-sized one
 _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
-_SHARPNESS = 60.0
+SHARPNESS = 60.0
+"""Of the friction that is regressed [s/rad]."""
 _REDUCED = (4.0, 4e-3)  # s: duration and sample time of the log that the race runs on
+
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,16 +50,19 @@ class Start:
 
 
 @dataclass(frozen=True)
-class _Motion:
-    """Smoothed angles, rates and accelerations (n, 2) and command (n,), all through one linear filter."""
+class Motion:
+    """Smoothed angles, rates and accelerations (n, 2) and command (n,), all through one linear filter. first: indices
+    at which a log begins."""
 
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
-    a: NDArray[np.float64]
-    u: NDArray[np.float64]
+    q: Array
+    v: Array
+    a: Array
+    u: Array
+    first: tuple[int, ...] = (0,)
 
 
-def _smoothed(logs: Sequence[Log]) -> _Motion:
+def smoothed(logs: Sequence[Log]) -> Motion:
+    """The motion of logs, one after the other; standing still where they are too short."""
     parts = []
     for log in logs:
         even = log if log.regular else log.resampled()
@@ -71,10 +78,11 @@ def _smoothed(logs: Sequence[Log]) -> _Motion:
     if not parts:
         parts = [[np.zeros((2, 2))] * 3 + [np.zeros(2)]]
     q, v, a, u = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return _Motion(q, v, a, u)
+    ends = np.cumsum([len(part[0]) for part in parts])
+    return Motion(q, v, a, u, (0, *ends[:-1].tolist()))
 
 
-def _nonnegative(columns: Sequence[NDArray[np.float64]], output: NDArray[np.float64]) -> NDArray[np.float64]:
+def nonnegative(columns: Sequence[Array], output: Array) -> Array:
     """Coefficients ≥ 0 of the least-squares fit, with columns scaled to unit length."""
     A = np.column_stack(columns)
     scale = np.linalg.norm(A, axis=0)
@@ -87,50 +95,86 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
 
     known: values (fixed, or means of priors) that settle the pendulum's scale where they hold θ2 … θ5.
     """
-    known = known or {}
-    m = _smoothed(logs)
-    q2, (v1, v2), (a1, a2) = m.q[:, 1], m.v.T, m.a.T
-    s, c = np.sin(q2), np.cos(q2)
-    soft = [np.tanh(_SHARPNESS * v) for v in (v1, v2)]
-    row2 = _nonnegative([-c * a1, s, v1 * v1 * s * c, -v2, -soft[1]], a2)
-    regressed = (float(np.clip(row2[0], 0.1, 8.0)), float(np.clip(row2[1], 8.0, 500.0)))
+    m = smoothed(logs)
+    pendulum = PendulumRow.of(m)
+    soft, a1, v1 = np.tanh(SHARPNESS * m.v[:, 0]), m.a[:, 0], m.v[:, 0]
     command = m.u
-    hidden = _nonnegative([a1, v1, soft[0]], command)[0] <= 0
+    hidden = nonnegative([a1, v1, soft], command)[0] <= 0
     if hidden and not any(motion_signs(log.t, log.q1, log.q2, log.u).command < 0 for log in logs):
         # a cable that is stronger than the inertia hides it
         pull = np.column_stack([m.q[:, 0], np.ones_like(a1)])
         command = command - pull @ np.linalg.lstsq(pull, command, rcond=None)[0]
-    starts = []
-    for ratio3, ratio5 in (regressed, *_RATIOS):
-        reaction = ratio3 * (c * a2 - s * v2 * v2) + _ROD * (s * s * a1 + 2 * s * c * v1 * v2)
-        arm = [a1, reaction, v1, soft[0]]
-        measured = _nonnegative(arm, command)
-        guessed = [f * measured[0] / ratio3**2 for f in _SCALES]
-        scales = guessed if ratio3 == regressed[0] else guessed[1:2]
-        if ratio3 == regressed[0] and guessed[0] / 3 < measured[1] < 0.9 * measured[0] / ratio3**2:
-            scales = [measured[1], *scales]
-        weights = {"theta4": 1.0, "theta5": ratio5, "theta3": ratio3, "theta2": _ROD}
-        if told := [known[n] / w for n, w in weights.items() if known.get(n, 0.0) > 0]:
-            scales = told[:1]
-        for scale in (s for s in scales if s > 0):
-            rest = _nonnegative([a1, v1, soft[0]], command - scale * reaction)
-            th1 = max(rest[0], 1.3 * scale * ratio3**2, 1e-6)
-            level = 0.02 * float(np.std(m.u)) + 1e-9
-            th6, th8 = max(rest[1], level / (np.std(v1) + 0.1)), max(rest[2], level)
-            friction2 = [max(row2[3], 0.01), max(row2[4], 0.01)] if ratio3 == regressed[0] else [0.1, 0.1]
-            theta = [th1, _ROD * scale, ratio3 * scale, scale, ratio5 * scale, th6, scale * friction2[0], th8]
-            theta.append(scale * friction2[1])
-            # accelerations wrong by a third of what they are, for 10 ms
-            restless = 0.01 * (0.3 * np.std(m.a, axis=0) + 0.1) ** 2 * np.array([th1, scale]) ** 2
-            sharpness = (_SHARPNESS, _SHARPNESS) if isinstance(plant.friction_sharpness, tuple) else _SHARPNESS
-            start = plant.replace(theta=np.array(theta), friction_sharpness=sharpness)
-            starts.append(Start(start, Noise(restless)))
+    rows = (pendulum, *(PendulumRow(*ratios, 0.1, 0.1, generic=True) for ratios in _RATIOS))
+    starts = [start for row in rows for start, _ in starts_with(m, row, plant, command, [soft], known)]
     if not starts:
         raise ValueError(
             f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive "
             "side: no inertia explains that. Check the signs (--flip u, q1 or q2), the column mapping and the units"
         )
     return starts
+
+
+@dataclass(frozen=True)
+class PendulumRow:
+    """The pendulum's row of (5) over θ4: θ3/θ4, θ5/θ4 [1/s²], θ7/θ4 and θ9/θ4. generic: of no rig in particular."""
+
+    ratio3: float
+    ratio5: float
+    viscous: float
+    coulomb: float
+    generic: bool = False
+
+    @classmethod
+    def of(cls, m: Motion) -> PendulumRow:
+        """Regressed on a motion, within what rigs have."""
+        q2, v1, v2 = m.q[:, 1], m.v[:, 0], m.v[:, 1]
+        s, c = np.sin(q2), np.cos(q2)
+        row = nonnegative([-c * m.a[:, 0], s, v1 * v1 * s * c, -v2, -np.tanh(SHARPNESS * v2)], m.a[:, 1])
+        ratios = float(np.clip(row[0], 0.1, 8.0)), float(np.clip(row[1], 8.0, 500.0))
+        return cls(*ratios, max(float(row[3]), 0.01), max(float(row[4]), 0.01))
+
+    def reaction(self, m: Motion) -> Array:
+        """(n,) [1/s²]: what the pendulum does to the arm's row, over θ4."""
+        (v1, v2), (a1, a2) = m.v.T, m.a.T
+        s, c = np.sin(m.q[:, 1]), np.cos(m.q[:, 1])
+        return self.ratio3 * (c * a2 - s * v2 * v2) + _ROD * (s * s * a1 + 2 * s * c * v1 * v2)
+
+
+def starts_with(
+    m: Motion,
+    pendulum: PendulumRow,
+    plant: Plant,
+    command: Array,
+    friction: Sequence[Array],
+    known: Mapping[str, float] | None = None,
+) -> list[tuple[Start, Array]]:
+    """Starts at some scales of the pendulum's row, the arm's row regressed for each: with the coefficients ≥ 0 of
+    `friction` (n,), of which the first is θ8."""
+    known = known or {}
+    a1, v1 = m.a[:, 0], m.v[:, 0]
+    reaction = pendulum.reaction(m)
+    measured = nonnegative([a1, reaction, v1, *friction], command)
+    guessed = [f * measured[0] / pendulum.ratio3**2 for f in _SCALES]
+    scales = guessed[1:2] if pendulum.generic else guessed
+    if not pendulum.generic and guessed[0] / 3 < measured[1] < 0.9 * measured[0] / pendulum.ratio3**2:
+        scales = [measured[1], *scales]
+    weights = {"theta4": 1.0, "theta5": pendulum.ratio5, "theta3": pendulum.ratio3, "theta2": _ROD}
+    if told := [known[n] / w for n, w in weights.items() if known.get(n, 0.0) > 0]:
+        scales = told[:1]
+    found = []
+    for scale in (s for s in scales if s > 0):
+        rest = nonnegative([a1, v1, *friction], command - scale * reaction)
+        th1 = max(rest[0], 1.3 * scale * pendulum.ratio3**2, 1e-6)
+        level = 0.02 * float(np.std(m.u)) + 1e-9
+        th6, th8 = max(rest[1], level / (np.std(v1) + 0.1)), max(rest[2], level)
+        row2 = scale * np.array([_ROD, pendulum.ratio3, 1.0, pendulum.ratio5, pendulum.viscous, pendulum.coulomb])
+        theta = np.array([th1, *row2[:4], th6, row2[4], th8, row2[5]])
+        # accelerations wrong by a third of what they are, for 10 ms
+        restless = 0.01 * (0.3 * np.std(m.a, axis=0) + 0.1) ** 2 * np.array([th1, scale]) ** 2
+        sharpness = (SHARPNESS, SHARPNESS) if isinstance(plant.friction_sharpness, tuple) else SHARPNESS
+        start = plant.replace(theta=theta, friction_sharpness=sharpness)
+        found.append((Start(start, Noise(restless)), rest[2:]))
+    return found
 
 
 def reduced(
@@ -171,7 +215,7 @@ def race(
     coordinates = [c for c in coordinates if c.zero_of is None]  # too few seconds to tell them
     short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2), clock=clock) for r in records]
 
-    def run(start: Start, iterations: int, z: NDArray[np.float64] | None = None) -> tuple[PredictionError, Optimum]:
+    def run(start: Start, iterations: int, z: Array | None = None) -> tuple[PredictionError, Optimum]:
         problem = PredictionError(start.plant, short, coordinates, start.noise, coarser=2.0, physical=physical)
         return problem, minimise(problem, problem.start() if z is None else z, iterations, tolerance=0.1)
 

@@ -59,7 +59,9 @@ _INTS: dict[str, int] = {
 
 TABLE = 13  # points of a measured cable's torque, at equal distances of the arm's angle
 
-RECORD = np.dtype([(k, "f8") for k in _FLOATS] + [(k, "i8") for k in _INTS] + [("table", "f8", (TABLE,))])
+RECORD = np.dtype(
+    [(k, "f8") for k in _FLOATS] + [(k, "i8") for k in _INTS] + [(k, "f8", (TABLE,)) for k in ("table", "slopes")]
+)
 
 
 def blank() -> np.ndarray:

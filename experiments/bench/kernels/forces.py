@@ -119,10 +119,16 @@ def _join(x, p):
 
 @compiled
 def _looked_up(q, p):
-    """The table at q: straight lines between its points, and on beyond the first and the last."""
+    """The table at q: cubics with the given slopes at its points, straight on beyond the first and the last."""
     place = (q - p.table_from) / p.table_step
-    i = int(min(max(math.floor(place), 0.0), TABLE - 2.0))
-    return p.table[i] + (place - i) * (p.table[i + 1] - p.table[i])
+    if place <= 0.0:
+        return p.table[0] + (q - p.table_from) * p.slopes[0]
+    if place >= TABLE - 1.0:
+        return p.table[TABLE - 1] + (place - (TABLE - 1.0)) * p.table_step * p.slopes[TABLE - 1]
+    i = int(place)
+    s = place - i
+    height = p.table[i] + (3.0 - 2.0 * s) * s * s * (p.table[i + 1] - p.table[i])
+    return height + s * (1.0 - s) * ((1.0 - s) * p.slopes[i] - s * p.slopes[i + 1]) * p.table_step
 
 
 @compiled

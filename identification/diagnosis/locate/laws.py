@@ -2,18 +2,32 @@
 variables.
 
 No rig has an effect in the library's very words. What the words miss of it goes with the same things as the effect
-itself: a cable's stiffness with the arm's angle, a late command with the command's changes.
+itself: a cable's stiffness with the arm's angle, a late command with the command's changes. And it does so at the
+effect's own scale: a memory at its own travel, a ripple at its own period.
 """
 
 from __future__ import annotations
 
-from furuta_gym.plant import EFFECTS
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furuta_gym.plant import EFFECTS, Effect, Plant
+
+from ...discrepancy.basis import ZEROS, Family, Signals, bristle, on_row, stages
+
+Array = NDArray[np.float64]
 
 Variable = tuple[str, str]
 """Channel and variable, as of a `Family`."""
 
 _SPEEDS = frozenset({("arm", "arm speed"), ("pendulum", "pendulum speed")})
 _JOINTS = {"1": "arm", "2": "pendulum"}
+_ROWS = {"arm": 0, "pendulum": 1}
+_TRAVELS = (0.3, 1.0, 3.0)  # times an effect's own, of bristles
+_HARMONICS = (1, 2, 3)
 
 
 def own_variables(name: str) -> frozenset[Variable]:
@@ -26,7 +40,10 @@ def own_variables(name: str) -> frozenset[Variable]:
         elif hook == "command":
             found |= {("input", "command"), ("arm", "constant")}
         elif hook == "sensor":
-            found.add(("sensor", f"{name.split('_')[0]} angle"))
+            joint = name.split("_")[0]
+            found |= {("sensor", f"{joint} angle")} | {
+                ("sensor", zero) for zero, of in ZEROS.items() if of.startswith(joint)
+            }
         elif hook == "theta":
             found |= _SPEEDS if {"r1", "r2"} & set(effect.changes) else set()
             found |= {("pendulum", "time (masses)")} if "t" in arguments else set()
@@ -51,3 +68,62 @@ def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable
         for letter, kind in (("q", "angle"), ("v", "speed"))
         if a in (f"{letter}1", f"{letter}2")
     }
+
+
+def own_families(name: str, plant: Plant, signals: Signals, span: tuple[float, float]) -> list[Family]:
+    """Families beyond those that `locate` knows, for another law of an effect: near standstill where it goes with a
+    speed, over time where it is an offset, and at the scale of its parameters where the plant has it.
+
+    span [s]: of the log's clock.
+    """
+    found = []
+    for channel, variable in sorted(own_variables(name)):
+        if variable == f"{channel} speed":
+            row = _ROWS[channel]
+            found.append(
+                Family(channel, "near standstill", on_row(row, *_near(signals.v[:, row], plant.sharpness[row])))
+            )
+    if name == "input_offset":
+        found.append(Family("arm", "time", on_row(0, *stages(signals.t, span))))
+    effect = plant.effect(name)
+    if effect is not None:
+        found += _at_its_scale(effect, plant, signals)
+    return found
+
+
+def _near(v: Array, r: float) -> list[Array]:
+    """Functions of a speed (N,) within a few 1/r of standstill."""
+    return [np.tanh(0.3 * r * v), np.tanh(3.0 * r * v), np.tanh(r * v) ** 2]
+
+
+def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
+    p = effect.parameters
+    q1, v1, t = s.q[:, 0], s.v[:, 0], s.t
+    if travels := [d for d in _travels(effect, plant) if d > 0.0 and math.isfinite(d)]:
+        columns = [bristle(v1, t, factor * d) for d in travels for factor in _TRAVELS]
+        return [Family("arm", "memory at its own travel", on_row(0, *columns))]
+    if effect.name == "arm_ripple":
+        return [Family("arm", "its own ripple", on_row(0, *_waves(p["n"] * q1)))]
+    if effect.name == "arm_position_friction":
+        turning = np.tanh(plant.sharpness[0] * v1)
+        return [Family("arm", "its own friction", on_row(0, *(w * turning for w in _waves(q1))))]
+    if effect.name == "periodic_torque":
+        return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * p["f"] * t)))]
+    if effect.name.endswith("eccentricity"):
+        row = _ROWS[effect.name.split("_")[0]]
+        return [Family("sensor", "its own turn", None, on_row(row, *_waves(s.expected[:, row])))]
+    return []
+
+
+def _travels(effect: Effect, plant: Plant) -> Iterable[float]:
+    """The ways [rad] that an effect with a memory of the motion remembers."""
+    p = effect.parameters
+    if effect.name == "arm_hysteresis":
+        return (p["d"], p["d2"]) if p["κ2"] else (p["d"],)
+    if effect.name == "arm_presliding":
+        return (float(plant.theta[7]) / p["σ0"],) if p["σ0"] else ()
+    return (2.0 * p["b"],) if effect.name == "arm_backlash" else ()
+
+
+def _waves(angle: Array) -> list[Array]:
+    return [wave(k * angle) for k in _HARMONICS for wave in (np.sin, np.cos)]

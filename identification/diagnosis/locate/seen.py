@@ -17,7 +17,7 @@ from ...logs.checks import LogError
 from ...logs.log import Log
 from ..policy import DecisionPolicy
 from .evidence import Look, evidence_of
-from .laws import own_variables
+from .laws import own_families, own_variables
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,10 @@ class Seen:
     def another_law(self, name: str) -> float:
         """Evidence [nats] that the law of the plant's effect `name` is another: that a further function of what the
         effect depends on makes the logs likelier."""
-        return evidence_of(self.looks, self.columns, own_variables(name)).nats
+        own = [own_families(name, self.plant, look.signals, (0.0, self.logs[look.log].duration)) for look in self.looks]
+        columns = [[*known, *further] for known, further in zip(self.columns, own, strict=True)]
+        chosen = own_variables(name) | {(family.channel, family.variable) for family in own[0]}
+        return evidence_of(self.looks, columns, chosen).nats
 
 
 def long_enough(logs: Sequence[Log], policy: DecisionPolicy) -> list[Stretch]:

@@ -23,11 +23,19 @@ from .search import Search
 from .suspects import price
 
 
-def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search, known: Fit | None = None) -> dict[str, Fit]:
+def afresh(
+    nominal: Fit,
+    starts: Sequence[LogStart],
+    search: Search,
+    known: Fit | None = None,
+    remembering: Sequence[LogStart] = (),
+) -> dict[str, Fit]:
     """The best fits of model (5) with one effect among those that start at `starts`, by the effect's name.
 
     nominal: the model without effects, which gives the records. starts: from `estimation.start.candidates`; without
-    any, nothing is found. known: a fit that is there already; what cannot catch up with it is not followed."""
+    any, nothing is found. remembering: starts with friction that remembers, one effect each. known: a fit that is
+    there already; what cannot catch up with it is not followed.
+    """
     names = [n for n in search.only or EFFECTS if n in EFFECTS]
     policy, records = search.policy, nominal.records
     share = min(1.0, policy.thinned_length / sum(r.duration for r in records))
@@ -36,6 +44,11 @@ def afresh(nominal: Fit, starts: Sequence[LogStart], search: Search, known: Fit 
     noises = [start.noise for start in starts[: policy.log_starts]]
     effects = [e for n in names for e in grid_of(nominal.plant.default_effect(n), nominal.plant)]
     tried = {e: [Start((e.name,), p.with_effects(e), v) for p, v in zip(plants, noises, strict=True)] for e in effects}
+    for start in remembering:
+        (effect,) = start.plant.effects
+        if effect.name in names:
+            plant = replace(nominal.plant, theta=start.plant.theta, effects=(effect,))
+            tried.setdefault(effect, []).append(Start((effect.name,), plant, start.noise))
     if not (plants and effects):
         return {}
     every = [start for group in tried.values() for start in group]

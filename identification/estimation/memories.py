@@ -1,0 +1,84 @@
+"""Start values for friction that remembers the motion, from the logs alone.
+
+A strong hysteresis is friction and stiffness to model (5): a descent from its θ ends far from the rig, wherever it
+starts the travel. Along smoothed angles the memory of each travel is known, and its stiffness is linear in the arm's
+row: so a regression for each travel says which one fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from furuta_gym.plant import Effect, Plant
+from furuta_gym.plant.compiled import compiled
+
+from ..logs.log import Log
+from .start import SHARPNESS, Array, Motion, PendulumRow, Start, nonnegative, smoothed, starts_with
+
+_TRAVELS = np.geomspace(0.004, 1.5, 24)  # rad
+_CLOSE = 1.02  # times the smallest residual, from which a travel is as good
+MEMORIES = ("arm_hysteresis", "arm_presliding")
+"""Effects that have such start values."""
+
+
+def remembering(logs: Sequence[Log], plant: Plant, name: str) -> list[Start]:
+    """Plants with the effect `name`, one of `MEMORIES`, at the travel that a regression finds; `plant` gives the rest.
+
+    Empty where no travel explains more than friction without a memory does.
+    """
+    m = smoothed(logs)
+    row = PendulumRow.of(m)
+    soft = np.tanh(SHARPNESS * m.v[:, 0])
+    arm = [m.a[:, 0], row.reaction(m), m.v[:, 0]]
+    shape = _stop if name == "arm_hysteresis" else _bristle
+    frictions = [_frictions(name, soft, _along(m, shape, d)) for d in _TRAVELS]
+    left = np.array([_residual([*arm, *columns], m.u) for columns in frictions])
+    if not left.min() * _CLOSE < _residual([*arm, soft], m.u):
+        return []
+    best = int(np.argmin(left))
+    found = []
+    for start, levels in starts_with(m, row, plant, m.u, frictions[best]):
+        if name == "arm_hysteresis" and levels[1] > 0.0:
+            effect = plant.default_effect(name)
+            values = {**effect.parameters, "κ": float(levels[1] / _TRAVELS[best]), "d": float(_TRAVELS[best])}
+        elif name == "arm_presliding" and levels[0] > 0.0:
+            values = {"σ0": float(levels[0] / _TRAVELS[best])}
+        else:
+            continue
+        found.append(Start(start.plant.with_effects(Effect(name, values)), start.noise))
+    return found
+
+
+def _frictions(name: str, soft: Array, memory: Array) -> list[Array]:
+    """What the arm's dry friction goes with: a hysteresis beside Coulomb's, or a bristle in its place."""
+    return [soft, memory] if name == "arm_hysteresis" else [memory]
+
+
+def _residual(columns: Sequence[Array], output: Array) -> float:
+    return float(np.linalg.norm(output - np.column_stack(columns) @ nonnegative(columns, output)))
+
+
+def _along(m: Motion, shape: Callable[[Array, float, Array], None], travel: float) -> Array:
+    """(n,) in [−1, 1]: a memory of the arm's way, slack where each log begins."""
+    out = np.zeros(len(m.u))
+    for start, end in zip(m.first, (*m.first[1:], len(out)), strict=True):
+        shape(np.ascontiguousarray(m.q[start:end, 0]), float(travel), out[start:end])
+    return out
+
+
+@compiled
+def _stop(q, travel, out):
+    """A stop element over its travel: follows the way and stays at ±1."""
+    for k in range(1, len(q)):
+        out[k] = min(max(out[k - 1] + (q[k] - q[k - 1]) / travel, -1.0), 1.0)
+
+
+@compiled
+def _bristle(q, travel, out):
+    """Dahl's bristle over its travel, exact where the arm moves one way during a sample."""
+    for k in range(1, len(q)):
+        way = (q[k] - q[k - 1]) / travel
+        toward = 1.0 if way > 0.0 else -1.0
+        out[k] = toward + (out[k - 1] - toward) * np.exp(-abs(way))
