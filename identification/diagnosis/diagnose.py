@@ -15,7 +15,7 @@ from furuta_gym.plant import EFFECTS, Plant
 from ..estimation.estimate import Estimate
 from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
-from ..estimation.memories import MEMORIES, remembering
+from ..estimation.memories import MEMORIES, Remembering, remembering
 from ..estimation.pool import one_blas_thread
 from ..estimation.start import Start, candidates
 from ..estimation.zeros import moved
@@ -110,14 +110,15 @@ def searched(
     long_enough(logs, policy)  # or nothing could be said after the search
     starts = _own_starts(logs, before.plant)
     unexplained = math.sqrt(before.noise.torque[0] / 0.1) if before.noise else 0.0
-    dragged = unexplained > policy.strong * rms
+    memories = _memories(logs, before.plant)
+    dragged = unexplained > policy.strong * rms or any(m.left < policy.remembered for m in memories)
     anchor = _anchor(_middle(starts, policy) if starts and dragged else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress, fitter)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),
-        lambda known: afresh(nominal, starts, search, known, _remembering(logs, before.plant)),
+        lambda known: afresh(nominal, starts, search, known, [s for m in memories for s in m.starts]),
         search,
         dragged,
     )
@@ -220,10 +221,10 @@ def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:
         return []
 
 
-def _remembering(logs: Sequence[Log], plant: Plant) -> list[Start]:
-    """The same with friction that remembers, one effect each."""
+def _memories(logs: Sequence[Log], plant: Plant) -> list[Remembering]:
+    """The same with friction that remembers."""
     pieces = [stretch.piece for stretch in stretches(logs)]
-    return [start for name in MEMORIES for start in remembering(pieces, plant.replace(effects=()), name)]
+    return [remembering(pieces, plant.replace(effects=()), name) for name in MEMORIES]
 
 
 def _middle(starts: Sequence[Start], policy: DecisionPolicy) -> Plant:

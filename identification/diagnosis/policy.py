@@ -72,6 +72,7 @@ class DecisionPolicy:
     strong: float = _rule(
         0.1, "of the command, unexplained torque of model (5) from which other starts are tried first", DEV
     )
+    remembered: float = _rule(0.7, "of the arm's row, what a memory must leave for other starts to be tried first", DEV)
     log_starts: int = _rule(3, "of the logs' own starts, from each of which every effect is fitted", COST, "starts")
     thinned: float = _rule(8e-3, "sample time of the records on which that is done", COST, "s")
     thinned_length: float = _rule(40.0, "of them, all together", COST, "s")

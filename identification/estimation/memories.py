@@ -8,6 +8,7 @@ row: so a regression for each travel says which one fits.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,15 +19,24 @@ from ..logs.log import Log
 from .start import SHARPNESS, Array, Motion, PendulumRow, Start, nonnegative, smoothed, starts_with
 
 _TRAVELS = np.geomspace(0.004, 1.5, 24)  # rad
-_CLOSE = 1.02  # times the smallest residual, from which a travel is as good
+_BETTER = 0.98  # of what friction without a memory leaves
 MEMORIES = ("arm_hysteresis", "arm_presliding")
 """Effects that have such start values."""
 
 
-def remembering(logs: Sequence[Log], plant: Plant, name: str) -> list[Start]:
+@dataclass(frozen=True)
+class Remembering:
+    """Starts with one effect that remembers, and `left`: the share of the arm's row that it leaves of what friction
+    without a memory leaves (rms)."""
+
+    starts: tuple[Start, ...]
+    left: float
+
+
+def remembering(logs: Sequence[Log], plant: Plant, name: str) -> Remembering:
     """Plants with the effect `name`, one of `MEMORIES`, at the travel that a regression finds; `plant` gives the rest.
 
-    Empty where no travel explains more than friction without a memory does.
+    There are none where no travel explains more than friction without a memory does.
     """
     m = smoothed(logs)
     row = PendulumRow.of(m)
@@ -34,21 +44,18 @@ def remembering(logs: Sequence[Log], plant: Plant, name: str) -> list[Start]:
     arm = [m.a[:, 0], row.reaction(m), m.v[:, 0]]
     shape = _stop if name == "arm_hysteresis" else _bristle
     frictions = [_frictions(name, soft, _along(m, shape, d)) for d in _TRAVELS]
-    left = np.array([_residual([*arm, *columns], m.u) for columns in frictions])
-    if not left.min() * _CLOSE < _residual([*arm, soft], m.u):
-        return []
-    best = int(np.argmin(left))
+    residuals = np.array([_residual([*arm, *columns], m.u) for columns in frictions])
+    best = int(np.argmin(residuals))
+    left = float(residuals[best] / max(_residual([*arm, soft], m.u), 1e-300))
     found = []
-    for start, levels in starts_with(m, row, plant, m.u, frictions[best]):
-        if name == "arm_hysteresis" and levels[1] > 0.0:
-            effect = plant.default_effect(name)
-            values = {**effect.parameters, "κ": float(levels[1] / _TRAVELS[best]), "d": float(_TRAVELS[best])}
-        elif name == "arm_presliding" and levels[0] > 0.0:
-            values = {"σ0": float(levels[0] / _TRAVELS[best])}
-        else:
-            continue
-        found.append(Start(start.plant.with_effects(Effect(name, values)), start.noise))
-    return found
+    for start, levels in starts_with(m, row, plant, m.u, frictions[best]) if left < _BETTER else ():
+        stiffness = {"κ": levels[-1] / _TRAVELS[best], "d": _TRAVELS[best]}
+        if name == "arm_presliding":
+            stiffness = {"σ0": stiffness["κ"]}
+        if levels[-1] > 0.0:
+            values = {**plant.default_effect(name).parameters, **{k: float(v) for k, v in stiffness.items()}}
+            found.append(Start(start.plant.with_effects(Effect(name, values)), start.noise))
+    return Remembering(tuple(found), left)
 
 
 def _frictions(name: str, soft: Array, memory: Array) -> list[Array]:

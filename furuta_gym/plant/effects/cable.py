@@ -57,6 +57,14 @@ def _hysteresis_update(q1, d, d2, y, y2):
     return min(max(y, q1 - d), q1 + d), min(max(y2, q1 - d2), q1 + d2)
 
 
+def _two_elements(own: Mapping[str, float]) -> tuple[dict[str, float], ...]:
+    """A third of the stiffness in a second element, which slips earlier, or later."""
+    if own["κ2"]:
+        return ()
+    κ, d = own["κ"], own["d"]
+    return tuple({"κ": 0.7 * κ, "d": d, "κ2": 0.3 * κ, "d2": factor * d} for factor in (0.5, 2.0))
+
+
 CABLE_EFFECTS = (
     EffectType(
         name="arm_cable",
@@ -147,6 +155,7 @@ CABLE_EFFECTS = (
         ),
         kernels={"torque": _hysteresis, "update": _hysteresis_update},
         memory=("y", "y2"),
+        wider=_two_elements,
         mistaken_for=("arm_presliding", "arm_stribeck"),
     ),
 )

@@ -83,8 +83,9 @@ class EffectType:
     entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
     shapes that have a grid stay as they are. `includes` says which other effects are special cases of this one: a
-    function of the other's parameters and of this one's gives this one's parameters that do what both did. `learned`
-    marks what is no name: no search proposes it, and no descent moves its parameters.
+    function of the other's parameters and of this one's gives this one's parameters that do what both did. `wider`
+    gives starts of a wider law of the same cause, in which the optional parameters play a part, from the parameters of
+    the plain one. `learned` marks what is no name: no search proposes it, and no descent moves its parameters.
     """
 
     name: str
@@ -104,6 +105,7 @@ class EffectType:
     includes: Mapping[str, Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]] = field(
         default_factory=dict
     )
+    wider: Callable[[Mapping[str, float]], tuple[dict[str, float], ...]] | None = None
     arguments: dict[str, tuple[str, ...]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -19,6 +19,7 @@ from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .pairs import two_for_one
 from .search import NOTHING_YET, Search
 from .suspects import Ranking, Suspect, alike
+from .wider import widened
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
 _VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
@@ -152,6 +153,8 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         if leaves_more or small:
             doubts.append((_Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws)), small))
         found, last, current = together, (), together[-1][0].fit
+        current = widened(current, search)
+        found = [*found[:-1], (replace(found[-1][0], fit=current), *found[-1][1:])]
     for before, small in doubts:
         explained = not small and judge.rest.left(current) <= before.last[0].net
         if not (explained or judge.confirmed(before.current, current)):

@@ -26,7 +26,7 @@ def recorded(name: str, strength: float) -> tuple[Log, dict[str, float], dict[st
 def test_a_strong_hysteresis_is_found_where_it_is(strength: float) -> None:
     """Travel, stiffness and the arm's inertia: near enough for a descent."""
     log, hidden, theta = recorded("arm_hysteresis", strength)
-    start = remembering([log], TABLE_3, "arm_hysteresis")[0].plant
+    start = remembering([log], TABLE_3, "arm_hysteresis").starts[0].plant
     found = start.effects[0].parameters
     assert found["d"] == pytest.approx(hidden["d"], rel=0.3)
     assert found["κ"] * found["d"] == pytest.approx(hidden["κ"] * hidden["d"], rel=0.2)
@@ -44,7 +44,7 @@ def test_a_fit_by_name_arrives_from_there() -> None:
 
 def test_a_bristle_takes_the_place_of_coulombs_friction() -> None:
     log, hidden, theta = recorded("arm_presliding", 2.0)
-    start = remembering([log], TABLE_3, "arm_presliding")[0].plant
+    start = remembering([log], TABLE_3, "arm_presliding").starts[0].plant
     assert start.theta[7] == pytest.approx(theta["theta8"], rel=0.5)
     assert start.effects[0].parameters["σ0"] == pytest.approx(hidden["σ0"], rel=0.7)
 
@@ -53,12 +53,12 @@ def test_logs_do_not_run_into_each_other() -> None:
     """Two logs say what one does, wherever their angles start."""
     log, *_ = recorded("arm_hysteresis", 8.0)
     for name in MEMORIES:
-        one = remembering([log], TABLE_3, name)
-        two = remembering([log, log.moved(3.0, 0.0)], TABLE_3, name)
+        one = remembering([log], TABLE_3, name).starts
+        two = remembering([log, log.moved(3.0, 0.0)], TABLE_3, name).starts
         for a, b in zip(one, two, strict=True):
             assert b.plant.effects[0].parameters == pytest.approx(dict(a.plant.effects[0].parameters), rel=1e-3)
             assert b.plant.theta == pytest.approx(a.plant.theta, rel=1e-3)
 
 
 def test_no_start_where_no_memory_explains_more() -> None:
-    assert remembering([hanging_log()], TABLE_3, "arm_hysteresis") == []
+    assert remembering([hanging_log()], TABLE_3, "arm_hysteresis").starts == ()
