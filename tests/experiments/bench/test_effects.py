@@ -18,6 +18,7 @@ from experiments.bench import (
     strength_for,
 )
 from experiments.bench.effects import find
+from experiments.bench.kernels.forces import _looked_up
 
 CASES = [(name, form) for name, e in catalogue().items() for form in e.forms()]
 # a few seconds in which each kind of effect has had time to act
@@ -167,3 +168,17 @@ def test_a_strength_is_found_for_a_wanted_gap(monkeypatch):
     for name, ratio in (("arm_spring", 1.0), ("back_emf", 2.0), ("arm_sprong", 2.0)):
         with pytest.raises(ValueError, match=r"expected|can hide"):
             strength_for(Rig("servo"), name, ratio)
+
+
+@pytest.mark.parametrize("name", ["arm_cable", "arm_taut_cable"])
+def test_a_cables_other_law_has_no_corner_and_pulls_back_everywhere(name):
+    """Between the points of its table, at them, and beyond."""
+    rig = Rig("servo", [HiddenEffect(name, 3.0, "bench")])
+    p = rig.mechanics()[0].fields[0]
+    q = np.linspace(-4.0, 4.0, 8001)
+    torque = np.array([_looked_up(x, p) for x in q])
+    slope = np.diff(torque) / np.diff(q)
+    assert slope.min() > 0.0
+    assert np.abs(np.diff(slope)).max() < 0.02 * slope.max(), "a corner"
+    at = p["table_from"] + p["table_step"] * np.arange(len(p["table"]))
+    np.testing.assert_allclose([_looked_up(x, p) for x in at], p["table"], atol=1e-12)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from furuta_gym.plant import EFFECTS, TABLE_3
+from experiments.bench import HiddenEffect, Rig
+from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.locate.evidence import _merged
-from identification.diagnosis.locate.laws import own_variables
+from identification.diagnosis.locate.laws import own_families, own_variables
 from identification.diagnosis.locate.seen import Seen
 from identification.diagnosis.policy import DecisionPolicy
-from tests.factories import loop_log
+from tests.factories import bench_log, loop_log
 
 POLICY = DecisionPolicy()
 LEARNED = "arm_learned"
@@ -46,3 +48,29 @@ def test_the_right_law_leaves_nothing_that_goes_with_it() -> None:
     seen = Seen.of(plant, [log], POLICY)
     assert seen.another_law("arm_spring") < POLICY.left
     assert seen.another_law("input_dead_zone") < POLICY.left
+
+
+@pytest.mark.parametrize("name", sorted(set(EFFECTS) - {LEARNED}))
+def test_families_at_an_effects_own_scale_are_new_and_finite(name: str, pulled: Seen) -> None:
+    signals = pulled.looks[0].signals
+    plant = TABLE_3.with_effects(TABLE_3.default_effect(name))
+    known = {_merged(family) for family in pulled.columns[0]}
+    for family in own_families(name, plant, signals, (0.0, 10.0)):
+        assert (family.channel, family.variable) not in known
+        columns = family.torque if family.torque is not None else family.misreading
+        assert columns is not None
+        assert columns.shape[:2] == (len(signals.t), 2)
+        assert np.isfinite(columns).all()
+        assert np.abs(columns).max() > 0.0
+
+
+def test_a_second_harmonic_is_another_law_of_a_ripple() -> None:
+    """Too fast in the angle for the functions of it that `locate` knows."""
+    rig = Rig("table3", [HiddenEffect("arm_ripple", 4.0, "bench")], sample_time=4e-3)
+    log = bench_log(rig, "wide", seed=3, duration=10.0)
+    truth = rig.truth()
+    ripple = {name: v["value"] for name, v in truth["effects"][0]["parameters"].items()}
+    plant = TABLE_3.replace(theta=np.array(list(truth["theta"].values())), effects=(Effect("arm_ripple", ripple),))
+    seen = Seen.of(plant, [log], POLICY)
+    assert seen.another_law("arm_ripple") > 100.0
+    assert seen.another_law("arm_ripple") > 2.0 * seen.another_law("arm_spring")
