@@ -46,7 +46,8 @@ def remembering(logs: Sequence[Log], plant: Plant, name: str) -> Remembering:
     frictions = [_frictions(name, soft, _along(m, shape, d)) for d in _TRAVELS]
     residuals = np.array([_residual([*arm, *columns], m.u) for columns in frictions])
     best = int(np.argmin(residuals))
-    left = float(residuals[best] / max(_residual([*arm, soft], m.u), 1e-300))
+    plain = _residual([*arm, soft], m.u)
+    left = float(residuals[best] / plain) if plain > 0.0 else 1.0
     found = []
     for start, levels in starts_with(m, row, plant, m.u, frictions[best]) if left < _BETTER else ():
         stiffness = {"κ": levels[-1] / _TRAVELS[best], "d": _TRAVELS[best]}

@@ -62,3 +62,12 @@ def test_logs_do_not_run_into_each_other() -> None:
 
 def test_no_start_where_no_memory_explains_more() -> None:
     assert remembering([hanging_log()], TABLE_3, "arm_hysteresis").starts == ()
+
+
+@pytest.mark.parametrize("name", MEMORIES)
+def test_a_log_without_a_command_says_nothing_of_a_memory(name: str) -> None:
+    log = hanging_log()
+    free = Log(log.t, log.q1, log.q2, 0.0 * log.u, input_unit=log.input_unit)
+    found = remembering([free], TABLE_3, name)
+    assert found.starts == ()
+    assert found.left == 1.0
