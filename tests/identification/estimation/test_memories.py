@@ -34,12 +34,13 @@ def test_a_strong_hysteresis_is_found_where_it_is(strength: float) -> None:
 
 
 def test_a_fit_by_name_arrives_from_there() -> None:
-    """A descent from model (5) ended with five times the travel and 2000 nats too high."""
-    log, hidden, theta = recorded("arm_hysteresis", 25.0)
-    found = identify(log, effects=["arm_hysteresis"])
+    """Balancing, where the arm turns little. From model (5) the descent ends 1600 nats higher, at a fifth of κ and
+    seven times the travel."""
+    rig = Rig("table3", [HiddenEffect("arm_hysteresis", 23.0, "bench")], individual=3, scatter=0.1, sample_time=2e-3)
+    hidden = {k: v["value"] for k, v in rig.truth()["effects"][0]["parameters"].items()}
+    found = identify(bench_log(rig, "paper", seed=5, duration=16.0), effects=["arm_hysteresis"])
     assert found.value("arm_hysteresis.d") == pytest.approx(hidden["d"], rel=0.15)
     assert found.value("arm_hysteresis.κ") == pytest.approx(hidden["κ"], rel=0.2)
-    assert found.value("theta1") == pytest.approx(theta["theta1"], rel=0.15)
 
 
 def test_a_bristle_takes_the_place_of_coulombs_friction() -> None:
