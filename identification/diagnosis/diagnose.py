@@ -222,7 +222,7 @@ def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:
 
 
 def _memories(logs: Sequence[Log], plant: Plant) -> list[Remembering]:
-    """The same with friction that remembers."""
+    """Start values from the logs alone with each kind of friction that remembers."""
     pieces = [stretch.piece for stretch in stretches(logs)]
     return [remembering(pieces, plant.replace(effects=()), name) for name in MEMORIES]
 

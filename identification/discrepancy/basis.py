@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.regressor import regressor
 
+from ..friction_memory import bristle
 from ..kalman.path import FilterPath
 
 Array = NDArray[np.float64]
@@ -49,6 +49,10 @@ class Signals:
         a = np.zeros((len(t), 2))
         a[:-1] = (path.carried[1:, 2:4] - states[:-1, 2:4]) / np.diff(t)[:, None]
         return cls(t, states[:, :2], states[:, 2:4], a, path.record.u[:, 0], path.record.y - path.e)
+
+    def way(self, row: int) -> Array:
+        """(N,) [rad]: the way of a joint, 0 arm or 1 pendulum, by its speed."""
+        return np.concatenate([[0.0], np.cumsum(self.v[:-1, row] * np.diff(self.t))])
 
 
 ZEROS = {"time (zero of the arm)": "arm angle", "time (zero of the pendulum)": "pendulum angle"}
@@ -102,8 +106,8 @@ def families(
     angle1, angle2 = hats(q1, knots.q1), hats(np.sin(q2), knots.q2)
     speed1 = [hats(v1, knots.v1), np.abs(c1), np.tanh(10.0 * v1), v1 * np.abs(v1)]
     speed2 = [hats(v2, knots.v2), np.abs(c2), np.tanh(10.0 * v2), v2 * np.abs(v2)]
-    memory = [_low_pass(v1, tau / T) for tau in _MEMORY] + [bristle(v1, t, z) for z in _BRISTLES]
-    memory2 = [_low_pass(v2, tau / T) for tau in _MEMORY] + [bristle(v2, t, z) for z in _BRISTLES]
+    memory = [_low_pass(v1, tau / T) for tau in _MEMORY] + [bristle(s.way(0), z) for z in _BRISTLES]
+    memory2 = [_low_pass(v2, tau / T) for tau in _MEMORY] + [bristle(s.way(1), z) for z in _BRISTLES]
     found = []
     for row, channel in enumerate(("arm", "pendulum")):
         found += [
@@ -189,18 +193,3 @@ def _low_pass(x: Array, samples: float) -> Array:
 
     keep = math.exp(-1.0 / max(samples, 1e-3))
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], x, zi=[keep * x[0]])[0])
-
-
-def bristle(v: Array, t: Array, travel: float) -> Array:
-    """Deflection z / travel (N,) of a bristle that slips after `travel` [rad]: ż = v − |v| z / travel (Dahl)."""
-    out = np.zeros(len(v))
-    _bristle(np.ascontiguousarray(v), np.ascontiguousarray(t), travel, out)
-    return out
-
-
-@compiled
-def _bristle(v, t, travel, out):
-    for k in range(1, len(v)):
-        way = v[k - 1] * (t[k] - t[k - 1]) / travel
-        toward = 1.0 if way > 0.0 else -1.0
-        out[k] = toward + (out[k - 1] - toward) * np.exp(-abs(way))

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from furuta_gym.plant import Effect, Plant
-from furuta_gym.plant.compiled import compiled
 
+from ..friction_memory import bristle, stop
 from ..logs.log import Log
 from .start import SHARPNESS, Array, Motion, PendulumRow, Start, nonnegative, smoothed, starts_with
 
-_TRAVELS = np.geomspace(0.004, 1.5, 24)  # rad
+_TRAVELS = tuple(float(d) for d in np.geomspace(0.004, 1.5, 24))  # rad
 _BETTER = 0.98  # of what friction without a memory leaves
 MEMORIES = ("arm_hysteresis", "arm_presliding")
 """Effects that have such start values."""
@@ -42,7 +42,7 @@ def remembering(logs: Sequence[Log], plant: Plant, name: str) -> Remembering:
     row = PendulumRow.of(m)
     soft = np.tanh(SHARPNESS * m.v[:, 0])
     arm = [m.a[:, 0], row.reaction(m), m.v[:, 0]]
-    shape = _stop if name == "arm_hysteresis" else _bristle
+    shape = stop if name == "arm_hysteresis" else bristle
     frictions = [_frictions(name, soft, _along(m, shape, d)) for d in _TRAVELS]
     residuals = np.array([_residual([*arm, *columns], m.u) for columns in frictions])
     best = int(np.argmin(residuals))
@@ -50,12 +50,11 @@ def remembering(logs: Sequence[Log], plant: Plant, name: str) -> Remembering:
     left = float(residuals[best] / plain) if plain > 0.0 else 1.0
     found = []
     for start, levels in starts_with(m, row, plant, m.u, frictions[best]) if left < _BETTER else ():
-        stiffness = {"κ": levels[-1] / _TRAVELS[best], "d": _TRAVELS[best]}
-        if name == "arm_presliding":
-            stiffness = {"σ0": stiffness["κ"]}
-        if levels[-1] > 0.0:
-            values = {**plant.default_effect(name).parameters, **{k: float(v) for k, v in stiffness.items()}}
-            found.append(Start(start.plant.with_effects(Effect(name, values)), start.noise))
+        level, travel = float(levels[-1]), _TRAVELS[best]
+        own = {"κ": level / travel, "d": travel} if name == "arm_hysteresis" else {"σ0": level / travel}
+        if level > 0.0:
+            effect = Effect(name, {**plant.default_effect(name).parameters, **own})
+            found.append(Start(start.plant.with_effects(effect), start.noise))
     return Remembering(tuple(found), left)
 
 
@@ -68,25 +67,7 @@ def _residual(columns: Sequence[Array], output: Array) -> float:
     return float(np.linalg.norm(output - np.column_stack(columns) @ nonnegative(columns, output)))
 
 
-def _along(m: Motion, shape: Callable[[Array, float, Array], None], travel: float) -> Array:
-    """(n,) in [−1, 1]: a memory of the arm's way, slack where each log begins."""
-    out = np.zeros(len(m.u))
-    for start, end in zip(m.first, (*m.first[1:], len(out)), strict=True):
-        shape(np.ascontiguousarray(m.q[start:end, 0]), float(travel), out[start:end])
-    return out
-
-
-@compiled
-def _stop(q, travel, out):
-    """A stop element over its travel: follows the way and stays at ±1."""
-    for k in range(1, len(q)):
-        out[k] = min(max(out[k - 1] + (q[k] - q[k - 1]) / travel, -1.0), 1.0)
-
-
-@compiled
-def _bristle(q, travel, out):
-    """Dahl's bristle over its travel, exact where the arm moves one way during a sample."""
-    for k in range(1, len(q)):
-        way = (q[k] - q[k - 1]) / travel
-        toward = 1.0 if way > 0.0 else -1.0
-        out[k] = toward + (out[k - 1] - toward) * np.exp(-abs(way))
+def _along(m: Motion, shape: Callable[[Array, float], Array], travel: float) -> Array:
+    """(n,): a memory of the arm's way, slack where each log begins."""
+    ends = (*m.first[1:], len(m.u))
+    return np.concatenate([shape(m.q[a:b, 0], travel) for a, b in zip(m.first, ends, strict=True)])

@@ -106,8 +106,8 @@ def _most_likely(
 
     named = {effect for effect in effects if isinstance(effect, str)}
     pieces = [stretch.piece for stretch in used]
-    regressed = [s.plant for name in MEMORIES if name in named for s in remembering(pieces, plant, name).starts]
-    further = [with_known(p, known, [e for e in effects if e not in MEMORIES]) for p in regressed]
+    regressed = [found for name in MEMORIES if name in named for found in remembering(pieces, plant, name).starts]
+    further = [with_known(found.plant, known) for found in regressed]
     plant = from_grids(quickly, plant, records, named, {*fixed, *priors}, pool, further)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
     optimum = minimise(problem, begin(problem, iterations), iterations)

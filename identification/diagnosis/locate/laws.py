@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
-from ...discrepancy.basis import ZEROS, Family, Signals, bristle, on_row, stages
+from ...discrepancy.basis import ZEROS, Family, Signals, on_row, stages
+from ...friction_memory import bristle
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
     p = effect.parameters
     q1, v1, t = s.q[:, 0], s.v[:, 0], s.t
     if travels := [d for d in _travels(effect, plant) if d > 0.0 and math.isfinite(d)]:
-        columns = [bristle(v1, t, factor * d) for d in travels for factor in _TRAVELS]
+        columns = [bristle(s.way(0), factor * d) for d in travels for factor in _TRAVELS]
         return [Family("arm", "memory at its own travel", on_row(0, *columns))]
     if effect.name == "arm_ripple":
         return [Family("arm", "its own ripple", on_row(0, *_waves(p["n"] * q1)))]

@@ -74,3 +74,14 @@ def test_a_second_harmonic_is_another_law_of_a_ripple() -> None:
     seen = Seen.of(plant, [log], POLICY)
     assert seen.another_law("arm_ripple") > 100.0
     assert seen.another_law("arm_ripple") > 2.0 * seen.another_law("arm_spring")
+
+
+def test_an_offset_that_wanders_is_another_law_of_it() -> None:
+    """Over time, where functions of the command alone see little."""
+    rig = Rig("table3", [HiddenEffect("input_offset", 20.0, "bench")], sample_time=4e-3)
+    log = bench_log(rig, "paper", seed=3, duration=20.0)
+    truth = rig.truth()
+    b = {"b": truth["effects"][0]["parameters"]["b"]["value"]}
+    plant = TABLE_3.replace(theta=np.array(list(truth["theta"].values())), effects=(Effect("input_offset", b),))
+    seen = Seen.of(plant, [log], POLICY)
+    assert seen.another_law("input_offset") > seen.another_law("input_gain_asymmetry") + 20.0
