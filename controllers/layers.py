@@ -1,13 +1,18 @@
 """A learned policy as plain numbers: the layers of its network, played by numpy."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .cells import Cells, CellState, cells_of
+
+Floats = NDArray[np.floating[Any]]  # observations come in single or double precision
+
 ACTIVATIONS = {"Tanh": np.tanh, "ReLU": lambda x: np.maximum(x, 0.0)}
+_STEPS, _LANES = 8, 32  # of the random observations on which a network that was read is held against the model
 _TOLERANCE = 1e-4  # of the action's range, between these numbers and the model's own answer in float32
 
 
@@ -26,27 +31,54 @@ class Layer:
 
 @dataclass(frozen=True)
 class Network:
-    """Observation to action: times `scale` (n,), through the layers, then squashed or clipped to ±`limit`.
+    """Observation to action: times `scale` (n,), through the cells and layers, then squashed or clipped to ±`limit`.
 
-    squashed: the action is limit · tanh(last layer); else the last layer clipped to ±limit.
+    squashed: the action is limit · tanh(last layer); else the last layer clipped to ±limit. cells: memory of a
+    recurrent policy; None without.
     """
 
     scale: NDArray[np.float32]
     layers: tuple[Layer, ...]
     squashed: bool
     limit: float
+    cells: Cells | None = None
 
     @property
     def size(self) -> int:
         """Entries of an observation."""
         return self.scale.size
 
-    def __call__(self, observations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Actions (L, 1) for observations (L, n)."""
-        x = observations * self.scale.astype(float)
+    def begin(self) -> Callable[[Floats], NDArray[np.float64]]:
+        """Observations (L, n) to actions (L, 1), one call after the other; cells begin empty and remember."""
+        return self if self.cells is None else _Playing(self, self.cells)
+
+    def __call__(self, observations: Floats) -> NDArray[np.float64]:
+        """Actions (L, 1) for observations (L, n); of a recurrent policy, for the first ones of an episode."""
+        x = self.scaled(observations)
+        return self.act(x if self.cells is None else self.cells(x, self.cells.start(len(x)))[0])
+
+    def scaled(self, observations: Floats) -> NDArray[np.float64]:
+        """Observations as cells and layers take them."""
+        return np.asarray(observations, dtype=float) * self.scale.astype(float)
+
+    def act(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Actions for what the layers take: scaled observations, or the cells' answer to them."""
         for layer in self.layers:
             x = layer(x)
         return self.limit * np.tanh(x) if self.squashed else np.clip(x, -self.limit, self.limit)
+
+
+class _Playing:
+    """A recurrent network on its way through an episode."""
+
+    def __init__(self, network: Network, cells: Cells) -> None:
+        self.network, self.cells = network, cells
+        self.state: CellState | None = None
+
+    def __call__(self, observations: Floats) -> NDArray[np.float64]:
+        scaled = self.network.scaled(observations)
+        x, self.state = self.cells(scaled, self.state or self.cells.start(len(scaled)))
+        return self.network.act(x)
 
 
 def network_in(controller: Any) -> Network:
@@ -57,7 +89,8 @@ def network_in(controller: Any) -> Network:
 
 
 def network_of(model: Any) -> Network:
-    """The network of stable-baselines3's PPO, A2C, SAC, TQC or TD3 with an `MlpPolicy` and one action.
+    """The network of stable-baselines3's PPO, A2C, SAC, TQC or TD3 with an `MlpPolicy` and one action, or of
+    sb3-contrib's RecurrentPPO.
 
     Raises ValueError if the policy is of another kind: what is read is played against `model.predict` on 256 random
     observations, and any difference means that it was not understood.
@@ -77,7 +110,7 @@ def network_of(model: Any) -> Network:
         raise ValueError(f"a policy of the class {type(policy).__name__} cannot be exported ({error})") from error
     n = int(model.observation_space.shape[0])
     scale = extractor.scale.numpy() if hasattr(extractor, "scale") else np.ones(n, dtype=np.float32)
-    network = Network(scale, layers, squashed, float(model.action_space.high[0]))
+    network = Network(scale, layers, squashed, float(model.action_space.high[0]), cells_of(policy, n))
     _check(network, model)
     return network
 
@@ -106,8 +139,10 @@ def _flat(modules: Iterable[Any]) -> Iterable[Any]:
 
 def _check(network: Network, model: Any) -> None:
     rng = np.random.default_rng(0)
-    observations = (rng.standard_normal((256, network.size)) / network.scale).astype(np.float32)
-    expected = model.predict(observations, deterministic=True)[0]
-    error = float(np.max(np.abs(network(observations.astype(float)) - expected)))
+    observations = (rng.standard_normal((_STEPS, _LANES, network.size)) / network.scale).astype(np.float32)
+    play, state, error = network.begin(), None, 0.0
+    for k, seen in enumerate(observations):
+        expected, state = model.predict(seen, state, np.full(_LANES, k == 0), deterministic=True)
+        error = max(error, float(np.max(np.abs(play(seen.astype(float)) - expected))))
     if not error <= _TOLERANCE * network.limit:
         raise ValueError(f"this policy's network was not understood: its actions differ by {error:.2g}")

@@ -14,6 +14,7 @@ from furuta_gym.sensors import FilteredDifference, Sensors
 
 from .base import Controller, Reference
 from .design import choose_sensors
+from .layers import Network
 from .policy_file import read_policy, read_record
 
 FRAME = 5  # q1, sin q2, cos q2, q̇1, q̇2
@@ -72,6 +73,7 @@ class LearnedController(Controller):
         self._frames: list[NDArray[np.float32]] = []
         self._last: Any = 0.0
         self._calls = 0
+        self._act = self.predict.begin() if isinstance(self.predict, Network) else self.predict
 
     def _command(self, y: NDArray[np.float64], reference: float) -> Any:
         self._calls += 1
@@ -91,7 +93,7 @@ class LearnedController(Controller):
             frame.append(self._last / self.trained_u_max + 0.0 * q1)
         newest = np.atleast_2d(np.stack(frame, axis=-1)).astype(np.float32)
         self._frames = [*self._frames[1:], newest] if self._frames else [newest] * self.history
-        action = np.asarray(self.predict(np.concatenate(self._frames, axis=1)), dtype=float).reshape(-1)
+        action = np.asarray(self._act(np.concatenate(self._frames, axis=1)), dtype=float).reshape(-1)
         u = np.clip(self.scale * action, -self.u_max, self.u_max)
         self._last = u if y.ndim == 2 else float(u[0])
         return self._last

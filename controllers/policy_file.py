@@ -1,7 +1,7 @@
 """Policy files: settings as JSON and weights as plain numbers in one zip. Reading one runs nothing of what it holds.
 
 policy.json           the training record and, as "network", the shapes, activations and limit of the network
-weights.safetensors   "scale", and "weight0", "bias0", … of its layers
+weights.safetensors   "scale", and "weight0", "bias0", … of its layers; "cells_w", "cells_r", "cells_bias" of its cells
 learning.safetensors  everything that learning goes on from, see `learning_state`; may be left out
 """
 
@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from furuta_gym.files import in_short, read_json, write_whole
 
 from . import tensors
+from .cells import Cells
 from .layers import ACTIVATIONS, Layer, Network
 
 SCHEMA = "furuta-policy/1"
 RECORD, WEIGHTS, LEARNING = "policy.json", "weights.safetensors", "learning.safetensors"
 
 _LARGEST = 1 << 26  # bytes of one member
-_MOST_LAYERS = 32
+_MOST_LAYERS, _MOST_CELLS = 32, 1024
 _BROKEN = (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError, zlib.error)
 """What zipfile raises for one that is damaged; OSError where it is led to a place before the file's start."""
 
@@ -43,6 +44,8 @@ def write_policy(
     arrays: dict[str, NDArray[Any]] = {"scale": np.asarray(network.scale, dtype=np.float32)}
     for i, layer in enumerate(network.layers):
         arrays |= {f"weight{i}": layer.weight, f"bias{i}": layer.bias}
+    if (cells := network.cells) is not None:
+        arrays |= {"cells_w": cells.w, "cells_r": cells.r, "cells_bias": cells.bias}
     about = dict(record) | {"schema": SCHEMA, "network": _described(network)}
     members = {
         RECORD: (json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
@@ -165,6 +168,7 @@ def _record(raw: bytes) -> dict[str, Any]:
 
 
 def _described(network: Network) -> dict[str, Any]:
+    cells = network.cells
     return {
         "observation_size": network.size,
         "layers": [
@@ -173,7 +177,7 @@ def _described(network: Network) -> dict[str, Any]:
         ],
         "squash": "tanh" if network.squashed else "clip",
         "limit": network.limit,
-    }
+    } | ({} if cells is None else {"cells": {"count": cells.size, "beside": cells.beside}})
 
 
 def _network(said: Any, arrays: Mapping[str, NDArray[Any]]) -> Network:
@@ -187,8 +191,9 @@ def _network(said: Any, arrays: Mapping[str, NDArray[Any]]) -> Network:
     if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit > 0:
         raise ValueError(f'"limit" must be a positive number, got {limit!r}')
     scale = _array(arrays, "scale", (size,))
+    cells = None if "cells" not in said else _cells(said["cells"], size, arrays)
     made = []
-    width = size
+    width = size if cells is None else cells.outputs
     for i, layer in enumerate(layers):
         activation = layer.get("activation") if isinstance(layer, dict) else None
         if activation != "" and not (isinstance(activation, str) and activation in ACTIVATIONS):
@@ -200,7 +205,21 @@ def _network(said: Any, arrays: Mapping[str, NDArray[Any]]) -> Network:
         made.append(Layer(weight, bias, activation))
     if width != 1:
         raise ValueError(f"the last layer must have one output, got {width!r}")
-    return Network(scale, tuple(made), squash == "tanh", float(limit))
+    return Network(scale, tuple(made), squash == "tanh", float(limit), cells)
+
+
+def _cells(said: Any, inputs: Any, arrays: Mapping[str, NDArray[Any]]) -> Cells:
+    count, beside = (said.get("count"), said.get("beside")) if isinstance(said, dict) else (None, None)
+    if type(count) is not int or not 1 <= count <= _MOST_CELLS or type(beside) is not bool:
+        raise ValueError(
+            f'"cells" must be a mapping with "count", 1 to {_MOST_CELLS}, and "beside", true or false; got {said!r}'
+        )
+    return Cells(
+        _array(arrays, "cells_w", (4 * count, inputs)),
+        _array(arrays, "cells_r", (4 * count, count)),
+        _array(arrays, "cells_bias", (4 * count,)),
+        beside,
+    )
 
 
 def _array(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[Any, ...]) -> NDArray[np.float32]:

@@ -16,7 +16,8 @@ from furuta_gym.plant.parameters import pendulum_frequency
 HORIZON = 2.0  # s; rewards so far ahead count 1/e. A swing-up takes half a second to two
 EPISODE = 8.0  # s; long enough to swing up and then to hold, which is where most of the reward is
 PERIOD = 0.02  # s; a tenth of the fastest motion of the rigs here. A shorter one makes each action matter less
-ALGORITHMS = ("ppo", "sac", "tqc")
+RECURRENT = "recurrent"
+ALGORITHMS = ("ppo", "sac", "tqc", RECURRENT)
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Recipe:
     layers, activation: hidden layers of actor and critic. log_std: log standard deviation of the first policy's
     actions in shares of u_max; None where the algorithm finds its own. settings: keyword arguments of the algorithm.
     last_rate: share of the learning rate that is left at the end, to which it falls in proportion to the steps.
-    episode: length of those that it learns from [s].
+    episode: length of those that it learns from [s]. cells: LSTM cells of actor and critic each; 0 for no memory.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Recipe:
     settings: Mapping[str, Any]
     last_rate: float = 1.0
     episode: float = EPISODE
+    cells: int = 0
 
     @property
     def off_policy(self) -> bool:
@@ -61,13 +63,15 @@ class Given:
     reward_weights: Mapping[str, float] = field(default_factory=dict)
     arm_margin: float = 0.0
 
-    def of(self, plant: Plant) -> dict[str, Any]:
-        """Fields of `Training` by name, for a plant."""
+    def of(self, plant: Plant, algorithm: str) -> dict[str, Any]:
+        """Fields of `Training` by name, for a plant. A recurrent policy sees one observation with the last command."""
         ranges = dict(self.ranges)
         if self.cable:
             ranges["arm_spring.k"] = f"uniform:0,{self.cable * plant.u_max:.6g}"
             ranges["arm_spring.q1n"] = "uniform:-0.5,0.5"
         found = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("ranges", "cable")}
+        if algorithm == RECURRENT:
+            found |= {"history": 1, "observe_command": True}
         return found | {"randomize": ranges or False}
 
 
@@ -89,7 +93,7 @@ RECIPES = {
 
 
 def recipe(algorithm: str, task: str, name: str = "plain") -> Recipe:
-    """The settings of "ppo", "sac" or "tqc" for "balance" or "swing_up", and for a recipe of `RECIPES`.
+    """The settings of one of `ALGORITHMS` for "balance" or "swing_up", and for a recipe of `RECIPES`.
 
     Raises ValueError for another algorithm or recipe."""
     if name not in RECIPES:
@@ -97,6 +101,9 @@ def recipe(algorithm: str, task: str, name: str = "plain") -> Recipe:
     if algorithm == "ppo":
         plain = Recipe("PPO", 64, 0.1, (32, 32), "Tanh", _FIRST_NOISE[task], dict(_PPO))
         return plain if name == "plain" else _wider(plain)
+    if algorithm == RECURRENT:
+        kept = Recipe("RecurrentPPO", 256, 0.1, (32, 32), "Tanh", _FIRST_NOISE[task], _RECURRENT, 0.1, cells=64)
+        return kept if name == "plain" else replace(kept, last_rate=0.02, episode=6.0)
     if algorithm in ("sac", "tqc"):
         return Recipe(algorithm.upper(), 16, 1.0, (64, 64), "ReLU", None, dict(_OFF_POLICY))
     raise ValueError(f"--algo {algorithm!r}: expected one of {', '.join(ALGORITHMS)}")
@@ -124,6 +131,10 @@ _PPO: dict[str, Any] = {
     "gae_lambda": 0.95,
     "ent_coef": 0.0,  # the first noise is enough to find the top, and an entropy bonus would keep the arm shaking
 }
+
+# Memory is learned from sequences that are gone through step by step, so wide batches are cheap and long ones are not:
+# 256 envs · 64 steps. Each sees 1.3 s between two updates; what the cells hold is carried on to the next.
+_RECURRENT: dict[str, Any] = _PPO | {"n_steps": 64, "batch_size": 4096, "learning_rate": 1e-3}
 
 # One update for every two steps; 800 steps of chance first, in 16 rigs, fill the memory with all angles.
 _OFF_POLICY: dict[str, Any] = {

@@ -34,6 +34,8 @@ def running_state(model: Any, batch: FurutaVectorEnv) -> Arrays:
         "starts": np.asarray(model._last_episode_starts, dtype=np.uint8),
         "counts": np.array([model._episode_num, model._n_updates], dtype=np.int64),
     }
+    for i, part in enumerate(_cell_states(model)):
+        found[f"cells/{i}"] = part.numpy().copy()
     return found
 
 
@@ -45,8 +47,7 @@ def put_running_state(model: Any, batch: FurutaVectorEnv, arrays: Mapping[str, N
     n, size = batch.num_envs, batch.single_observation_space.shape
     shapes = {"observation": (n, *(size or ())), "starts": (n,), "counts": (2,), "numpy/key": (624,)}
     for name, shape in (shapes | {"numpy/rest": (3,), "actions": (6,)}).items():
-        if arrays[name].shape != shape:
-            raise ValueError(f"{name} must have shape {shape}, got {arrays[name].shape}")
+        _fitting(arrays, name, shape)
     torch.set_rng_state(torch.from_numpy(arrays["torch"]))
     position, has_gauss, gauss = arrays["numpy/rest"].tolist()
     key = arrays["numpy/key"].astype(np.uint32)
@@ -57,6 +58,20 @@ def put_running_state(model: Any, batch: FurutaVectorEnv, arrays: Mapping[str, N
     if hasattr(model, "_last_original_obs"):
         model._last_original_obs = None
     model._episode_num, model._n_updates = arrays["counts"].tolist()
+    for i, part in enumerate(_cell_states(model)):
+        part.copy_(torch.from_numpy(_fitting(arrays, f"cells/{i}", tuple(part.shape))))
+
+
+def _cell_states(model: Any) -> list[Any]:
+    """Of a recurrent policy: output and content of the actor's and the critic's cells, as tensors of the model."""
+    states = getattr(model, "_last_lstm_states", None)
+    return [] if states is None else [*states.pi, *states.vf]
+
+
+def _fitting(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    if arrays[name].shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {arrays[name].shape}")
+    return arrays[name]
 
 
 def _words(state: Mapping[str, Any]) -> NDArray[np.int64]:

@@ -119,9 +119,8 @@ class _Run:
     def _judge(self) -> None:
         """Evaluate, keep the best, widen the ranges, and write a checkpoint."""
         at = self.level
-        predict = lambda seen: self.model.predict(seen, deterministic=True)[0]  # noqa: E731
         seed = self.training.seed + OTHER_SEED
-        found = evaluation(predict, self.judges, seed, int(self.model.num_timesteps), at)
+        found = evaluation(network_of(self.model), self.judges, seed, int(self.model.num_timesteps), at)
         self.model.logger.record("eval/mean_reward", found.mean)
         self.model.logger.record("eval/success", found.success)
         before = self.evaluations[-1].level if self.evaluations else at

@@ -23,8 +23,14 @@ def make_model(training: Training) -> Any:
         "net_arch": list(plan.layers),
         "activation_fn": getattr(nn, plan.activation),
     }
+    policy: Any = "MlpPolicy"
+    if plan.cells:
+        from .remembering import RememberingPolicy
+
+        policy = RememberingPolicy
+        network["lstm_hidden_size"] = plan.cells
     return algorithm_class(plan.name)(
-        "MlpPolicy",
+        policy,
         learning_env(training),
         gamma=discount(training.setup.sample_time),
         policy_kwargs=network | ({} if plan.log_std is None else {"log_std_init": plan.log_std}),

@@ -47,6 +47,7 @@ def record_of(
             "envs": plan.envs,
             "reward_scale": plan.reward_scale,
             "net_arch": list(plan.layers),
+            "cells": plan.cells,
             "activation": plan.activation,
             "log_std_init": plan.log_std,
             "gamma": discount(setup.sample_time),

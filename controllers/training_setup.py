@@ -23,7 +23,7 @@ SCHEMA = "furuta-policy/1"
 class Training:
     """One training run.
 
-    plant: rig. task: "balance" or "swing_up". algorithm: "ppo", "sac" or "tqc". steps: env steps in all.
+    plant: rig. task: "balance" or "swing_up". algorithm: of `recipes.ALGORITHMS`. steps: env steps in all.
     randomize: True for a plant from its covariance (or as its file says) for each episode, or ranges by name, see
     `furuta_gym.envs.ranges`; effect_probabilities: effects that come and go, as in `FurutaEnv`. sample_time [s],
     history, observe_command, reward_weights, noise_std [rad], arm_limit and arm_margin [rad]: as in `FurutaEnv`; see
@@ -56,7 +56,10 @@ class Training:
         Raises ValueError for a name that is none."""
         recipe("ppo", "balance", name)  # complains about the name
         return cls(
-            plant, recipe_name=name, **RECIPES[name].of(plant) | {key: x for key, x in said.items() if x is not None}
+            plant,
+            recipe_name=name,
+            **RECIPES[name].of(plant, said.get("algorithm") or "ppo")
+            | {k: x for k, x in said.items() if x is not None},
         )
 
     def __post_init__(self) -> None:

@@ -11,6 +11,7 @@ from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
+from ..cells import Cells
 from ..layers import Network, network_in
 from ..learned import LearnedController, load_policy
 from ..policy_file import read_record
@@ -27,7 +28,9 @@ def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, An
     """The network as an `onnx.ModelProto`.
 
     Input `observation` (N, n) float32. Outputs (N, 1): `action`, as the policy's `predict` gives it, and `command`,
-    scale times the action within ± u_max. about: strings for the model's metadata.
+    scale times the action within ± u_max. A recurrent policy has two more inputs, `output` and `content` of its
+    cells (N, cells), zero at first, and the outputs `next_output` and `next_content`, to be given back at the next
+    step. about: strings for the model's metadata.
     """
     from onnx import TensorProto, helper, numpy_helper
 
@@ -41,7 +44,23 @@ def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, An
         nodes.append(helper.make_node(kind, inputs, [output], **attributes))
         return output
 
+    def cell_state(prefix: str, cells: Cells) -> list[tuple[str, int]]:
+        return [(prefix + name, cells.size) for name in ("output", "content")]
+
     x = node("Mul", ["observation", constant("scale", network.scale)], "scaled")
+    inputs, outputs = [("observation", network.size)], [("action", 1), ("command", 1)]
+    if (cells := network.cells) is not None:
+        parts = [constant(f"cells_{name}", getattr(cells, name)) for name in ("w", "r", "bias")]
+        sums = node("Gemm", ["output", parts[1], parts[2]], "kept_sums", transB=1)
+        sums = node("Add", [sums, node("Gemm", [x, parts[0]], "taken_sums", transB=1)], "sums")
+        names = ["taken", "kept", "new", "shown"]
+        nodes.append(helper.make_node("Split", [sums], [f"{n}_sum" for n in names], axis=1))
+        taken, kept, new, shown = (node("Tanh" if n == "new" else "Sigmoid", [f"{n}_sum"], f"{n}_gate") for n in names)
+        carried, added = node("Mul", [kept, "content"], "carried"), node("Mul", [taken, new], "added")
+        content = node("Tanh", [node("Add", [carried, added], "next_content")], "content_out")
+        y = node("Mul", [shown, content], "next_output")
+        x = node("Concat", [y, x], "cells_and_input", axis=1) if cells.beside else y
+        inputs, outputs = inputs + cell_state("", cells), outputs + cell_state("next_", cells)
     for i, layer in enumerate(network.layers):
         parts = [x, constant(f"weight_{i}", layer.weight), constant(f"bias_{i}", layer.bias)]
         x = node("Gemm", parts, f"layer_{i}", transB=1)
@@ -54,10 +73,11 @@ def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, An
         node("Clip", [x, constant("lowest", -network.limit), limit], "action")
     node("Mul", ["action", constant("unit", scale)], "unclipped")
     node("Clip", ["unclipped", constant("least", -u_max), constant("most", u_max)], "command")
-    value = lambda name, n: helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", n])  # noqa: E731
-    graph = helper.make_graph(
-        nodes, "policy", [value("observation", network.size)], [value("action", 1), value("command", 1)], constants
-    )
+
+    def values(of: list[tuple[str, int]]) -> list[Any]:
+        return [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", n]) for name, n in of]
+
+    graph = helper.make_graph(nodes, "policy", values(inputs), values(outputs), constants)
     model = helper.make_model(
         graph, producer_name="furuta-gym", opset_imports=[helper.make_opsetid("", OPSET)], ir_version=9
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.files import write_whole
 
+from ..cells import Cells
 from ..envelope import Envelope, envelope_c
 from ..layers import Layer, network_in
 from ..learned import LearnedController
@@ -44,7 +45,7 @@ _STEP = """\
 typedef struct {{
     {real} q[2], v[2], u; /* last readings, filtered velocities, command */
     float seen[{size}];   /* the observation, oldest frame first */
-    int started;
+{memory}    int started;
 }} {prefix}_law_state;
 
 static inline void {prefix}_law_reset({prefix}_law_state *s)
@@ -83,12 +84,30 @@ static inline {real} {prefix}_law({prefix}_law_state *s, {real} q1, {real} q2, {
     memmove(s->seen, s->seen + {frame}, sizeof(float) * ({size} - {frame}));
     for (int i = s->started ? {size} - {frame} : 0; i < {size}; i += {frame}) memcpy(s->seen + i, frame, sizeof frame);
     s->started = 1;
-    float x0[{size}];
-    for (int i = 0; i < {size}; ++i) x0[i] = s->seen[i] * scale[i];
-{layers}    s->u = {prefix}_clip({unit_per_action} * {action}, {limit});
+    float {scaled}[{size}];
+    for (int i = 0; i < {size}; ++i) {scaled}[i] = s->seen[i] * scale[i];
+{cells}{layers}    s->u = {prefix}_clip({unit_per_action} * {action}, {limit});
     return s->u;
 }}
 
+"""
+
+
+_CELLS = """\
+    float gates[{gates}];
+    {prefix}_layer(cells_w, cells_bias, {size}, {gates}, scaled, gates);
+    for (int i = 0; i < {gates}; ++i) {{
+        for (int j = 0; j < {count}; ++j) gates[i] += cells_r[i * {count} + j] * s->output[j];
+    }}
+    float x0[{outputs}];
+    for (int i = 0; i < {count}; ++i) {{
+        const float taken = 0.5f + 0.5f * tanhf(0.5f * gates[i]);
+        const float kept = 0.5f + 0.5f * tanhf(0.5f * gates[i + {count}]);
+        const float shown = 0.5f + 0.5f * tanhf(0.5f * gates[i + 3 * {count}]);
+        s->content[i] = kept * s->content[i] + taken * tanhf(gates[i + 2 * {count}]);
+        s->output[i] = shown * tanhf(s->content[i]);
+        x0[i] = s->output[i];
+    }}
 """
 
 
@@ -121,6 +140,9 @@ def policy_c_header(
         **names,
     )
     arrays = [_array("scale", network.scale)]
+    if (cells := network.cells) is not None:
+        arrays += [_array("cells_w", cells.w.ravel()), _array("cells_r", cells.r.ravel())]
+        arrays.append(_array("cells_bias", cells.bias))
     layers = []
     for i, layer in enumerate(network.layers):
         arrays += [_array(f"weight{i}", layer.weight.ravel()), _array(f"bias{i}", layer.bias)]
@@ -133,6 +155,9 @@ def policy_c_header(
         size=network.size,
         frame=network.size // controller.history,
         arrays="".join(arrays),
+        memory="" if cells is None else f"    float output[{cells.size}], content[{cells.size}]; /* of the cells */\n",
+        scaled="x0" if cells is None else "scaled",
+        cells="" if cells is None else _cells(prefix, cells),
         layers="".join(layers),
         gain=number(1.0 - math.exp(-controller.velocity_cutoff * period)),
         period=number(period),
@@ -166,6 +191,13 @@ def _layer(prefix: str, i: int, layer: Layer) -> str:
     function = {"Tanh": f"tanhf({x})", "ReLU": f"fmaxf({x}, 0.0f)"}
     active = f"    for (int i = 0; i < {m}; ++i) {x} = {function[layer.activation]};\n" if layer.activation else ""
     return f"    float x{i + 1}[{m}];\n    {prefix}_layer(weight{i}, bias{i}, {n}, {m}, x{i}, x{i + 1});\n{active}"
+
+
+def _cells(prefix: str, cells: Cells) -> str:
+    size, count = cells.w.shape[1], cells.size
+    text = _CELLS.format(prefix=prefix, size=size, count=count, gates=4 * count, outputs=cells.outputs)
+    beside = f"    for (int i = 0; i < {size}; ++i) x0[i + {count}] = scaled[i];\n"
+    return text + beside if cells.beside else text
 
 
 def _array(name: str, values: NDArray[np.float32]) -> str:

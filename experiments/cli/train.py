@@ -27,7 +27,7 @@ def train_command(
         ),
     ] = None,
     task: Annotated[str, typer.Option(help="balance, or swing_up (swing up and hold).")] = "balance",
-    algo: Annotated[str, typer.Option(help="ppo, sac or tqc.")] = "ppo",
+    algo: Annotated[str, typer.Option(help="ppo, sac, tqc, or recurrent (PPO with a memory).")] = "ppo",
     recipe: Annotated[
         str,
         typer.Option(

@@ -36,6 +36,8 @@ CASES = {
     "ppo, past and command": ("PPO", {"history": 3, "observe_command": True}),
     "sac": ("SAC", {"history": 1, "observe_command": True}),
     "tqc": ("TQC", {"history": 2, "observe_command": False}),
+    "recurrent": ("RecurrentPPO", {"history": 1, "observe_command": True}),
+    "recurrent, sb3-contrib's own": ("MlpLstmPolicy", {"history": 1, "observe_command": False}),
 }
 
 
@@ -45,28 +47,47 @@ def policy(request, tmp_path_factory):
     import torch
 
     from controllers.recipes import observation_scale
+    from controllers.remembering import RememberingPolicy
     from controllers.sb3 import ScaledObservation
     from controllers.sb3_files import algorithm_class
     from furuta_gym.envs.sb3 import FurutaVecEnv
 
     algorithm, seen = CASES[request.param]
+    kind = {"RecurrentPPO": RememberingPolicy, "MlpLstmPolicy": "MlpLstmPolicy"}.get(algorithm, "MlpPolicy")
+    algorithm = "RecurrentPPO" if kind != "MlpPolicy" else algorithm
     options = {"task": "swing_up", "sample_time": 0.02, "normalize_action": True, **seen}
     kwargs = {
         "features_extractor_class": ScaledObservation,
         "features_extractor_kwargs": {"scale": observation_scale(QUBE, **seen)},
         "net_arch": [16, 8],
     }
+    if kind != "MlpPolicy":
+        kwargs["lstm_hidden_size"] = 6
     env = FurutaVecEnv(1, plant=QUBE, **options)
-    model = algorithm_class(algorithm)("MlpPolicy", env, policy_kwargs=kwargs, seed=1, device="cpu")
+    model = algorithm_class(algorithm)(kind, env, policy_kwargs=kwargs, seed=1, device="cpu")
     actor = getattr(model.policy, "actor", None)
     last = actor.mu if actor is not None else model.policy.action_net
     with torch.no_grad():
         last.weight.mul_(20.0 if actor is not None else 300.0)
         last.bias.fill_(0.1)
+        if kind != "MlpPolicy":  # cells that remember and that saturate
+            for weight in model.policy.lstm_actor.parameters():
+                weight.mul_(3.0)
     path = tmp_path_factory.mktemp("policy") / "policy.zip"
     plant = {"u_max": QUBE.u_max, "unit": "V"}
     write_policy(path, network_of(model), {"algorithm": algorithm, "env": options, "plant": plant})
     return path, model
+
+
+NEXT = ["next_output", "next_content"]
+
+
+def recurrent(session):
+    return len(session.get_inputs()) > 1
+
+
+def empty(session):
+    return {i.name: np.zeros((1, i.shape[1]), np.float32) for i in session.get_inputs()[1:]}
 
 
 def observations(model, n=500):
@@ -84,8 +105,17 @@ def test_onnx_agrees_with_predict(policy, tmp_path):
     path, model = policy
     session = onnxruntime.InferenceSession(export_onnx(path, QUBE, tmp_path / "policy.onnx"))
     seen = observations(model)
-    action, command = session.run(["action", "command"], {"observation": seen})
-    expected = model.predict(seen, deterministic=True)[0]
+    if recurrent(session):
+        found, state, answers, cells = [], None, [], empty(session)
+        for k, one in enumerate(seen[:, None]):
+            answer, state = model.predict(one, state, np.array([k == 0]), deterministic=True)
+            answers.append(answer)
+            found.append(session.run(["action", "command", *NEXT], {"observation": one, **cells}))
+            cells = dict(zip(cells, found[-1][2:], strict=True))
+        expected, action, command = np.concatenate(answers), *(np.concatenate([f[i] for f in found]) for i in (0, 1))
+    else:
+        action, command = session.run(["action", "command"], {"observation": seen})
+        expected = model.predict(seen, deterministic=True)[0]
     assert 0.02 < np.mean(np.abs(expected) > 0.99) < 0.98
     assert action == pytest.approx(expected, abs=2e-5)
     assert command == pytest.approx(QUBE.u_max * expected, abs=2e-4)
@@ -104,13 +134,16 @@ def test_onnx_for_a_weaker_amplifier_is_driven_by_its_own_metadata(policy, tmp_p
     size = session.get_inputs()[0].shape[1]
     velocity = FilteredDifference(float(about["velocity_cutoff"]))
     frames, last = [], 0.0
+    cells = empty(session) if recurrent(session) else {}
     for y in wandering(100):
         v = velocity.update(*y, float(about["sample_time"]))
         frame = [y[0], np.sin(y[1]), np.cos(y[1]), *v]
         if "last command / trained_u_max" in about["observation"]:
             frame.append(last / float(about["trained_u_max"]))
         frames = [*frames[1:], frame] if frames else [frame] * (size // len(frame))
-        (command,) = session.run(["command"], {"observation": np.float32(np.concatenate(frames))[None]})
+        seen = {"observation": np.float32(np.concatenate(frames))[None]}
+        command, *state = session.run(["command", *NEXT] if cells else ["command"], seen | cells)
+        cells = dict(zip(cells, state, strict=True))
         last = float(command[0, 0])
         assert last == pytest.approx(controller(y), abs=1e-3)
     assert float(about["u_max"]) == WEAKER.u_max

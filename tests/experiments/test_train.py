@@ -93,17 +93,21 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     assert not path.with_suffix(".checkpoint").exists()
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_a_resumed_run_equals_one_that_was_never_stopped(algorithm: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("algorithm", "steps"), [("ppo", 40_960), ("sac", 1600), ("recurrent", 20_480)])
+def test_a_resumed_run_equals_one_that_was_never_stopped(
+    algorithm: str, steps: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With a curriculum, noise and jitter: streams, rigs, networks, memory and level all come back."""
+    from controllers import recipes
     from controllers.curriculum import Curriculum
     from controllers.policy_file import read_learning
     from controllers.training import Training, train
 
+    monkeypatch.setattr(recipes, "_RECURRENT", recipes._RECURRENT | {"n_steps": 16, "batch_size": 1024})
     training = Training(
         QUBE,
         algorithm=algorithm,
-        steps=40_960 if algorithm == "ppo" else 1600,
+        steps=steps,
         seed=4,
         randomize={"theta": "physical:0.2", "jitter": "uniform:0,0.2", "push": "uniform:0,1"},
         noise_std=1e-3,

@@ -15,7 +15,7 @@ from furuta_gym.plant import Plant
 @dataclass(frozen=True)
 class Contestant:
     """name: in tables and file names. design: of `CONTROLLERS`; or algorithm and recipe of `furuta train`, with steps
-    (None: the recipe's). Recurrent policies (`recurrent.py`) have the algorithm "recurrent"."""
+    (None: the recipe's)."""
 
     name: str
     words: str
@@ -39,8 +39,8 @@ ALL = (
     Contestant("sac-robust", "SAC, recipe robust", algorithm="sac", recipe="robust", steps=100_000),
     Contestant("tqc", "TQC, one rig", algorithm="tqc", steps=40_000),
     Contestant("tqc-robust", "TQC, recipe robust", algorithm="tqc", recipe="robust", steps=100_000),
-    Contestant("recurrent", "recurrent PPO, one rig", algorithm="recurrent", steps=1_000_000),
-    Contestant("recurrent-robust", "recurrent PPO, rigs as in robust", "", "recurrent", "robust", 3_000_000),
+    Contestant("recurrent", "recurrent PPO, one rig", algorithm="recurrent"),
+    Contestant("recurrent-robust", "recurrent PPO, recipe robust", algorithm="recurrent", recipe="robust"),
 )
 
 
@@ -63,11 +63,6 @@ def learn(contestant: Contestant, seed: int, plant: Plant, folder: Path, command
     if path.exists():
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    if contestant.algorithm == "recurrent":
-        from .recurrent import learn_recurrent
-
-        learn_recurrent(plant, contestant.recipe, contestant.steps, seed, path)
-        return
     training = Training.of_recipe(
         plant,
         contestant.recipe,
@@ -84,10 +79,6 @@ def made(contestant: Contestant, seed: int, plant: Plant, folder: Path, sample_t
     if contestant.design:
         return make_controller(contestant.design, plant, sample_time)
     path = policy_file(folder, contestant, seed)
-    if contestant.algorithm == "recurrent":
-        from .recurrent import load_recurrent
-
-        return load_recurrent(path, plant, sample_time)
     return make_controller(path, plant, sample_time)
 
 

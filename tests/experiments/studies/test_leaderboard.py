@@ -11,10 +11,11 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
 
+from controllers import recipes
 from experiments.studies import robust_policy, sb3_defaults
 from experiments.studies.leaderboard import blocks as blocks_module
 from experiments.studies.leaderboard.blocks import Block, block_file, run
-from experiments.studies.leaderboard.contestants import Contestant, chosen, made
+from experiments.studies.leaderboard.contestants import Contestant, chosen, learn, made
 from experiments.studies.leaderboard.page import cells_of, draw, spent_on, tables
 from experiments.studies.leaderboard.rigs import leaderboard_conditions, robust_conditions
 from experiments.studies.leaderboard.summary import cell, over_seeds_rate
@@ -108,16 +109,12 @@ def test_conditions_are_what_they_are_called() -> None:
 
 
 def test_a_recurrent_policy_is_kept_and_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("sb3_contrib")
     import copy
 
-    from experiments.studies.leaderboard import recurrent
-
-    monkeypatch.setattr(recurrent, "SETTINGS", recurrent.SETTINGS | {"n_steps": 8, "batch_size": 512})
-    path = tmp_path / "policies" / "recurrent-0.zip"
-    path.parent.mkdir()
-    recurrent.learn_recurrent(QUBE, "plain", 1, 0, path)
-    policy = made(chosen("recurrent")[0], 0, QUBE, tmp_path, 0.004)
+    recurrent = replace(chosen("recurrent")[0], steps=1)
+    monkeypatch.setattr(recipes, "_RECURRENT", recipes._RECURRENT | {"n_steps": 4, "batch_size": 512})
+    learn(recurrent, 0, QUBE, tmp_path, "test")
+    policy = made(recurrent, 0, QUBE, tmp_path, 0.004)
     reading = np.array([[0.1, 0.2], [3.0, 2.0]])
     first = [policy(reading) for _ in range(11)]
     assert (first[0] == first[4]).all()  # it acts at every fifth sample
