@@ -67,5 +67,5 @@ def cells_of(policy: Any, inputs: int) -> Cells | None:
         getattr(lstm, name).detach().numpy().copy()
         for name in ("weight_ih_l0", "weight_hh_l0", "bias_ih_l0", "bias_hh_l0")
     )
-    width = policy.mlp_extractor.policy_net[0].in_features if len(policy.mlp_extractor.policy_net) else w.shape[0] // 4
-    return Cells(w, r, b + c, beside=width == w.shape[0] // 4 + inputs)
+    first = next(iter(policy.mlp_extractor.policy_net), policy.action_net)
+    return Cells(w, r, b + c, beside=first.in_features == lstm.hidden_size + inputs)

@@ -88,7 +88,7 @@ def play(network: Network, batch: FurutaVectorEnv, seed: int, level: float) -> t
     total, going, fell = np.zeros(n), np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
     down, steps = np.zeros(n), np.zeros(n)
     while going.any():
-        observation, reward, terminated, truncated, info = batch.step(act(observation))
+        observation, reward, terminated, truncated, info = batch.step(act(observation).astype(np.float32))
         total += np.where(going, reward, 0.0)
         steps += going
         q2 = info["state"][:, 1]

@@ -11,7 +11,10 @@ import pytest
 from controllers import make_controller
 from controllers.envelope import REASONS, Envelope, Guarded
 from controllers.exports.c import c_header
+from controllers.exports.policy_c import policy_c_header
+from controllers.learned import LearnedController
 from furuta_gym.plant import QUBE, TABLE_3, Effect
+from tests.controllers.chance import recurrent_network
 
 COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
 LIMITS = {"arm_travel": 2.0, "arm_speed": 60.0, "slew": 400.0, "supply": 8.0}
@@ -126,12 +129,10 @@ def test_fuzzed_linear_headers(law, single, tmp_path):
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
-def test_fuzzed_policy_headers(single, tmp_path):
-    pytest.importorskip("stable_baselines3", reason="learned policies need the extra `rl`")
-    from controllers.exports.policy_c import policy_c_header
-
+@pytest.mark.parametrize("memory", [False, True], ids=["", "recurrent"])
+def test_fuzzed_policy_headers(memory, single, tmp_path):
     path = Path(__file__).parents[2] / "controllers" / "policies" / "swing-up-qube.zip"
-    controller = make_controller(str(path), RIG, 0.02)
+    controller = remembering() if memory else make_controller(str(path), RIG, 0.02)
     envelope = Envelope.of(controller)
     assert envelope.tilt == math.inf
     program = compiled(policy_c_header(controller, "c", envelope, single), tmp_path, "float" if single else "double")
@@ -139,6 +140,12 @@ def test_fuzzed_policy_headers(single, tmp_path):
     u, off = played(program, rows)
     check(u, off, rows, envelope, 0.02)
     assert (u != 0).mean() > 0.1
+
+
+def remembering() -> LearnedController:
+    """A swing-up of chance, with a memory."""
+    options = {"observe_command": True, "normalized": True, "tasks": ("balance", "swing_up")}
+    return LearnedController("chance", recurrent_network(), RIG, 0.02, **options)
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")

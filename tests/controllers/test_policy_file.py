@@ -20,6 +20,7 @@ from controllers.exports.onnx import export_onnx
 from controllers.policies import FOLDER
 from controllers.policy_file import read_learning, read_policy, read_record, write_policy
 from furuta_gym.plant import QUBE
+from tests.controllers.chance import INPUTS, recurrent_network
 from tests.experiments.test_cli import furuta, refused
 
 SHIPPED = FOLDER / "balance-qube.zip"
@@ -148,16 +149,36 @@ def _places(data, at=()):
         yield from _places(value, (*at, key))
 
 
+@pytest.fixture(scope="module")
+def recurrent(tmp_path_factory) -> Path:
+    """A policy with a memory."""
+    _, record = read_policy(SHIPPED)
+    env = {**record["env"], "observe_command": True, "history": 1}
+    return write_policy(tmp_path_factory.mktemp("own") / "recurrent.zip", recurrent_network(), record | {"env": env})
+
+
+def test_a_policy_with_a_memory_is_kept_as_it_is(recurrent: Path) -> None:
+    seen = np.random.default_rng(0).standard_normal((20, 3, INPUTS))
+    kept, own = read_policy(recurrent)[0].begin(), recurrent_network().begin()
+    answers = [own(x) for x in seen]
+    assert all((kept(x) == y).all() for x, y in zip(seen, answers, strict=True))
+    assert (read_policy(recurrent)[0](seen[5]) != answers[5]).any()  # a first observation has no past
+    controller = make_controller(recurrent, QUBE)
+    first, second = controller((0.01, 0.02)), [controller((0.01, 0.02)) for _ in range(9)][-1]
+    controller.reset()
+    assert controller((0.01, 0.02)) == first != second
+
+
 @seed(20)
 @settings(max_examples=300, deadline=None)
-@given(st.data())
-def test_changed_values(tmp_path_factory, data) -> None:
+@given(st.booleans(), st.data())
+def test_changed_values(recurrent, tmp_path_factory, remembers, data) -> None:
     """Any value of the record, or of the header of the weights, turned into something strange."""
-    with zipfile.ZipFile(SHIPPED) as archive:
+    with zipfile.ZipFile(recurrent if remembers else SHIPPED) as archive:
         record, weights = json.loads(archive.read("policy.json")), archive.read("weights.safetensors")
     length = int.from_bytes(weights[:8], "little")
     header = json.loads(weights[8 : 8 + length])
-    del record["evaluation"]
+    record.pop("evaluation", None)
     inner = data.draw(st.sampled_from([record, record["env"], record["network"], header]))
     at = data.draw(st.sampled_from([p for p in _places(inner) if p]))
     for key in at[:-1]:
