@@ -42,7 +42,7 @@ lint: $(READY)  ## formatting, style, types, the import contracts, and how the d
 
 docs: $(READY)  ## the site, to out/site: generated pages, then a strict build that checks every link
 	$(BIN)/python docs/generate.py
-	$(BIN)/mkdocs build --strict --quiet
+	$(BIN)/mkdocs build --strict  # not --quiet, which keeps warnings from being counted
 
 bench: $(READY)  ## speed against named references, as ratios
 	$(BIN)/python -m experiments.studies.speed

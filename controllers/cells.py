@@ -57,7 +57,7 @@ class Cells:
 def cells_of(policy: Any, inputs: int) -> Cells | None:
     """The cells of the actor of sb3-contrib's RecurrentPPO; None of a policy without.
 
-    Raises ValueError for more than one layer of them."""
+    Raises ValueError for cells other than one plain layer with biases."""
     lstm = getattr(policy, "lstm_actor", None)
     if lstm is None:
         return None

@@ -76,19 +76,19 @@ def reached(curriculum: Curriculum | None, past: Sequence[Evaluation]) -> float:
     return 1.0 if curriculum is None else curriculum.level(past)
 
 
-def play(network: Network, batch: FurutaVectorEnv, seed: int, level: float) -> tuple[np.ndarray, np.ndarray]:
+def play(act: Any, batch: FurutaVectorEnv, seed: int, level: float) -> tuple[np.ndarray, np.ndarray]:
     """(returns, successes) of one episode of each env of a batch, started from `seed` at `level`.
 
-    Episodes must be truncated, or this does not end.
+    act: observations (N, n) to actions (N, 1); what it remembers is of no episode yet. Episodes must be truncated, or
+    this does not end.
     """
-    act = network.begin()
     batch.set_level(level)
     observation, _ = batch.reset(seed=seed)
     n, setup = batch.num_envs, batch.setup
     total, going, fell = np.zeros(n), np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
     down, steps = np.zeros(n), np.zeros(n)
     while going.any():
-        observation, reward, terminated, truncated, info = batch.step(act(observation).astype(np.float32))
+        observation, reward, terminated, truncated, info = batch.step(act(observation))
         total += np.where(going, reward, 0.0)
         steps += going
         q2 = info["state"][:, 1]
@@ -104,14 +104,14 @@ def play(network: Network, batch: FurutaVectorEnv, seed: int, level: float) -> t
 
 def evaluation(network: Network, batch: FurutaVectorEnv, seed: int, steps: int, level: float) -> Evaluation:
     """`play`, summed up."""
-    total, success = play(network, batch, seed, level)
+    total, success = play(network.begin(), batch, seed, level)
     count = max(1, round(WORST * total.size))
     return Evaluation(steps, level, float(total.mean()), float(np.sort(total)[:count].mean()), float(success.mean()))
 
 
 def on_drawn_rigs(network: Network, batch: FurutaVectorEnv, seed: int) -> dict[str, Any]:
     """For the record: success with its interval, and the returns, on rigs drawn from the whole ranges."""
-    total, success = play(network, batch, seed, 1.0)
+    total, success = play(network.begin(), batch, seed, 1.0)
     count = max(1, round(WORST * total.size))
     mean, worst = float(total.mean()), float(np.sort(total)[:count].mean())
     return {"episodes": total.size, "success": success_rate(success).to_dict(), "return": mean, "worst_return": worst}

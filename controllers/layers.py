@@ -53,9 +53,10 @@ class Network:
         return self if self.cells is None else _Playing(self, self.cells)
 
     def __call__(self, observations: Floats) -> NDArray[np.float64]:
-        """Actions (L, 1) for observations (L, n); of a recurrent policy, for the first ones of an episode."""
-        x = self.scaled(observations)
-        return self.act(x if self.cells is None else self.cells(x, self.cells.start(len(x)))[0])
+        """Actions (L, 1) for observations (L, n). Raises ValueError for a network with cells, which must remember."""
+        if self.cells is not None:
+            raise ValueError("a network with cells is played by begin(), which remembers the episode")
+        return self.act(self.scaled(observations))
 
     def scaled(self, observations: Floats) -> NDArray[np.float64]:
         """Observations as cells and layers take them."""
@@ -140,9 +141,10 @@ def _flat(modules: Iterable[Any]) -> Iterable[Any]:
 def _check(network: Network, model: Any) -> None:
     rng = np.random.default_rng(0)
     observations = (rng.standard_normal((_STEPS, _LANES, network.size)) / network.scale).astype(np.float32)
-    play, state, error = network.begin(), None, 0.0
+    play, state, errors = network.begin(), None, []
     for k, seen in enumerate(observations):
         expected, state = model.predict(seen, state, np.full(_LANES, k == 0), deterministic=True)
-        error = max(error, float(np.max(np.abs(play(seen.astype(float)) - expected))))
+        errors.append(np.abs(play(seen.astype(float)) - expected))
+    error = float(np.max(errors))  # NaN where there is one
     if not error <= _TOLERANCE * network.limit:
         raise ValueError(f"this policy's network was not understood: its actions differ by {error:.2g}")

@@ -40,13 +40,16 @@ def write_policy(
     record: Mapping[str, Any],
     learning: Mapping[str, NDArray[Any]] | None = None,
 ) -> Path:
-    """Write a policy file, whole or not at all; equal arguments give equal bytes."""
+    """Write a policy file, whole or not at all; equal arguments give equal bytes.
+
+    Raises ValueError for a network that `read_policy` would refuse."""
     arrays: dict[str, NDArray[Any]] = {"scale": np.asarray(network.scale, dtype=np.float32)}
     for i, layer in enumerate(network.layers):
         arrays |= {f"weight{i}": layer.weight, f"bias{i}": layer.bias}
     if (cells := network.cells) is not None:
         arrays |= {"cells_w": cells.w, "cells_r": cells.r, "cells_bias": cells.bias}
     about = dict(record) | {"schema": SCHEMA, "network": _described(network)}
+    _network(about["network"], arrays)
     members = {
         RECORD: (json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
         WEIGHTS: tensors.to_bytes(arrays),

@@ -63,15 +63,13 @@ class Given:
     reward_weights: Mapping[str, float] = field(default_factory=dict)
     arm_margin: float = 0.0
 
-    def of(self, plant: Plant, algorithm: str) -> dict[str, Any]:
-        """Fields of `Training` by name, for a plant. A recurrent policy sees one observation with the last command."""
+    def of(self, plant: Plant) -> dict[str, Any]:
+        """Fields of `Training` by name, for a plant."""
         ranges = dict(self.ranges)
         if self.cable:
             ranges["arm_spring.k"] = f"uniform:0,{self.cable * plant.u_max:.6g}"
             ranges["arm_spring.q1n"] = "uniform:-0.5,0.5"
         found = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("ranges", "cable")}
-        if algorithm == RECURRENT:
-            found |= {"history": 1, "observe_command": True}
         return found | {"randomize": ranges or False}
 
 
@@ -102,7 +100,7 @@ def recipe(algorithm: str, task: str, name: str = "plain") -> Recipe:
         plain = Recipe("PPO", 64, 0.1, (32, 32), "Tanh", _FIRST_NOISE[task], dict(_PPO))
         return plain if name == "plain" else _wider(plain)
     if algorithm == RECURRENT:
-        kept = Recipe("RecurrentPPO", 256, 0.1, (32, 32), "Tanh", _FIRST_NOISE[task], _RECURRENT, 0.1, cells=64)
+        kept = Recipe("RecurrentPPO", 256, 0.1, (32, 32), "Tanh", _FIRST_NOISE[task], dict(_RECURRENT), 0.1, cells=64)
         return kept if name == "plain" else replace(kept, last_rate=0.02, episode=6.0)
     if algorithm in ("sac", "tqc"):
         return Recipe(algorithm.upper(), 16, 1.0, (64, 64), "ReLU", None, dict(_OFF_POLICY))
@@ -133,7 +131,8 @@ _PPO: dict[str, Any] = {
 }
 
 # Memory is learned from sequences that are gone through step by step, so wide batches are cheap and long ones are not:
-# 256 envs · 64 steps. Each sees 1.3 s between two updates; what the cells hold is carried on to the next.
+# 256 envs · 64 steps. Each sees 1.3 s between two updates; what the cells hold is carried on to the next. Batches are
+# twice PPO's, so a larger rate does no harm. Robust keeps the small layers: what tells rigs apart is in the cells.
 _RECURRENT: dict[str, Any] = _PPO | {"n_steps": 64, "batch_size": 4096, "learning_rate": 1e-3}
 
 # One update for every two steps; 800 steps of chance first, in 16 rigs, fill the memory with all angles.

@@ -11,7 +11,8 @@ class RememberingPolicy(RecurrentActorCriticPolicy):
     """An `MlpLstmPolicy` whose layers take the scaled observation beside the output of the LSTM.
 
     What a policy without memory needs is there from the first update on; the cells add what the past says of the rig.
-    Without it the same training needs more than twice the steps (docs/decisions/022-recurrent-policies.md).
+    Without it the same training needs more than twice the steps (docs/decisions/022-recurrent-policies.md). Actor and
+    critic must have cells of their own.
     """
 
     def _build_mlp_extractor(self) -> None:

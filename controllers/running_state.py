@@ -46,8 +46,11 @@ def put_running_state(model: Any, batch: FurutaVectorEnv, arrays: Mapping[str, N
     batch.restore({name[5:]: value for name, value in arrays.items() if name.startswith("rigs/")})
     n, size = batch.num_envs, batch.single_observation_space.shape
     shapes = {"observation": (n, *(size or ())), "starts": (n,), "counts": (2,), "numpy/key": (624,)}
-    for name, shape in (shapes | {"numpy/rest": (3,), "actions": (6,)}).items():
-        _fitting(arrays, name, shape)
+    shapes |= {"numpy/rest": (3,), "actions": (6,)}
+    cells = {f"cells/{i}": part for i, part in enumerate(_cell_states(model))}
+    for name, shape in (shapes | {name: tuple(part.shape) for name, part in cells.items()}).items():
+        if arrays[name].shape != shape:
+            raise ValueError(f"{name} must have shape {shape}, got {arrays[name].shape}")
     torch.set_rng_state(torch.from_numpy(arrays["torch"]))
     position, has_gauss, gauss = arrays["numpy/rest"].tolist()
     key = arrays["numpy/key"].astype(np.uint32)
@@ -58,20 +61,14 @@ def put_running_state(model: Any, batch: FurutaVectorEnv, arrays: Mapping[str, N
     if hasattr(model, "_last_original_obs"):
         model._last_original_obs = None
     model._episode_num, model._n_updates = arrays["counts"].tolist()
-    for i, part in enumerate(_cell_states(model)):
-        part.copy_(torch.from_numpy(_fitting(arrays, f"cells/{i}", tuple(part.shape))))
+    for name, part in cells.items():
+        part.copy_(torch.from_numpy(arrays[name]))
 
 
 def _cell_states(model: Any) -> list[Any]:
     """Of a recurrent policy: output and content of the actor's and the critic's cells, as tensors of the model."""
     states = getattr(model, "_last_lstm_states", None)
     return [] if states is None else [*states.pi, *states.vf]
-
-
-def _fitting(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    if arrays[name].shape != shape:
-        raise ValueError(f"{name} must have shape {shape}, got {arrays[name].shape}")
-    return arrays[name]
 
 
 def _words(state: Mapping[str, Any]) -> NDArray[np.int64]:

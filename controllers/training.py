@@ -8,7 +8,7 @@ policy.checkpoint/  only while learning or after an interruption: what `resume` 
 import math
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from .curriculum import Evaluation, evaluation, on_drawn_rigs, reached
 from .layers import network_of
 from .learning_state import Arrays, memory_of, parameters_of, put_memory, put_parameters
 from .policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
+from .resuming import check_output, check_same, progress_of
 from .running_state import put_running_state, running_state
 from .sb3_files import algorithm_class, load_sb3
 from .training_model import learning_env, learning_rigs, make_model
@@ -29,7 +30,6 @@ __all__ = ["Training", "train"]
 
 _EVALUATIONS = 20  # on the way; the best network is kept
 _EVALUATION_ENVS = 64
-_BEFORE_IT_WAS_KEPT = {"recipe": "plain", "reward_weights": {}, "arm_margin": 0.0}  # of records that do not say it
 
 
 def train(
@@ -55,7 +55,7 @@ def train(
     """
     path = Path(path)
     checkpoint = path.with_suffix(".checkpoint")
-    _check_output(path, checkpoint, resume)
+    check_output(path, checkpoint, resume)
     algorithm_class(training.recipe.name)  # says what to install, before anything else fails
     import torch
 
@@ -181,8 +181,8 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
     if kept is None and not path.exists():
         raise ValueError(f"--resume: there is neither {folder} nor {path} to go on from; leave --resume out")
     known = read_record(path) if kept is None else kept[0]
-    _check_same(training, known, source)
-    done, best_return, earlier, evaluations = _progress(known, source)
+    check_same(training, known, source)
+    done, best_return, earlier, evaluations = progress_of(known, source)
     if kept is None and done >= training.steps:  # a checkpoint as far as that has yet to be made a policy
         raise ValueError(f"--resume: {source} has {done} steps already; give --steps a larger number (the total)")
     if kept is None and from_stable_baselines3(path):
@@ -213,46 +213,3 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
     else:
         model.set_random_seed(training.seed + done)  # other episodes than those that it has seen
     return run
-
-
-def _check_same(training: Training, known: Mapping[str, Any], source: Path) -> None:
-    asked = training.identity
-    asked |= asked.pop("env")
-    env = known.get("env") or {}
-    if not isinstance(env, Mapping):
-        raise ValueError(f'--resume: {source}: "env" of its record must be a mapping, got {env!r}')
-    had = {**_BEFORE_IT_WAS_KEPT, **known, **env}
-    for key, wanted in asked.items():
-        if had.get(key) != wanted:
-            raise ValueError(
-                f"--resume: {source} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; "
-                "ask for the same, or train anew under another name"
-            )
-
-
-def _progress(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int], list[Evaluation]]:
-    """Steps done, the best return so far, the steps at which earlier sittings ended, and all evaluations."""
-    done, best, earlier = known.get("steps"), known.get("best_return"), known.get("resumed_at") or []
-    number = best is None or (isinstance(best, int | float) and not isinstance(best, bool))
-    if not number or not isinstance(earlier, list) or not all(type(n) is int and n >= 0 for n in [done, *earlier]):
-        raise ValueError(
-            f"--resume: {source}: its record does not say how far it is (steps, best_return, resumed_at); train anew "
-            "under another name"
-        )
-    try:
-        evaluations = [Evaluation.from_dict(one) for one in known.get("evaluations") or []]
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
-    return int(done), -math.inf if best is None else float(best), earlier, evaluations  # type: ignore[arg-type]
-
-
-def _check_output(path: Path, checkpoint: Path, resume: bool) -> None:
-    if path.suffix != ".zip":
-        raise ValueError(f"output {path}: expected a name that ends in .zip")
-    if path.is_dir() or (checkpoint.exists() and not checkpoint.is_dir()):
-        raise ValueError(f"output {path}: there is a folder, or a file {checkpoint}, in the way; choose another name")
-    if resume:
-        return
-    for found in (path, path.with_suffix(".json"), checkpoint):
-        if found.exists() and not (found == checkpoint and only_remains(found, path.name)):
-            raise ValueError(f"output {found} exists; go on with it by --resume, remove it, or choose another name")

@@ -14,7 +14,7 @@ from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
 
 from .curriculum import Curriculum
-from .recipes import EPISODE, RECIPES, Recipe, recipe, training_period
+from .recipes import EPISODE, RECIPES, RECURRENT, Recipe, recipe, training_period
 
 SCHEMA = "furuta-policy/1"
 
@@ -55,11 +55,13 @@ class Training:
 
         Raises ValueError for a name that is none."""
         recipe("ppo", "balance", name)  # complains about the name
+        given = RECIPES[name].of(plant)
+        if said.get("algorithm") == RECURRENT:  # it remembers by itself what a history would show
+            given |= {"history": 1, "observe_command": True}
         return cls(
             plant,
             recipe_name=name,
-            **RECIPES[name].of(plant, said.get("algorithm") or "ppo")
-            | {k: x for k, x in said.items() if x is not None},
+            **given | {key: x for key, x in said.items() if x is not None},
         )
 
     def __post_init__(self) -> None:

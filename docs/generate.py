@@ -53,7 +53,8 @@ def effects_page() -> str:
         "# Effects\n",
         f"The library has {len(EFFECTS)} effects. Each adds one mechanism to [model (5)](../explanation/model.md). "
         "`furuta diagnose` chooses among them, and `furuta effects NAME` prints an entry of this page.\n",
-        "A *size* parameter makes the effect vanish at its neutral value. A *shape* parameter has no influence then. "
+        "With its *size* parameters at their neutral values an effect is not there, and its *shape* parameters do "
+        "nothing. "
         "{u} stands for the unit of the command, V or N·m. The usual size is a size worth noticing on a rig; "
         "some are a share of a quantity of the plant.\n",
         "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the "

@@ -24,13 +24,19 @@ _OBSERVATION = (
 )
 
 
+_MEMORY = (
+    "give next_cells_output and next_cells_content back as cells_output and cells_content at the next step; zeros at "
+    "the first step, and after each pause"
+)
+
+
 def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, Any]) -> Any:
     """The network as an `onnx.ModelProto`.
 
     Input `observation` (N, n) float32. Outputs (N, 1): `action`, as the policy's `predict` gives it, and `command`,
-    scale times the action within ± u_max. A recurrent policy has two more inputs, `output` and `content` of its
-    cells (N, cells), zero at first, and the outputs `next_output` and `next_content`, to be given back at the next
-    step. about: strings for the model's metadata.
+    scale times the action within ± u_max. A recurrent policy has two more inputs (N, cells), `cells_output` and
+    `cells_content`, and the outputs `next_cells_output` and `next_cells_content`; the metadata say what to do with
+    them. about: strings for the model's metadata.
     """
     from onnx import TensorProto, helper, numpy_helper
 
@@ -45,20 +51,20 @@ def onnx_model(network: Network, scale: float, u_max: float, about: dict[str, An
         return output
 
     def cell_state(prefix: str, cells: Cells) -> list[tuple[str, int]]:
-        return [(prefix + name, cells.size) for name in ("output", "content")]
+        return [(prefix + name, cells.size) for name in ("cells_output", "cells_content")]
 
     x = node("Mul", ["observation", constant("scale", network.scale)], "scaled")
     inputs, outputs = [("observation", network.size)], [("action", 1), ("command", 1)]
     if (cells := network.cells) is not None:
         parts = [constant(f"cells_{name}", getattr(cells, name)) for name in ("w", "r", "bias")]
-        sums = node("Gemm", ["output", parts[1], parts[2]], "kept_sums", transB=1)
+        sums = node("Gemm", ["cells_output", parts[1], parts[2]], "kept_sums", transB=1)
         sums = node("Add", [sums, node("Gemm", [x, parts[0]], "taken_sums", transB=1)], "sums")
         names = ["taken", "kept", "new", "shown"]
         nodes.append(helper.make_node("Split", [sums], [f"{n}_sum" for n in names], axis=1))
         taken, kept, new, shown = (node("Tanh" if n == "new" else "Sigmoid", [f"{n}_sum"], f"{n}_gate") for n in names)
-        carried, added = node("Mul", [kept, "content"], "carried"), node("Mul", [taken, new], "added")
-        content = node("Tanh", [node("Add", [carried, added], "next_content")], "content_out")
-        y = node("Mul", [shown, content], "next_output")
+        carried, added = node("Mul", [kept, "cells_content"], "carried"), node("Mul", [taken, new], "added")
+        content = node("Tanh", [node("Add", [carried, added], "next_cells_content")], "shown_content")
+        y = node("Mul", [shown, content], "next_cells_output")
         x = node("Concat", [y, x], "cells_and_input", axis=1) if cells.beside else y
         inputs, outputs = inputs + cell_state("", cells), outputs + cell_state("next_", cells)
     for i, layer in enumerate(network.layers):
@@ -113,9 +119,11 @@ def export_onnx(
 def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:
     more = "; then the last command / trained_u_max" if controller.observe_command else ""
     clipped = f"; q1 within ±{2 * controller.arm_limit:.6g} rad, speeds within ±{SPEED_LIMIT:g} rad/s"
+    cells = network_in(controller).cells
+    remember = {} if cells is None else {"memory": _MEMORY}
     past = f"; {controller.history} of them, oldest first" if controller.history > 1 else ""
     record = read_record(policy)
-    return {
+    return remember | {
         "observation": f"{_OBSERVATION}{clipped}{more}{past}",
         "sample_time": controller.every * controller.sample_time,
         "velocity_cutoff": controller.velocity_cutoff,

@@ -35,7 +35,8 @@ def train_command(
         ),
     ] = "plain",
     steps: Annotated[
-        int | None, typer.Option(help="Env steps in all; default: the recipe's, 2 or 8 million.", min=1)
+        int | None,
+        typer.Option(help="Env steps in all; default: the recipe's, 2 or 8 million. SAC and TQC need 100,000.", min=1),
     ] = None,
     randomize: Annotated[
         bool,
@@ -49,7 +50,8 @@ def train_command(
         float | None, typer.Option(help="Of the policy, in seconds; default: about 0.02, a multiple of the plant's.")
     ] = None,
     history: Annotated[
-        int | None, typer.Option(help="Observations that the policy sees at once; default: the recipe's.", min=1)
+        int | None,
+        typer.Option(help="Observations that the policy sees at once; default: the recipe's, 1 for recurrent.", min=1),
     ] = None,
     observe_command: Annotated[
         bool, typer.Option("--observe-command", help="Show the policy its last command (for plants with a delay).")
@@ -58,12 +60,13 @@ def train_command(
         list[str] | None,
         typer.Option(help="NAME=WEIGHT in [0, 1] of centred, calm, sparing or gentle (changes of the command)."),
     ] = None,
-    noise: Annotated[float | None, typer.Option(help="Noise of both angles [rad]; default: the plant file's.")] = None,
+    noise: Annotated[float | None, typer.Option(help="Noise of both angles in rad; default: the plant file's.")] = None,
     arm_limit: Annotated[
-        float | None, typer.Option(help="An arm beyond it ends the episode [rad]; default: the plant file's, else 2π.")
+        float | None,
+        typer.Option(help="An arm beyond so many rad ends the episode; default: the plant's, else 2π."),
     ] = None,
     arm_margin: Annotated[
-        float | None, typer.Option(help="The reward falls to zero over so much before the arm's limit [rad].")
+        float | None, typer.Option(help="The reward falls to zero over so many rad before the arm's limit.")
     ] = None,
     curriculum: Annotated[
         float | None,

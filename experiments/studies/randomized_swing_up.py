@@ -131,7 +131,7 @@ def _policy(name: str, arm: Arm, plant: Plant, seed: int, size: Size, out: Path,
 
 def ranges_around(plant: Plant) -> dict[str, str]:
     """The ranges of the recipe `robust`, but for effects that the plant has at a size which they do not reach."""
-    wanted = RECIPES["robust"].of(plant, "ppo")["randomize"]
+    wanted = RECIPES["robust"].of(plant)["randomize"]
     reach = draws(wanted, plant).ranges
     beyond = set()
     for name, span in reach.items():

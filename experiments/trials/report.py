@@ -62,19 +62,20 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         count = sum(summary[kind][result]["count"] for kind in kinds for result in results if result in summary[kind])
         return percent(rate([True] * count + [False] * (of - count)))
 
-    def of_library(result: str) -> str:
-        right = library["right_alone"]
-        return percent(library["results"].get(result) or (right and rate([False] * right["of"])))
+    def shortcomings(some: Mapping[str, Any]) -> list[tuple[str, str]]:
+        none = some["right_alone"] and rate([False] * some["right_alone"]["of"])
+        return [(f"… {said}", percent(some["results"].get(key) or none)) for key, said in _SHORTCOMINGS.items()]
 
     rows = [
         (f"library effect (gap ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
         ("… named right, alone or in a set of two equals", percent(library["right_within_two"])),
         ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
         *((f"… alone, {said}", percent(forms[form]["right_alone"])) for form, said in _FORMS.items()),
-        *((f"… {said}", of_library(result)) for result, said in _SHORTCOMINGS.items()),
+        *shortcomings(library),
         ("library effect at gap ratios above 10: named right, alone", percent(strong["right_alone"])),
         ("… named right, alone or in a set of two equals", percent(strong["right_within_two"])),
         ("… inside the stated sets", percent(strong["inside_the_stated_sets"])),
+        *shortcomings(strong),
         ("nothing to name: false alarms", percent(summary["false_alarms"])),
         *((f"… of these: {said}", share([kind], "false_alarm")) for kind, said in _NOTHING.items()),
         ("nothing to name: called unknown", share(NOTHING, "unknown")),

@@ -214,7 +214,7 @@ def _suspects(plant: Plant, names: Sequence[str | Effect]) -> list[Effect]:
 
 
 def _try(setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[Effect], seed: int) -> Trial:
-    allowed = entry.limits.within(Limits(math.inf, math.inf, setup.plant.u_max))
+    allowed = entry.limits.within(setup.rig_limits)
     if limits is not None:  # the user's |q2| is about where the rig's own loop rests, not about another rest
         allowed = allowed.within(replace(limits, q2=math.inf) if entry.hanging else limits)
     signal = None

@@ -102,8 +102,14 @@ class Setup:
 
     @property
     def usual_limits(self) -> Limits:
-        """1.5 rad of arm, 0.3 rad about upright or 1.5 rad about hanging, and no saturation of the command."""
-        return Limits(q2=0.3 if self.policy is not None else 1.5, u=self.plant.u_max)
+        """1.5 rad of arm, 0.3 rad about upright or 1.5 rad about hanging, and what the rig bears."""
+        return Limits(q2=0.3 if self.policy is not None else 1.5).within(self.rig_limits)
+
+    @property
+    def rig_limits(self) -> Limits:
+        """What the plant says that its rig bears (`Plant.limits`), and no saturation of the command."""
+        rig = self.plant
+        return Limits(rig.limit("arm_travel", math.inf), math.inf, rig.supply, rig.limit("slew", math.inf))
 
     @property
     def rest(self) -> float:

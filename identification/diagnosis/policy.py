@@ -55,13 +55,13 @@ class DecisionPolicy:
     as_good: float = _rule(0.9, "of the best gain, from which a look-alike is an equal where its form is wrong", DEV)
     nearly: float = _rule(0.98, "of the best gain, from which any effect is an equal where structure is left", DEV)
     own_share: float = _rule(0.2, "of the largest gain, what a further effect must explain by itself", DEV)
-    least_share: float = _rule(0.1, "the same where structure was left without it and none is with it", DEV)
-    doubtful_share: float = _rule(0.05, "of some gain before, from which an effect waits for what follows it", DEV)
+    least_share: float = _rule(0.1, "the same if the effect removes all structure that was left", DEV)
+    doubtful_share: float = _rule(0.05, "of an earlier gain, from which a doubtful effect is kept until the end", DEV)
     alike_share: float = _rule(0.5, "the same beside a look-alike of its own", DEV)
     another_law: float = _rule(
-        0.45, "of its net gain, what another law of an effect before must explain for it to be no further one", DEV
+        0.45, "of its net gain, the part that goes with an earlier effect's variables, from which it gets no name", DEV
     )
-    foreign: float = _rule(0.1, "of its gain, up to which their laws have nothing to do with a further effect", DEV)
+    foreign: float = _rule(0.1, "of its net gain, the same part up to which it is an effect of its own", DEV)
     much: float = _rule(100.0, "net gain from which such an effect counts however small it is beside them", DEV, "nats")
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
     together: float = _rule(0.8, "of one effect's gain, what two in its place need between them", DEV)

@@ -15,5 +15,5 @@ def recurrent_network() -> Network:
         return (2.0 * rng.standard_normal(shape)).astype(np.float32)
 
     cells = Cells(numbers(4 * COUNT, INPUTS), numbers(4 * COUNT, COUNT), numbers(4 * COUNT), beside=True)
-    layer = Layer(0.1 * numbers(1, COUNT + INPUTS), 0.1 * numbers(1), "")
+    layer = Layer(0.03 * numbers(1, COUNT + INPUTS), 0.03 * numbers(1), "")
     return Network(np.abs(numbers(INPUTS)), (layer,), False, 1.0, cells)

@@ -12,6 +12,7 @@ from controllers.checkpoint import (
     remove_checkpoints,
     write_checkpoint,
 )
+from controllers.recipes import ALGORITHMS
 
 
 def arrays(value: float) -> dict[str, dict[str, np.ndarray]]:
@@ -60,7 +61,7 @@ def test_without_any_it_says_why(folder: Path) -> None:
     assert not has_checkpoint(folder / "none")
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "tqc"])
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_all_of_the_learning_comes_back(algorithm: str) -> None:
     """A model with the parameters and the memory of another goes on as that one does."""
     pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")

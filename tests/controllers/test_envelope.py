@@ -110,14 +110,7 @@ def test_fuzzed_linear_headers(law, single, tmp_path):
 
     calm = [(again, q1, q2, 0.1) for again, q1, q2, _ in rows if abs(q1) <= 1e4 and abs(q2) <= 1e4]
     u, off = played(program, calm)
-    guarded = Guarded(controller, envelope)
-    controller.reference = 0.1
-    ours, reasons = [], []
-    for again, q1, q2, _ in calm:
-        if again:
-            guarded.reset()
-        ours.append(guarded((q1, q2)))
-        reasons.append(REASONS.index(guarded.off))
+    ours, reasons = in_python(controller, envelope, calm)
     if not single:
         assert reasons == off.tolist()
         np.testing.assert_allclose(u, ours, atol=1e-9 * envelope.u_max)
@@ -140,6 +133,27 @@ def test_fuzzed_policy_headers(memory, single, tmp_path):
     u, off = played(program, rows)
     check(u, off, rows, envelope, 0.02)
     assert (u != 0).mean() > 0.1
+    if memory:  # it begins anew at each reset, as in Python
+        calm = [(again, q1, q2, 0.1) for again, q1, q2, _ in rows if abs(q1) <= 1e4 and abs(q2) <= 1e4]
+        u, off = played(program, calm)
+        ours, reasons = in_python(controller, envelope, calm)
+        same = np.array(reasons) == off
+        assert same.mean() > (0.99 if single else 0.9999)
+        assert np.median(np.abs(u - ours)[same]) < 1e-3 * envelope.u_max
+        assert np.quantile(np.abs(u - ours)[same], 0.9) < (0.05 if single else 1e-3) * envelope.u_max
+
+
+def in_python(controller, envelope, rows):
+    """Commands and reasons of the same rows from the controller in Python."""
+    inside = Guarded(controller, envelope)
+    controller.reference = 0.1
+    ours, reasons = [], []
+    for again, q1, q2, _ in rows:
+        if again:
+            inside.reset()
+        ours.append(inside((q1, q2)))
+        reasons.append(REASONS.index(inside.off))
+    return np.array(ours), reasons
 
 
 def remembering() -> LearnedController:

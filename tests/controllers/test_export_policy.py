@@ -79,15 +79,18 @@ def policy(request, tmp_path_factory):
     return path, model
 
 
-NEXT = ["next_output", "next_content"]
-
-
 def recurrent(session):
-    return len(session.get_inputs()) > 1
+    return "memory" in session.get_modelmeta().custom_metadata_map
 
 
 def empty(session):
-    return {i.name: np.zeros((1, i.shape[1]), np.float32) for i in session.get_inputs()[1:]}
+    """Cells as the metadata say: zeros at first."""
+    assert "zeros at the first step" in session.get_modelmeta().custom_metadata_map["memory"]
+    return {i.name: np.zeros((1, i.shape[1]), np.float32) for i in session.get_inputs() if i.name != "observation"}
+
+
+def next_names(cells):
+    return [f"next_{name}" for name in cells]
 
 
 def observations(model, n=500):
@@ -110,7 +113,7 @@ def test_onnx_agrees_with_predict(policy, tmp_path):
         for k, one in enumerate(seen[:, None]):
             answer, state = model.predict(one, state, np.array([k == 0]), deterministic=True)
             answers.append(answer)
-            found.append(session.run(["action", "command", *NEXT], {"observation": one, **cells}))
+            found.append(session.run(["action", "command", *next_names(cells)], {"observation": one, **cells}))
             cells = dict(zip(cells, found[-1][2:], strict=True))
         expected, action, command = np.concatenate(answers), *(np.concatenate([f[i] for f in found]) for i in (0, 1))
     else:
@@ -142,7 +145,7 @@ def test_onnx_for_a_weaker_amplifier_is_driven_by_its_own_metadata(policy, tmp_p
             frame.append(last / float(about["trained_u_max"]))
         frames = [*frames[1:], frame] if frames else [frame] * (size // len(frame))
         seen = {"observation": np.float32(np.concatenate(frames))[None]}
-        command, *state = session.run(["command", *NEXT] if cells else ["command"], seen | cells)
+        command, *state = session.run(["command", *next_names(cells)], seen | cells)
         cells = dict(zip(cells, state, strict=True))
         last = float(command[0, 0])
         assert last == pytest.approx(controller(y), abs=1e-3)

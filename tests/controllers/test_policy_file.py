@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -159,14 +160,37 @@ def recurrent(tmp_path_factory) -> Path:
 
 def test_a_policy_with_a_memory_is_kept_as_it_is(recurrent: Path) -> None:
     seen = np.random.default_rng(0).standard_normal((20, 3, INPUTS))
-    kept, own = read_policy(recurrent)[0].begin(), recurrent_network().begin()
+    network = read_policy(recurrent)[0]
+    kept, own = network.begin(), recurrent_network().begin()
     answers = [own(x) for x in seen]
     assert all((kept(x) == y).all() for x, y in zip(seen, answers, strict=True))
-    assert (read_policy(recurrent)[0](seen[5]) != answers[5]).any()  # a first observation has no past
+    assert (network.begin()(seen[5]) != answers[5]).any()  # a first observation has no past
+    with pytest.raises(ValueError, match=r"played by begin\(\)"):
+        network(seen[5])
+
+
+def test_a_controller_with_a_memory_plays_what_its_network_plays(recurrent: Path) -> None:
+    """Observation by observation, also after a reset; the observations are those that the controller makes."""
     controller = make_controller(recurrent, QUBE)
-    first, second = controller((0.01, 0.02)), [controller((0.01, 0.02)) for _ in range(9)][-1]
+    made: list[np.ndarray] = []
+    play = controller._act
+    controller._act = lambda seen: made.append(seen) or play(seen)
+    y = 0.1 * np.random.default_rng(1).standard_normal((40, 2)).cumsum(axis=0)
+    first = [controller(row) for row in y]
+    own = read_policy(recurrent)[0].begin()
+    answers = [QUBE.u_max * float(own(seen)[0, 0]) for seen in made]
+    assert first[:: controller.every] == pytest.approx(answers, abs=1e-12)
+    assert len({round(u, 6) for u in answers}) > 5
     controller.reset()
-    assert controller((0.01, 0.02)) == first != second
+    assert [controller(row) for row in y] == first
+
+
+def test_what_could_not_be_read_is_not_written(tmp_path: Path) -> None:
+    network = recurrent_network()
+    broken = replace(network, layers=(replace(network.layers[0], bias=np.float32([np.nan])),))
+    with pytest.raises(ValueError, match="bias0 has numbers that are not finite"):
+        write_policy(tmp_path / "p.zip", broken, {})
+    assert not (tmp_path / "p.zip").exists()
 
 
 @seed(20)

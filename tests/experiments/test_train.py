@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from controllers.recipes import discount, observation_scale, recipe, training_pe
 from controllers.trials import balance_starts, run_trials
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from tests.commands import furuta, refused
+from tests.controllers.chance import recurrent_network
 
 pytestmark = pytest.mark.skipif(find_spec("stable_baselines3") is None, reason="training needs the extra `rl`")
 
@@ -189,6 +191,25 @@ def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:
     total, success = play(lambda seen: swing_up.predict(seen), hanging, 0, 1.0)
     assert success.all()
     assert (total > 300).all()
+
+
+def test_an_evaluation_lets_a_policy_remember() -> None:
+    """Step by step what the network says that has seen the whole episode, twice the same."""
+    from controllers.curriculum import evaluation
+    from controllers.training import Training
+
+    network, rigs = recurrent_network(), Training(QUBE, observe_command=True).judges(8)
+    found = [evaluation(network, rigs, 0, 0, 1.0) for _ in range(2)]
+    act, total, going = network.begin(), np.zeros(8), np.ones(8, dtype=bool)
+    seen, _ = rigs.reset(seed=0)
+    while going.any():
+        seen, reward, terminated, truncated, _ = rigs.step(act(seen))
+        total += np.where(going, reward, 0.0)
+        going &= ~(terminated | truncated)
+    assert found[0] == found[1]
+    assert found[0].mean == pytest.approx(total.mean(), rel=1e-12)
+    other = evaluation(replace(network, cells=replace(network.cells, r=0 * network.cells.r)), rigs, 0, 0, 1.0)
+    assert other.mean != found[0].mean
 
 
 def test_a_run_that_was_killed_before_its_first_checkpoint_is_given_again(tmp_path: Path) -> None:

@@ -140,7 +140,9 @@ def try_policy(raw: bytes, folder: Path) -> str:
         warnings.simplefilter("error")
         try:
             network, _ = read_policy(path)
-            network(np.zeros((1, network.size)))
+            play = network.begin()
+            for _ in range(2):
+                play(np.zeros((1, network.size)))
         except ValueError as error:
             _sentence(error, path)
             answer = "refused"

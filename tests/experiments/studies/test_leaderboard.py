@@ -115,6 +115,8 @@ def test_a_recurrent_policy_is_kept_and_remembers(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(recipes, "_RECURRENT", recipes._RECURRENT | {"n_steps": 4, "batch_size": 512})
     learn(recurrent, 0, QUBE, tmp_path, "test")
     policy = made(recurrent, 0, QUBE, tmp_path, 0.004)
+    assert policy.predict.cells.beside  # the observation passes beside the cells
+    assert (policy.history, policy.observe_command) == (1, True)
     reading = np.array([[0.1, 0.2], [3.0, 2.0]])
     first = [policy(reading) for _ in range(11)]
     assert (first[0] == first[4]).all()  # it acts at every fifth sample

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
+from identification.design.d_optimal import design
 from identification.design.discriminate import Separation, between
+from identification.design.setup import Setup
 from identification.estimation.identify import identify
 from identification.logs.log import Log
 from tests.factories import PaperPolicy
@@ -52,6 +56,20 @@ def test_the_predicted_separation_is_that_of_fits_to_new_data(delay_or_lag: Sepa
         log = Log.from_run(run, counts=4096)
         right, wrong = (identify(log, TABLE_3, effects=[e], sharpness=100.0).log_likelihood for e in (truth, other))
         assert 1 / 1.5 < (right - wrong) / trial.separations[truth, other] < 1.5
+
+
+def test_what_the_plant_says_of_its_rig_is_kept() -> None:
+    """Both kinds of design; the user may say otherwise."""
+    rig = TABLE_3.replace(limits={"arm_travel": 0.3, "slew": 1500.0, "supply": 0.5 * TABLE_3.u_max})
+    bounds = np.array([0.3, 0.5 * TABLE_3.u_max, 1500.0])
+    setup = Setup.of(rig, PaperPolicy(T), 2.0, T)
+    optimal = design(setup, evaluations=36)
+    separation = between(rig, ["input_delay", "actuator_lag"], PaperPolicy(T), duration=2.0, sample_time=T)
+    driven = [t for t in separation.trials if t.signal is not None and not t.problem]
+    assert driven
+    for run in [optimal.run, *(t.setup.run(t.signal) for t in driven)]:
+        assert (run.largest[[0, 2, 3]] <= 1.02 * bounds).all()
+    assert replace(setup.usual_limits, q1=0.6).q1 == 0.6
 
 
 def test_the_chosen_experiment_stays_upright_with_each_suspect(delay_or_lag: Separation) -> None:

@@ -1,0 +1,59 @@
+"""What a training run that goes on with another must hold against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .checkpoint import only_remains
+from .curriculum import Evaluation
+from .training_setup import Training
+
+_BEFORE_IT_WAS_KEPT = {"recipe": "plain", "reward_weights": {}, "arm_margin": 0.0}  # of records that do not say it
+
+
+def check_same(training: Training, known: Mapping[str, Any], source: Path) -> None:
+    """Raises ValueError where `source`, whose record is `known`, is of another training than the one asked for."""
+    asked = training.identity
+    asked |= asked.pop("env")
+    env = known.get("env") or {}
+    if not isinstance(env, Mapping):
+        raise ValueError(f'--resume: {source}: "env" of its record must be a mapping, got {env!r}')
+    had = {**_BEFORE_IT_WAS_KEPT, **known, **env}
+    for key, wanted in asked.items():
+        if had.get(key) != wanted:
+            raise ValueError(
+                f"--resume: {source} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; "
+                "ask for the same, or train anew under another name"
+            )
+
+
+def progress_of(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int], list[Evaluation]]:
+    """Steps done, the best return so far, the steps at which earlier sittings ended, and all evaluations."""
+    done, best, earlier = known.get("steps"), known.get("best_return"), known.get("resumed_at") or []
+    number = best is None or (isinstance(best, int | float) and not isinstance(best, bool))
+    if not number or not isinstance(earlier, list) or not all(type(n) is int and n >= 0 for n in [done, *earlier]):
+        raise ValueError(
+            f"--resume: {source}: its record does not say how far it is (steps, best_return, resumed_at); train anew "
+            "under another name"
+        )
+    try:
+        evaluations = [Evaluation.from_dict(one) for one in known.get("evaluations") or []]
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
+    return int(done), -math.inf if best is None else float(best), earlier, evaluations  # type: ignore[arg-type]
+
+
+def check_output(path: Path, checkpoint: Path, resume: bool) -> None:
+    """Raises ValueError where a policy cannot be written to `path`, or would replace something."""
+    if path.suffix != ".zip":
+        raise ValueError(f"output {path}: expected a name that ends in .zip")
+    if path.is_dir() or (checkpoint.exists() and not checkpoint.is_dir()):
+        raise ValueError(f"output {path}: there is a folder, or a file {checkpoint}, in the way; choose another name")
+    if resume:
+        return
+    for found in (path, path.with_suffix(".json"), checkpoint):
+        if found.exists() and not (found == checkpoint and only_remains(found, path.name)):
+            raise ValueError(f"output {found} exists; go on with it by --resume, remove it, or choose another name")
