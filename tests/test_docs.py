@@ -117,6 +117,16 @@ def test_masses_and_lengths_have_the_error_bars_that_the_page_shows(tmp_path: Pa
         assert numbers == pytest.approx(kept, rel=0.1, abs=0.002)
 
 
+def test_the_loop_of_the_page_on_controllers_runs(tmp_path: Path) -> None:
+    """docs/how-to/controller.md: it ends on, upright."""
+    blocks = run_pages.kept(DOCS / "how-to" / "controller.md")
+    (said,) = run_pages.run([code for code, _ in blocks], tmp_path, "controller")
+    (shown,) = (text for _, text in blocks)
+    assert NUMBER.sub("#", said) == NUMBER.sub("#", shown)
+    (_, leans), (_, kept) = ([float(number) for number in NUMBER.findall(text)] for text in (said, shown))
+    assert leans == pytest.approx(kept, abs=0.01)
+
+
 TITLED = re.compile(r'^```python title="([^"]*)"\n(.*?)^```', re.DOTALL | re.MULTILINE)
 
 
