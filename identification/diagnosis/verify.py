@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from ..estimation.identify import identify
+from ..validation.adequacy import Adequacy
+from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
 from .outcome import Diagnosis
@@ -21,8 +24,38 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         gap = measure_gap(diagnosis, held)
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
+    if _sharper_to_no_effect(diagnosis, gap):
+        return _with_free_sharpness(diagnosis, held, gap)
     plant = (diagnosis.after if diagnosis.added else diagnosis.before).plant
     return judged(replace(diagnosis, gap=gap), gap, lambda: held.together(plant))
+
+
+def _sharper_to_no_effect(diagnosis: Diagnosis, gap: GapChange) -> bool:
+    """Whether all that was found is another sharpness r of friction, and model (5) with the paper's r predicts as well
+    as noise allows. No rig has that r, so another one is worth a name only where it shows."""
+    alone = [suspect.name for suspect in diagnosis.found] == ["friction_sharpness"]
+    return alone and gap.before.judgement.adequacy is Adequacy.ADEQUATE
+
+
+def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis:
+    """Nothing is named; r is a parameter like the others."""
+    assert diagnosis.before is not None
+    assert diagnosis.naming is not None
+    try:
+        fitted = identify(held.logs, diagnosis.before.plant)
+        again = held.gap(fitted.plant)
+    except ValueError:  # then the paper's r is as good
+        fitted, again = diagnosis.before, gap.before
+    naming = replace(diagnosis.naming, accepted=(), equals=(), same=(), final=diagnosis.naming.nominal)
+    return replace(
+        diagnosis,
+        verdict="none",
+        summary=sentences.only_sharpness(gap.before.ratio_to_floor),
+        before=fitted,
+        after=fitted,
+        naming=naming,
+        gap=held.change(again, again),
+    )
 
 
 def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:

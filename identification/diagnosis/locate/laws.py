@@ -29,6 +29,8 @@ _JOINTS = {"1": "arm", "2": "pendulum"}
 _ROWS = {"arm": 0, "pendulum": 1}
 _TRAVELS = (0.3, 1.0, 3.0)  # times an effect's own, of bristles
 _HARMONICS = (1, 2, 3)
+_BY_ANGLE, _SMOOTH = ("arm", "arm angle"), "smooth in the arm angle"
+_DEGREE = 6  # of polynomials in an angle
 
 
 def own_variables(name: str) -> frozenset[Variable]:
@@ -71,6 +73,18 @@ def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable
     }
 
 
+def ways(name: str, own: Iterable[Family]) -> list[frozenset[Variable]]:
+    """Sets of variables, any of which another law of an effect may go with. own: its `own_families`.
+
+    Piecewise linear functions of an angle cost more than a polynomial where the law is smooth, and their corners show
+    where a fit is near; a polynomial has no corner where the law has one.
+    """
+    known, found = own_variables(name), {(family.channel, family.variable) for family in own}
+    smooth = {variable for variable in found if variable[1] == _SMOOTH}
+    first = known | (found - smooth)
+    return [frozenset(first), frozenset((first - {_BY_ANGLE}) | smooth)] if smooth else [frozenset(first)]
+
+
 def own_families(name: str, plant: Plant, signals: Signals, span: tuple[float, float]) -> list[Family]:
     """Families beyond those that `locate` knows, for another law of an effect: near standstill where it goes with a
     speed, over time where it is an offset, and at the scale of its parameters where the plant has it.
@@ -84,12 +98,21 @@ def own_families(name: str, plant: Plant, signals: Signals, span: tuple[float, f
             found.append(
                 Family(channel, "near standstill", on_row(row, *_near(signals.v[:, row], plant.sharpness[row])))
             )
+        if (channel, variable) == _BY_ANGLE:
+            found.append(Family("arm", _SMOOTH, on_row(0, *_polynomials(signals.q[:, 0]))))
     if name == "input_offset":
         found.append(Family("arm", "time", on_row(0, *stages(signals.t, span))))
     effect = plant.effect(name)
     if effect is not None:
         found += _at_its_scale(effect, plant, signals)
     return found
+
+
+def _polynomials(q: Array) -> list[Array]:
+    """Chebyshev polynomials of an angle (N,), over its range."""
+    low, high = float(q.min()), float(q.max())
+    x = np.clip((2.0 * q - low - high) / max(high - low, 1e-9), -1.0, 1.0)
+    return [np.polynomial.chebyshev.Chebyshev.basis(k)(x) for k in range(_DEGREE + 1)]
 
 
 def _near(v: Array, r: float) -> list[Array]:

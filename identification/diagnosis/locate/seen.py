@@ -17,7 +17,7 @@ from ...logs.checks import LogError
 from ...logs.log import Log
 from ..policy import DecisionPolicy
 from .evidence import Look, evidence_of
-from .laws import own_families, own_variables
+from .laws import own_families, ways
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,7 @@ class Seen:
         effect depends on makes the logs likelier."""
         own = [own_families(name, self.plant, look.signals, (0.0, self.logs[look.log].duration)) for look in self.looks]
         columns = [[*known, *further] for known, further in zip(self.columns, own, strict=True)]
-        chosen = own_variables(name) | {(family.channel, family.variable) for family in own[0]}
-        return evidence_of(self.looks, columns, chosen).nats
+        return max(evidence_of(self.looks, columns, chosen).nats for chosen in ways(name, own[0]))
 
 
 def long_enough(logs: Sequence[Log], policy: DecisionPolicy) -> list[Stretch]:
