@@ -145,6 +145,8 @@ def diagnose_command(
 
 def _evidence(x: Examination) -> list[str]:
     """Where the model fails, what the gap does, and what to do next, a line each."""
+    from identification.validation.adequacy import Adequacy
+
     lines = [f"where: {x.where.sentence}" if x.where else f"where: {x.remarks.get('where', 'not known')}"]
     if x.gap:
         data = "held-out logs" if x.gap.tail is None else f"the last {100 * x.gap.tail:.0f} % of the logs, not fitted"
@@ -153,10 +155,10 @@ def _evidence(x: Examination) -> list[str]:
         lines.append(f"gap: {ratios}{ending} times the noise floor on {data}")
         if x.gap.changed:
             low, high = (100 * end for end in x.gap.closed.interval)
-            lines.append(
-                f"gap closed: {100 * x.gap.closed.value:.1f} % (95 %: {low:.1f} … {high:.1f} %); "
-                f"log-likelihood there: {x.gap.likelier:+.0f} nats"
-            )
+            closed = f"{100 * x.gap.closed.value:.1f} % (95 %: {low:.1f} … {high:.1f} %)"
+            if x.gap.before.judgement.adequacy is Adequacy.ADEQUATE:
+                closed = "there was none to speak of"
+            lines.append(f"gap closed: {closed}; log-likelihood there: {x.gap.likelier:+.0f} nats")
     elif "gap" in x.remarks:
         lines.append(f"gap: {x.remarks['gap']}")
     return [*lines, f"next: {x.next_experiment}"]

@@ -287,7 +287,7 @@ class Plant:
         std = self.covariance.std_of(THETA_NAMES) if self.covariance else {}
         rows = [f"Plant in {self.unit}, r = {self.friction_sharpness} s/rad, |u| ≤ {self.u_max:g} {self.unit}"]
         for name, value in zip(THETA_NAMES, self.theta, strict=True):
-            rows.append(f"  {name} = {value:.5g}" + (f" ± {std[name]:.1g}" if name in std else ""))
+            rows.append(f"  {name} = {value:.5g}" + (f" ± {std[name]:.2g}" if name in std else ""))
         rows += [f"  + {effect}" for effect in self.effects]
         return "\n".join(rows)
 

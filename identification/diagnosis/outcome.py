@@ -236,11 +236,13 @@ class Diagnosis:
                 lines.append(f"  step {step}, nats gained net of the price: {shown or 'no suspect'}")
             for suspect, equals in zip(self.naming.accepted, self.naming.apart, strict=True):
                 found = self.after.plant.effect(suspect.name) if self.after else None
-                lines.append(f"  + {found}   [{EFFECTS[suspect.name].equation}]")
+                sign = "+" if self.confirmed else "tried, not named:"
+                lines.append(f"  {sign} {found}   [{EFFECTS[suspect.name].equation}]")
                 if (of := self.naming.describes(suspect.name)) is not None:
                     lines.append(f"    describes what the law of {of} misses; no effect of its own")
                     continue
-                lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
+                if self.confirmed:
+                    lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
                 if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:

@@ -138,7 +138,7 @@ class Effect:
 
     def __str__(self) -> str:
         def show(name: str, value: float) -> str:
-            return f"{name} = {value:.4g}" + (f" ± {self.std[name]:.1g}" if name in self.std else "")
+            return f"{name} = {value:.4g}" + (f" ± {self.std[name]:.2g}" if name in self.std else "")
 
         shown = list(self.parameters.items())
         if self.type.learned:

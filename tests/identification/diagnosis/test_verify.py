@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from furuta_gym.plant import TABLE_3
+from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import speaks_against
 from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
@@ -17,7 +18,7 @@ from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import judged, measure_gap, verified
 from identification.kalman.record import Record
-from tests.factories import loop_log
+from tests.factories import loop_log, paper_log
 from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, naming, suspect
 
 POLICY = DecisionPolicy()
@@ -195,3 +196,18 @@ def test_where_no_gap_can_be_had_the_verdict_stays_and_says_why() -> None:
     found = verified(a_diagnosis("arm_spring"), HeldOut((loop_log(duration=2.0)[0],), (log,), POLICY))
     assert (found.verdict, found.gap) == ("named", None)
     assert found.gap_remark
+
+
+def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
+    """Friction of r = 40: found with certainty, without a gap. r is fitted then like the other parameters."""
+    rig = TABLE_3.replace(friction_sharpness=40.0)
+    fitted, held_out = (paper_log(plant=rig, seed=seed, T=0.004)[0] for seed in (0, 1))
+    found = diagnose(fitted, held_out, only=["friction_sharpness", "arm_stribeck"])
+    assert found.naming is not None
+    assert found.naming.rankings[0][0].name == "friction_sharpness"
+    assert found.naming.rankings[0][0].net > POLICY.believed
+    assert (found.verdict, found.named, found.added) == ("none", (), False)
+    assert "another sharpness" in found.summary
+    assert found.plant is not None
+    assert found.plant.sharpness[0] == pytest.approx(40.0, rel=0.2)
+    assert found.to_dict()["effects"] == []

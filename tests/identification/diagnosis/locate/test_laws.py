@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from experiments.bench import HiddenEffect, Rig
-from furuta_gym.plant import EFFECTS, TABLE_3, Effect
-from identification.diagnosis.locate.evidence import _merged
-from identification.diagnosis.locate.laws import own_families, own_variables
+from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Effect
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import LivePlant
+from identification.diagnosis.locate.evidence import _merged, evidence_of
+from identification.diagnosis.locate.laws import own_families, own_variables, ways
 from identification.diagnosis.locate.seen import Seen
 from identification.diagnosis.policy import DecisionPolicy
+from identification.logs.log import Log
 from tests.factories import bench_log, loop_log
 
 POLICY = DecisionPolicy()
@@ -85,3 +88,28 @@ def test_an_offset_that_wanders_is_another_law_of_it() -> None:
     plant = TABLE_3.replace(theta=np.array(list(truth["theta"].values())), effects=(Effect("input_offset", b),))
     seen = Seen.of(plant, [log], POLICY)
     assert seen.another_law("input_offset") > seen.another_law("input_gain_asymmetry") + 20.0
+
+
+def test_a_smooth_law_of_a_cable_is_found_where_corners_show() -> None:
+    """An exponential cable that a cubic nearly follows: polynomials see more than piecewise linear functions."""
+    rig, T = QUBE.replace(sample_time=0.004), 0.004
+    cable = Effect("arm_cable", {"k": 0.2, "q1n": 0.1, "k3": 0.05, "q1s": -0.9})
+    plant = rig.with_effects(cable)
+    live = LivePlant(plant, T, Sensors(2048), x0=(0.0, np.pi, 0.0, 0.0))
+    rng = np.random.default_rng(4)
+    rows, u = [], 0.0
+    for k in range(4000):
+        if k % 50 == 0:
+            u = float(rng.uniform(-4.0, 4.0)) - 1.5 * live.state[0]
+        rows.append((live.t, *live.read(), u))
+        live.step(u, (0.05 * np.sin(3.0 * live.state[0] + 2.0), 0.0))
+    t, q1, q2, command = np.array(rows).T
+    log = Log(t, q1, q2, command, "V", encoder_counts=2048)
+    assert np.ptp(q1) > 2.0
+    seen = Seen.of(plant, [log], POLICY)
+    own = own_families("arm_cable", plant, seen.looks[0].signals, (0.0, log.duration))
+    columns = [[*seen.columns[0], *own]]
+    hats, smooth = (evidence_of(seen.looks, columns, chosen).nats for chosen in ways("arm_cable", own))
+    assert smooth > hats + 3.0
+    assert seen.another_law("arm_cable") == pytest.approx(smooth, rel=1e-6)
+    assert seen.another_law("arm_ripple") < 2.0 * smooth
