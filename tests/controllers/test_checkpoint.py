@@ -75,15 +75,16 @@ def test_all_of_the_learning_comes_back(algorithm: str) -> None:
     from furuta_gym.plant import QUBE
 
     torch.set_num_threads(1)
-    first = make_model(Training(QUBE, algorithm=algorithm, steps=10_000))
-    first.learn(8192 if algorithm == "ppo" else 900)
+    training = Training(QUBE, algorithm=algorithm, steps=10_000)
+    first = make_model(training)
+    first.learn(900 if training.recipe.off_policy else 8192)
     other = make_model(Training(QUBE, algorithm=algorithm, steps=10_000, seed=7))
     kept = tensors.from_bytes(tensors.to_bytes(parameters_of(first)))
     put_parameters(other, kept)
     assert {name: value.tobytes() for name, value in parameters_of(other).items()} == {
         name: value.tobytes() for name, value in kept.items()
     }
-    if algorithm != "ppo":
+    if training.recipe.off_policy:
         put_memory(other, memory_of(first))
         for model in (first, other):
             model.set_logger(configure(format_strings=[]))
