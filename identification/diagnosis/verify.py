@@ -32,9 +32,9 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
 
 def _sharper_to_no_effect(diagnosis: Diagnosis, gap: GapChange) -> bool:
     """Whether all that was found is another sharpness r of friction, and model (5) with the paper's r predicts as well
-    as noise allows. No rig has that r, so another one is worth a name only where it shows."""
+    as noise allows. No rig has that r, so another one is worth a name only where it shows, or leaves structure."""
     alone = [suspect.name for suspect in diagnosis.found] == ["friction_sharpness"]
-    return alone and gap.before.judgement.adequacy is Adequacy.ADEQUATE
+    return alone and not diagnosis.leftover and gap.before.judgement.adequacy is Adequacy.ADEQUATE
 
 
 def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis:

@@ -16,7 +16,7 @@ from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
-from identification.diagnosis.verify import judged, measure_gap, verified
+from identification.diagnosis.verify import _sharper_to_no_effect, judged, measure_gap, verified
 from identification.kalman.record import Record
 from tests.factories import loop_log, paper_log
 from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, naming, suspect
@@ -211,3 +211,8 @@ def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
     assert found.plant is not None
     assert found.plant.sharpness[0] == pytest.approx(40.0, rel=0.2)
     assert found.to_dict()["effects"] == []
+    assert found.rest is not None
+    named = replace(found, naming=replace(found.naming, accepted=found.naming.rankings[0][:1], equals=((),)))
+    assert found.gap is not None
+    assert _sharper_to_no_effect(named, found.gap)
+    assert not _sharper_to_no_effect(replace(named, still_off=2.0), found.gap)  # something is left: the name stays
