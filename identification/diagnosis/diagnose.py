@@ -168,8 +168,6 @@ def _named(
     if naming.accepted:
         search.progress("estimating all parameters together")
         after = identify(logs, naming.final.plant, noise=naming.final.noise, zeros=naming.final.zeros)
-    elif abs(_zero_in_counts(naming.final)) > policy.negligible:  # which `before` takes as none
-        after = identify(logs, before.plant, zeros=naming.final.zeros)
     search.progress("looking at what is left")
     remains = locate(after.plant, moved(logs, after.zeros), policy)
     naming = unsettled(naming, remains, policy)

@@ -40,7 +40,7 @@ class Estimate:
     in the units of `unit_of`.
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
-    zeros: of the encoders in each log after the first, whose zeros are the plant's.
+    zeros: of the encoders in each log; the arm's in the first log is the plant's own.
     stretches: of each log, the seconds (from, to) that were fitted, where not all were.
     u_max_guessed: whether the plant's u_max was guessed from the largest command, which is largest_command [{u}].
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
@@ -155,10 +155,12 @@ class Estimate:
 
     @property
     def zeros_told(self) -> list[str]:
-        """A sentence for each log that counts from zeros of its own."""
+        """A sentence for each log that counts from zeros of its own; for the first, where it is off by a count."""
+        count = math.sqrt(12.0) * self.noise.reading_std[0][1] if self.noise else 0.0
         return [
             f"log {i + 1} counts from {arm:+.4f} rad (arm) and {1e3 * pendulum:+.2f} mrad (pendulum)"
             for i, (arm, pendulum) in self.zeros.items()
+            if i > 0 or abs(pendulum) > count
         ]
 
     def __str__(self) -> str:

@@ -31,8 +31,6 @@ _KINK_STEP = 1e-4
 """The same of r, and of a shape that is searched on a grid: a place, a width or a time. V is not smooth in those."""
 _NOISE_STEP = 1e-4
 
-_STAND_FOR_A_ZERO = {"pendulum_encoder_offset", "base_tilt"}
-
 SHARPNESS_NAMES = ("r", *_SHARPNESS)
 """Of coordinates that are a sharpness of friction; "r" is that of both axes."""
 
@@ -231,37 +229,32 @@ def filled_plant(plant: Plant, coordinates: Sequence[Coordinate], z: NDArray[np.
     return plant.replace(theta=p[THETA_ROWS], friction_sharpness=r, effects=tuple(effects))
 
 
-def zero_coordinates(
-    plant: Plant, records: Sequence[Record], free: Iterable[int] | None = None, first: bool = False
-) -> list[Coordinate]:
-    """Zeros of the encoders in each log, relative to the first one's, with priors.
+def zero_coordinates(plant: Plant, records: Sequence[Record], free: Iterable[int] | None = None) -> list[Coordinate]:
+    """Zeros of the encoders in each log, with priors.
 
     An incremental encoder counts from where it was switched on, so logs of one rig may count from different zeros. The
-    arm's zero is free within about a radian, where an effect depends on the arm's angle (nothing else shows it). The
-    pendulum's is set at rest: it is free within a count or two, and never beyond three. free: logs whose zeros are
-    free; default all but the first, whose zeros are the plant's. first: the pendulum's zero in the first log is free as
-    well, where no effect stands for it: a count is always lost when a pendulum is set to zero by hand, and a search
-    must not take that for an effect.
+    arm's zero is free within about a radian, where an effect depends on the arm's angle (nothing else shows it); the
+    first log's is the plant's own. The pendulum's is set by hand at rest, where gravity has its zero: it is free within
+    a count or two in every log, and never beyond three, unless an effect stands for it in the first.
+    free: logs whose zeros are free, both of them; default as said.
     """
     logs = sorted({r.log for r in records})
     found = []
-    if first and not tells_the_zero(plant):
-        start = next(r for r in records if r.log == logs[0])
-        count = float(max(start.quantum[1], math.sqrt(12.0 * start.variance[1])))
-        found.append(_pendulum_zero(logs[0], count))
-    for log in logs[1:] if free is None else free:
+    for log in logs if free is None else free:
         record = next(r for r in records if r.log == log)
         count = np.maximum(record.quantum, np.sqrt(12.0 * record.variance))
-        if placed(plant):
+        first = free is None and log == logs[0]
+        if placed(plant) and not first:
             # a descent moves by a scale at most: it must reach a zero a radian away in a few steps
             found.append(_zero(log, 0, ARM_ZERO_STD, 0.3 * ARM_ZERO_STD))
-        found.append(_pendulum_zero(log, float(count[1])))
+        if not (first and tells_the_zero(plant)):
+            found.append(_pendulum_zero(log, float(count[1])))
     return found
 
 
 def tells_the_zero(plant: Plant) -> bool:
     """Whether an effect of the plant stands for a wrong zero of the pendulum."""
-    return bool({e.name for e in plant.effects} & _STAND_FOR_A_ZERO)
+    return plant.effect("pendulum_encoder_offset") is not None
 
 
 def placed(plant: Plant) -> bool:

@@ -134,7 +134,7 @@ def _problem(
         zeros[first] = zeros[first][0], 0.0  # or it would be told twice
     coordinates = plant_coordinates(plant, free_sharpness=False)
     coordinates += noise_coordinates(quietest(anchor or plant, records))
-    coordinates += zero_coordinates(plant, records, first=True)
+    coordinates += zero_coordinates(plant, records)
     if anchor is not None:
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]

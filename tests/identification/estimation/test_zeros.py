@@ -45,3 +45,27 @@ def test_every_log_has_its_own_zero_of_the_pendulum() -> None:
     blind, own = validate(plant, second, own_zeros=False), validate(plant, second)
     assert own.zeros[0][1] == pytest.approx(count, abs=0.3 * count)
     assert own.rms[1] < 0.9 * blind.rms[1]
+
+
+def test_the_first_log_has_one_too() -> None:
+    """A pendulum set to zero by hand is a count off; held at zero, that count would go into θ."""
+    count = 2 * math.pi / 4096
+    log, _ = loop_log(duration=6.0)
+    estimate = identify(log.moved(0.0, -count))
+    assert estimate.zeros[0] == (0.0, pytest.approx(count, abs=0.3 * count))
+    straight = identify(log)
+    assert (estimate.values - straight.values) / straight.std == pytest.approx(0.0, abs=0.5)
+    assert "log 1" not in str(straight), "nothing to tell of less than a count"
+    assert "log 1 counts from" in str(identify(log.moved(0.0, -2.5 * count)))
+
+
+def test_beside_a_tilt_the_zero_is_free() -> None:
+    """A tilt is told from a zero by its turn with the arm. With the zero held, it was off by fifteen deviations."""
+    count = 2 * math.pi / 4096
+    log, plant = loop_log("base_tilt", duration=10.0)
+    tilt = plant.effect("base_tilt")
+    assert tilt is not None
+    estimate = identify(log.moved(0.0, 0.7 * count), effects=["base_tilt"])
+    for name, true in tilt.parameters.items():
+        i = estimate.names.index(f"base_tilt.{name}")
+        assert abs(estimate.values[i] - true) < 4.0 * estimate.std[i], name
