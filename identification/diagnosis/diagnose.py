@@ -34,7 +34,7 @@ from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.journal import FitJournal
 from .naming.search import NOTHING_YET, Search
-from .naming.upheld import upheld
+from .naming.upheld import preferred, upheld
 from .outcome import Diagnosis
 from .policy import MOST_EFFECTS, DecisionPolicy
 from .searched_part import searched_part
@@ -163,7 +163,8 @@ def _named(
     """The search for names, the estimate with what was found, and what that leaves. joined: see `name_effects`."""
     logs, policy = held.logs, search.policy
     rest = Leftovers(logs, policy)
-    naming = upheld(name_effects(nominal, search, most, rest, held, joined), search, held)
+    naming = preferred(name_effects(nominal, search, most, rest, held, joined), search, held)
+    naming = upheld(naming, search, held)
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")

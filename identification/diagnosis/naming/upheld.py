@@ -1,5 +1,5 @@
-"""Names that hold on data which no fit saw: each is verified by itself, so that a false one goes and the right ones
-stay."""
+"""Names in the light of data that no fit saw: these choose among look-alikes, and then each name is verified by itself,
+so that a false one goes and the right ones stay."""
 
 from __future__ import annotations
 
@@ -43,32 +43,73 @@ def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) ->
     return reduced.value - final.value - price(suspect.name, final.samples) < search.policy.believed
 
 
+def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
+    """The names with look-alikes in their place where data which no fit saw ask for it, and the fitted logs do not
+    mind: what one experiment cannot tell apart, another one may. Asked only while predictions are far off."""
+    refused: set[tuple[str, str]] = set()
+    while witness.far(naming.final):
+        pairs = [(i, s) for i, false in enumerate(naming.accepted) for s in _look_alikes(naming, i, search)]
+        fresh = [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
+        for i, s in fresh:
+            refused.add((naming.accepted[i].name, s.name))
+            before = naming.final
+            search.progress(f"asking held-out data about {s.name} in place of {naming.accepted[i].name}")
+            fitted = _fitted_in_place(naming.accepted[i], s, before, search)
+            loss = fitted.value - before.value
+            if loss < search.policy.likelier and witness.confirms(before, fitted):
+                found = replace(s, gain=naming.accepted[i].gain - loss, net=naming.accepted[i].net - loss, fit=fitted)
+                naming = _in_place(naming, i, found)
+                break
+        else:
+            break
+    return naming
+
+
 def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness: Witness) -> Naming | None:
     """The names with a look-alike in the place of one that held-out data speak against: one that explains the fitted
     logs nearly as well, and held-out data besides. None if there is none."""
-    false, ranking = naming.accepted[gone], naming.rankings[gone]
-    taken = {e.name for e in reduced.plant.effects} | {s.name for s in naming.taken_back}
-    for s in ranking:
-        effect = s.fit.plant.effect(s.name)
-        near = alike(s.name, false.name) and s.gain > search.policy.as_good * false.gain
-        if not near or effect is None or s.name in taken:
-            continue
+    false = naming.accepted[gone]
+    for s in _look_alikes(naming, gone, search):
         search.progress(f"trying {s.name} in place of {false.name}")
-        fitted = search.fitted(
-            reduced.plant.with_effects(effect), replace(reduced, noise=between(s.fit, reduced)), "full"
-        )
+        fitted = _fitted_in_place(false, s, reduced, search)
         gain = reduced.value - fitted.value
         found = Suspect(s.name, gain, gain - price(s.name, fitted.samples), fitted, s.score)
         if found.net > search.policy.believed and not witness.denies(reduced, fitted):
-            return replace(
-                naming,
-                final=fitted,
-                accepted=(*naming.accepted[:gone], found, *naming.accepted[gone + 1 :]),
-                equals=(*naming.equals[:gone], (), *naming.equals[gone + 1 :]),
-                rankings=(*naming.rankings[:gone], (found, *ranking), *naming.rankings[gone + 1 :]),
-                taken_back=(*naming.taken_back, false),
-            )
+            return replace(_in_place(naming, gone, found), taken_back=(*naming.taken_back, false))
     return None
+
+
+def _look_alikes(naming: Naming, i: int, search: Search) -> list[Suspect]:
+    """What may be in the place of a name: explains nearly as much of the fitted logs, and is not there already."""
+    own = naming.accepted[i]
+    taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
+    return [
+        s
+        for s in naming.rankings[i]
+        if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain and s.name not in taken
+    ]
+
+
+def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:
+    """A fit with one effect in the place of another; `start` may have that one still, or be fitted without it."""
+    effect = s.fit.plant.effect(s.name)
+    assert effect is not None
+    rest = tuple(e for e in start.plant.effects if e.name != false.name)
+    plant = start.plant.replace(effects=rest).with_effects(effect)
+    return search.fitted(plant, replace(start, noise=between(s.fit, start)), "full")
+
+
+def _in_place(naming: Naming, i: int, found: Suspect) -> Naming:
+    def exchanged(values: tuple, value: object) -> tuple:
+        return (*values[:i], value, *values[i + 1 :])
+
+    return replace(
+        naming,
+        final=found.fit,
+        accepted=exchanged(naming.accepted, found),
+        equals=exchanged(naming.equals, ()),
+        rankings=exchanged(naming.rankings, (found, *(s for s in naming.rankings[i] if s.name != found.name))),
+    )
 
 
 def _but(values: tuple, gone: int) -> tuple:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from identification.diagnosis.naming.forward import Naming, name_effects
-from identification.diagnosis.naming.upheld import upheld
+from identification.diagnosis.naming.upheld import preferred, upheld
 from tests.identification.diagnosis.fits import Told, a_fit, search
 
 THREE = {
@@ -94,3 +94,23 @@ def test_a_name_that_pays_nothing_beside_those_found_after_it_goes() -> None:
     assert [s.name for s in left.accepted] == ["input_delay", "base_tilt"]
     assert left.taken_back == ()
     assert left.final.plant.effect("pendulum_stribeck") is None
+
+
+@pytest.mark.parametrize(
+    ("far", "needed", "lost", "kept"),
+    [
+        (True, ("arm_spring",), 8.0, "arm_spring"),  # the fitted logs do not mind, held-out data ask for it
+        (False, ("arm_spring",), 8.0, "arm_taut_cable"),  # nobody asks where predictions are good
+        (True, (), 8.0, "arm_taut_cable"),
+        (True, ("arm_spring",), 12.0, "arm_taut_cable"),  # the fitted logs mind
+        (True, ("arm_ripple",), 8.0, "arm_taut_cable"),  # explains much less
+    ],
+)
+def test_held_out_data_choose_among_look_alikes(far: bool, needed: tuple[str, ...], lost: float, kept: str) -> None:
+    names = ("input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
+    by = search({"": 0.0, **CABLES, "input_delay arm_spring": CABLES["input_delay arm_taut_cable"] + lost}, *names)
+    found = preferred(name_effects(a_fit(), by), by, Told(off=far, needed=needed))
+    assert [s.name for s in found.accepted] == ["input_delay", kept]
+    assert {e.name for e in found.final.plant.effects} == {"input_delay", kept}
+    assert found.accepted[1].fit is found.final
+    assert found.taken_back == ()
