@@ -55,10 +55,11 @@ def effects_page() -> str:
         "`furuta diagnose` chooses among them, and `furuta effects NAME` prints an entry of this page.\n",
         "With its *size* parameters at their neutral values an effect is not there, and its *shape* parameters do "
         "nothing. "
-        "{u} stands for the unit of the command, V or N·m. The usual size is a size worth noticing on a rig; "
-        "some are a share of a quantity of the plant.\n",
+        "{u} stands for the unit of the command, V or N·m. The default size is what an effect has that is added by its "
+        "name alone (`--effect NAME`): worth noticing on a rig, and for some a share of a quantity of the plant. The "
+        "[blind trials](../diagnosis_trials.md#the-plan) choose other sizes.\n",
         "The pictures show 4 s of the set `qube` in closed loop (`lqr`) under the paper's excitation, without the "
-        "effect (grey), with it at its usual size (blue), and the difference (orange). What happens at an instant, "
+        "effect (grey), with it at its default size (blue), and the difference (orange). What happens at an instant, "
         "happens at 2 s. "
         "`python docs/generate.py --pictures` draws them.\n",
         "| effect | in words | acts on |",
@@ -80,7 +81,7 @@ def _effect(kind: Any) -> list[str]:
         f"{kind.title[0].upper()}{kind.title[1:]}.\n",
         f"```text\n{kind.equation}\n```\n",
         f"**On the rig:** {kind.symptom}.\n".replace("..", "."),
-        "| parameter | unit | meaning | role | usual size |",
+        "| parameter | unit | meaning | role | default size |",
         "|---|---|---|---|---|",
     ]
     for p in kind.parameters:
@@ -221,7 +222,9 @@ write it, `Plant.save` and `Plant.load` write and read it in Python, and every c
 
 To read it in another language, you need a JSON reader, UTF-8, and five keys. `theta` and `friction_sharpness` go into
 [equation (5)](../explanation/model.md). `unit` says what the command is in, and `u_max` its largest size. Each entry of
-`effects` adds the equation of its name in the [effects page](effects.md). A program that does not know an effect should
+`effects` adds the equation of its name in the [effects page](effects.md). One name is not on that page: `arm_learned`,
+[a torque without a name](../explanation/diagnosis.md#what-has-no-name), whose equation is in
+`furuta_gym/plant/effects/learned.py`. A program that does not know an effect should
 refuse the file, as the rest is another plant without it. Angles are in rad, times in s. Keys that you do not know may
 be left out."""
 
@@ -280,10 +283,15 @@ def _type(inner: Any, whole: Any) -> str:
 # ------------------------------------------------------------------------------------------------------- Python
 
 
+LISTED = """This page lists the public names of the package. `make docs` builds it, with their signatures and
+docstrings, in `out/site`. Elsewhere, `help(NAME)` in Python shows them.
+"""
+
+
 def python_page(package: str) -> str:
     """The public names of a package, for mkdocstrings to fill from their docstrings."""
     module = importlib.import_module(package)
-    lines = [NOTE, f"# {package}\n", f"{module.__doc__.strip()}\n"]  # type: ignore[union-attr]
+    lines = [NOTE, f"# {package}\n", LISTED, f"{module.__doc__.strip()}\n"]  # type: ignore[union-attr]
     for name in module.__all__:
         thing = getattr(module, name)
         where = thing.__module__ if hasattr(thing, "__qualname__") else f"{package}{module._WHERE[name]}"

@@ -16,7 +16,7 @@ from rich.table import Table as RichTable
 
 from . import options as opt
 from .output import print_json
-from .reading import Reading, in_one, reads_logs
+from .reading import Reading, in_one, reads_as_given, reads_logs
 
 if TYPE_CHECKING:
     from identification.logs.proposal import Item, Proposal
@@ -53,7 +53,9 @@ def init_command(
     if not as_json:
         show(proposal)
     if proposal.fatal and not reading.as_given:
-        raise LogError(in_one(", ".join(proposal.sources), [str(p) for p in proposal.fatal], logs) + _NOTHING)
+        said = [str(problem) for problem in proposal.fatal]
+        readable = reads_as_given(logs, tables, [proposal.mapping] * len(logs))
+        raise LogError(in_one(", ".join(proposal.sources), said, logs, looked=True, readable=readable) + _NOTHING)
     if talks:
         proposal = _asked(tables, proposal)
     left = proposal.below(Confidence.likely if yes else Confidence.sure)

@@ -6,6 +6,7 @@ import functools
 import inspect
 import logging
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -205,7 +206,23 @@ def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None
         found = propose(tables, mapping, assumed=True, constant_command=severity)
         said += [str(problem) for problem in found.fatal]
     if said:
-        raise LogError(in_one(", ".join(s.path.name for s in sources), said, [s.path for s in sources]))
+        paths, tables = [s.path for s in sources], [s.table for s in sources]
+        readable = reads_as_given(paths, tables, [s.mapping for s in sources])
+        raise LogError(in_one(", ".join(path.name for path in paths), said, paths, readable=readable))
+
+
+def reads_as_given(paths: Sequence[Path], tables: Sequence[Table], mappings: Sequence[RigMapping]) -> bool:
+    """Whether logs can be read as their mappings say, whatever the data show."""
+    from identification.logs.checks import LogError, LogWarning
+    from identification.logs.log import read_logs
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)
+        try:
+            read_logs(paths, mappings=mappings, tables=tables)
+        except LogError:
+            return False
+    return True
 
 
 def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]) -> list[str]:
@@ -220,14 +237,16 @@ def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]
     return [f"{first} It may be read with {options}" if options else first, *(str(p) for p in whole.fatal)]
 
 
-def in_one(names: str, said: Sequence[str], logs: Sequence[Path]) -> str:
-    """Several problems as one message, with the way out last."""
+def in_one(names: str, said: Sequence[str], logs: Sequence[Path], looked: bool = False, readable: bool = True) -> str:
+    """Several problems as one message, with the ways out last. looked: `furuta init` says it; readable: as it is
+    said."""
     import shlex
 
     files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
-    ending = f"Look at it with `furuta init {files}`, or read it as it is said with --as-given."
+    ways = [] if looked else [f"look at it with `furuta init {files}`"]
+    ways += ["read it as it is said with --as-given"] if readable else []
+    ending = [f"{way[0].upper()}{way[1:]}." for way in [", or ".join(ways)] if way]
     if len(said) == 1:
-        return f"{names}: {said[0]}\n{ending}"
-    return "\n".join(
-        [f"{names}: {len(said)} things are wrong.", *(f"  {i}. {s}" for i, s in enumerate(said, 1)), ending]
-    )
+        return "\n".join([f"{names}: {said[0]}", *ending])
+    numbered = [f"  {i}. {s}" for i, s in enumerate(said, 1)]
+    return "\n".join([f"{names}: {len(said)} things are wrong.", *numbered, *ending])

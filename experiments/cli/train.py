@@ -36,7 +36,11 @@ def train_command(
     ] = "plain",
     steps: Annotated[
         int | None,
-        typer.Option(help="Env steps in all; default: the recipe's, 2 or 8 million. SAC and TQC need 100,000.", min=1),
+        typer.Option(
+            help="Env steps in all, rounded up to whole rollouts; default: the recipe's, 2 or 8 million. "
+            "SAC and TQC need 100,000.",
+            min=1,
+        ),
     ] = None,
     randomize: Annotated[
         bool,

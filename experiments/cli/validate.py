@@ -74,7 +74,7 @@ def validate_command(
     if printed:
         print_json(measured)
         return
-    typer.echo(str(result))
+    typer.echo(result.told("on logs that this plant was fitted to, in part") if seen else str(result))
     if parts is not None:
         typer.echo(str(parts))
     _say_next(rig, logs, result)

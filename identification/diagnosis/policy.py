@@ -42,26 +42,32 @@ class DecisionPolicy:
     # which effects are fitted
     shortlist: int = _rule(6, "effects of the best scores that are fitted", COST, "effects")
     near_best_score: float = _rule(0.15, "share of the best score below which an effect is not fitted", DEV)
-    faint_first: float = _rule(0.5, "of its price, the score from which a first effect is fitted", DEV)
-    faint_later: float = _rule(1.5, "of its price, the score from which a further effect is fitted", DEV)
-    faint_quiet: float = _rule(1.0, "the same for scores taken at less torque noise", DEV)
+    faint_first: float = _rule(0.5, "share of its price, the score from which a first effect is fitted", DEV)
+    faint_later: float = _rule(1.5, "times its price, the score from which a further effect is fitted", DEV)
+    faint_quiet: float = _rule(
+        1.0, "times its price, the score at reduced torque noise from which any effect is fitted", DEV
+    )
     look_alikes_of: int = _rule(3, "best effects whose declared look-alikes are fitted too", COST, "effects")
     hiding_noise: float = _rule(10.0, "times the least torque noise, from which noise may hide an effect", DEV)
     quieter: float = _rule(100.0, "by what torque noise is divided for a second set of scores", DEV)
 
     # which effect is named
     believed: float = _rule(10.0, "gain net of the price from which an effect is believed", DEV, "nats")
-    equal: float = _rule(5.0, "effects this near to the best cannot be told from it (odds of e⁵)", THEORY, "nats")
-    as_good: float = _rule(0.9, "of the best gain, from which a look-alike is an equal where its form is wrong", DEV)
-    nearly: float = _rule(0.98, "of the best gain, from which any effect is an equal where structure is left", DEV)
+    equal: float = _rule(5.0, "effects whose net gain is this near to the best are equals (odds of e⁵)", THEORY, "nats")
+    as_good: float = _rule(
+        0.9, "of the best gain, from which a look-alike is an equal if what is left follows its variable", DEV
+    )
+    nearly: float = _rule(0.98, "of the best gain, from which any effect is an equal if structure is left", DEV)
     own_share: float = _rule(0.2, "of the largest gain, what a further effect must explain by itself", DEV)
     least_share: float = _rule(0.1, "the same if the effect removes all structure that was left", DEV)
-    doubtful_share: float = _rule(0.05, "of an earlier gain, from which a doubtful effect is kept until the end", DEV)
-    alike_share: float = _rule(0.5, "the same beside a look-alike of its own", DEV)
-    another_law: float = _rule(
-        0.45, "of its net gain, the part that goes with an earlier effect's variables, from which it gets no name", DEV
+    doubtful_share: float = _rule(
+        0.05, "of the smallest other gain, from which a doubtful effect is kept until the end", DEV
     )
-    foreign: float = _rule(0.1, "of its net gain, the same part up to which it is an effect of its own", DEV)
+    alike_share: float = _rule(0.5, "of its look-alike's gain, what a further effect must explain by itself", DEV)
+    another_law: float = _rule(
+        0.45, "of its net gain, what an earlier effect's variables explain too, from which it gets no name", DEV
+    )
+    foreign: float = _rule(0.1, "the same share, up to which it is an effect of its own", DEV)
     much: float = _rule(100.0, "net gain from which such an effect counts however small it is beside them", DEV, "nats")
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
     together: float = _rule(0.8, "of one effect's gain, what two in its place need between them", DEV)
@@ -90,7 +96,7 @@ class DecisionPolicy:
     restart_noise: float = _rule(10.0, "factor on the torque noise of such a restart", DEV)
     larger: float = _rule(3.0, "times the suggested size, of a second start", DEV)
     smaller: float = _rule(0.6, "times the size of effects found before, when a further one shares their part", DEV)
-    anchor_std: float = _rule(0.5, "standard deviation of ln θ1 … ln θ5 around the anchor", "prototype, METHODS")
+    anchor_std: float = _rule(0.5, "standard deviation of ln θ1 … ln θ5 around the anchor", "a prototype")
     least_theta2: float = _rule(0.3, "of θ4 in the anchor's θ2; a uniform rod has 0.75", THEORY)
     sharpness: float = _rule(100.0, "r that model (5) is taken to have, so that another is a finding", "paper", "s/rad")
     periods: float = _rule(2.0, "periods within a log below which nothing is said to repeat", THEORY, "periods")

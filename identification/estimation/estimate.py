@@ -17,7 +17,7 @@ from furuta_gym.plant.effects.words import number
 from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
 from ..kalman.coordinates import Zeros
-from .identifiability import Identifiability, spoken
+from .identifiability import WEAK, Identifiability, spoken
 from .informative import spans_text
 from .optimise import Optimum
 from .prediction_error import PredictionError
@@ -173,6 +173,8 @@ class Estimate:
                 remark = "NOT IDENTIFIED"
             elif n in self.identifiability.weak:
                 remark = "weak"
+            elif n.startswith("theta") and not remark and s > WEAK * abs(v):
+                remark = "small beside the other torques"
             row = f"  {n:<{width}}  {rounded(v, s):<24} {unit_of(n, self.plant):<10}{relative:>9}  {remark}"
             lines.append(row.rstrip())
         lines += [f"  {n:<{width}}  {v:.6g} (fixed)" for n, v in self.fixed.items()]

@@ -114,6 +114,9 @@ def _is_given(value: Any, absent: Any) -> bool:
 def _check(logs: Sequence[Log], u_max: float | None) -> None:
     if not logs:
         raise ValueError("identify needs at least one log, got none")
+    known = [log.sha256 or id(log) for log in logs]
+    if twice := [log.source for log, one in zip(logs, known, strict=True) if known.count(one) > 1]:
+        raise ValueError(f"{twice[0]} is given twice; expected each log once, or error bars come out too small")
     if len(units := {log.input_unit for log in logs}) > 1:
         raise ValueError(f"logs of one rig must share the command's unit, got {', '.join(sorted(units))}")
     if u_max is not None and not u_max >= (largest := max(float(np.abs(log.u).max()) for log in logs)):

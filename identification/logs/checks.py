@@ -142,8 +142,9 @@ def warn_about_clock(name: str, t: np.ndarray) -> None:
     if gaps.size:
         missing = int(np.sum(np.round(steps[gaps] / typical) - 1))
         longest = int(gaps[np.argmax(steps[gaps])])
+        plural = "s" if gaps.size > 1 else ""
         warn(
-            f"{name}: {gaps.size} gaps in the clock, about {max(missing, 1)} samples dropped; the longest lasts "
+            f"{name}: {gaps.size} gap{plural} in the clock, about {max(missing, 1)} samples dropped; the longest lasts "
             f"{steps[longest]:.3g} s, after t = {t[longest]:g} s. The log is cut there, and prediction starts anew "
             "after each gap. If samples are dropped often, record with a longer sample time."
         )
@@ -160,7 +161,7 @@ def unwrap(name: str, column: str, q: np.ndarray) -> np.ndarray:
     if not jumps.size:
         return q
     warn(
-        f"{name}: {column} jumps by more than half a turn {jumps.size} times (first from {q[jumps[0]]:.3g} to "
+        f"{name}: {column} jumps by more than half a turn, {jumps.size}× (first from {q[jumps[0]]:.3g} to "
         f"{q[jumps[0] + 1]:.3g} rad). Taken as a wrapped encoder and unwrapped. If these are spikes, or the "
         "angles are in degrees (--unit deg), mend that instead."
     )

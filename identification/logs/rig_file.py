@@ -59,7 +59,7 @@ def load_mapping(path: str | os.PathLike[str]) -> RigMapping:
     except FileNotFoundError:
         raise LogError(f"{path} is not there. Make it with `furuta init LOG`.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise LogError(f"{path}: not a TOML file ({error}). Make it anew with `furuta init LOG`.") from None
+        raise LogError(f"{path}: not a TOML file ({error}). Make it anew with `furuta init LOG --yes`.") from None
     if data.pop("schema", None) != SCHEMA:
         raise LogError(f'{path}: expected schema = "{SCHEMA}" in its first lines, as `furuta init LOG` writes it.')
     values: dict[str, Any] = {}

@@ -364,3 +364,21 @@ def test_a_mapping_survives_its_file(tmp_path: Path) -> None:
     assert RigMapping.from_dict(mapping.to_dict()) == mapping
     with pytest.raises(LogError, match="not known"):
         RigMapping.from_dict({"q3": "x"})
+
+
+def test_a_message_offers_only_ways_that_lead_somewhere(tmp_path: Path) -> None:
+    """What cannot be read as it is said either is not offered so, and `furuta init` does not send to itself."""
+    broken = write(tmp_path / "broken.csv", rows(u=np.where(np.arange(len(rows()["u"])) == 40, np.nan, rows()["u"])))
+    identified, looked = furuta("identify", broken, "-o", tmp_path / "rig.json"), furuta("init", broken)
+    refused(identified, f"Look at it with `furuta init {broken}`")
+    assert looked.exit_code == 2
+    assert "--as-given" not in identified.stderr + looked.stderr
+    assert "Look at it" not in looked.stderr
+
+
+def test_a_log_given_twice_is_refused(tmp_path: Path) -> None:
+    log = write(tmp_path / "log.csv", rows())
+    result = furuta("identify", log, log, "-o", tmp_path / "rig.json")
+    assert result.exit_code == 2
+    assert "log.csv is given twice; expected each log once" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
