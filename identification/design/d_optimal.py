@@ -9,7 +9,7 @@ three square waves like the paper's d(t), and sums of sines.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,8 +22,9 @@ from furuta_gym.plant import THETA_NAMES, Plant
 from ..estimation.pool import shared_pool
 from ..estimation.prediction_error import PredictionError
 from ..estimation.uncertainty import inverse_information
-from ..kalman.coordinates import SHARPNESS_NAMES, Coordinate, noise_coordinates, plant_coordinates
+from ..kalman.coordinates import SHARPNESS_NAMES, Coordinate, noise_coordinates, plant_coordinates, zero_coordinates
 from ..kalman.noise_model import Noise
+from ..kalman.record import Record
 from .setup import MARGIN, Limits, Run, Setup, within_limits
 from .signals import Scaled, Signal, Sines, SquareWave, Sum, paper_signal
 
@@ -114,19 +115,21 @@ class Design:
         return "\n".join(lines)
 
 
-def free_coordinates(plant: Plant) -> list[Coordinate]:
-    """θ first, then r, effect parameters and noise, as `identify` frees them."""
+def free_coordinates(plant: Plant, records: Sequence[Record]) -> list[Coordinate]:
+    """θ first, then r, effect parameters, zeros and noise, as `identify` frees them."""
     found = plant_coordinates(plant)
-    return [replace(c, weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c for c in found] + noise_coordinates()
+    of_plant = [replace(c, weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c for c in found]
+    return of_plant + zero_coordinates(plant, records) + noise_coordinates()
 
 
 def predicted(setup: Setup, run: Run) -> Precision:
     """The precision that a simulated run promises. A run in which the pendulum fell promises nothing."""
     if run.fell is not None:
         return Precision(_NAN, math.inf)
-    coordinates = free_coordinates(setup.plant)
+    records = [setup.record(run)]
+    coordinates = free_coordinates(setup.plant, records)
     noise = Noise(np.maximum(setup.torque_noise, 1e-20))
-    problem = PredictionError(setup.plant, [setup.record(run)], coordinates, noise, pool=shared_pool())
+    problem = PredictionError(setup.plant, records, coordinates, noise, pool=shared_pool())
     z = problem.start()
     expansion = problem.expand(z)
     if not math.isfinite(expansion.value):

@@ -23,7 +23,7 @@ from furuta_gym.simulation import Policy
 from ..estimation.optimise import minimise
 from ..estimation.pool import shared_pool
 from ..estimation.prediction_error import PredictionError
-from ..kalman.coordinates import noise_coordinates, plant_coordinates
+from ..kalman.coordinates import noise_coordinates, plant_coordinates, zero_coordinates
 from ..kalman.noise_model import Noise
 from ..kalman.record import Record
 from .setup import Limits, Setup, within_limits
@@ -250,7 +250,8 @@ def _separations(setup: Setup, entry: Entry, signal: Scaled | None, suspects: Se
 
 
 def _problem(setup: Setup, plant: Plant, record: Record, restless: float) -> PredictionError:
-    coordinates = plant_coordinates(plant, free_sharpness=False, weak_prior_std=_ANCHOR_STD) + noise_coordinates()
+    coordinates = plant_coordinates(plant, free_sharpness=False, weak_prior_std=_ANCHOR_STD)
+    coordinates += zero_coordinates(plant, [record]) + noise_coordinates()
     noise = Noise(np.maximum(setup.torque_noise, 1e-18)).louder(restless)
     return PredictionError(plant, [record], coordinates, noise, pool=shared_pool())
 

@@ -20,6 +20,7 @@ from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
+from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
 from .gap_change import GapChange, speaks_against
 from .naming.fits import Fit, added, further
@@ -80,11 +81,17 @@ class HeldOut:
 
     def far(self, fitted: Fit) -> bool:
         """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""
+        return self._beyond(fitted, self.policy.far)
+
+    def off(self, fitted: Fit) -> bool:
+        """Whether a fit predicts worse than an adequate plant does."""
+        return self._beyond(fitted, ADEQUATE_BELOW)
+
+    def _beyond(self, fitted: Fit, ratio: float) -> bool:
         try:
-            gap = self.gap(fitted.plant, fitted.noise, fitted.zeros)
+            return self.gap(fitted.plant, fitted.noise, fitted.zeros).ratio_to_floor > ratio
         except ValueError:
             return False
-        return gap.ratio_to_floor > self.policy.far
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
         """Whether further effects close some of the gap for certain, and a share of it that matters. Of what follows

@@ -95,7 +95,8 @@ def plant_coordinates(
     θ1 … θ5 and r are positive: their logarithms (one that starts negative or zero is linear and keeps no sign).
     Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters, infinite
     ones (an effect switched off), what was learned, and an optional size that is neutral, with its shapes, stay as they
-    are. Names are theta1 … theta9, r (or r1, r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a
+    are. A shape that mechanics limit has a log-normal prior around its default. Names are theta1 … theta9, r (or r1,
+    r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a
     log-normal prior of this width around the plant's values on every log coordinate. Raises ValueError for an unknown
     name or an impossible prior.
     """
@@ -127,7 +128,7 @@ def plant_coordinates(
     p0 = plant.packed().p
     weak = [(c.to_z(p0[c.row]), weak_prior_std) if weak_prior_std and c.log else None for c in coordinates]
     return [
-        replace(c, prior=_checked_prior(c.name, priors.get(c.name)), weak_prior=w)
+        replace(c, prior=_checked_prior(c.name, priors.get(c.name)), weak_prior=w or c.weak_prior)
         for c, w in zip(coordinates, weak, strict=True)
         if c.name not in fixed
     ]
@@ -155,6 +156,9 @@ def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coord
     step = _KINK_STEP if p.role == "shape" and p.grid else _STEP
     if p.role == "shape" and p.lower > 0:
         return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=step)
+    if p.spread and usual > 0:
+        weak = (math.log(usual), p.spread)
+        return Coordinate(name, row, log=True, low=1e-3 * usual, high=1e3 * usual, step=step, weak_prior=weak)
     scale = usual if usual and math.isfinite(usual) else 1.0
     return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=step)
 

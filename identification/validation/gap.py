@@ -231,7 +231,7 @@ class ClosedFraction:
 
 
 def closed_fraction(before: Gap, after: Gap, seed: int = 0, draws: int = 1000, block: float = 1.0) -> ClosedFraction:
-    """(before − after) / (before − floor), squared and over both axes, each in units of its floor; at most 1, all of it.
+    """(before − after) / (before − floor), squared and over both axes, each in units of its floor; at most 1.
 
     The floor is the lower of the two, because what a wrong plant does not explain can only raise it. The interval is
     a bootstrap over blocks of `block` seconds, because neighbouring windows overlap. Raises ValueError if the two

@@ -39,9 +39,10 @@ class Parameter:
     log's length decides); `span` says that a shape enters linearly together with the size, as a "phase" (A sin(x + φ)),
     as a "product" (k (x − s)) or through the effect's `linear` ("linear"), so that no grid is needed; `optional`, on a
     size that is zero unless asked for and on its shapes, is the name of that size: while that is neutral, an estimator
-    leaves them as they are and a search does not try them; `rough` says that small changes make what follows different
-    throughout (a stop is hit or just missed), so that only trying leads to the best value; `abrupt` that there is no
-    small size, so that what the data answer to one says nothing, and only a fit does.
+    leaves them as they are and a search does not try them; `spread`, on a positive shape, is the standard deviation of
+    its logarithm around the default that mechanics allow, an estimator's prior; `rough` says that small changes make
+    what follows different throughout (a stop is hit or just missed), so that only trying leads to the best value;
+    `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Parameter:
     grid: tuple[float, ...] | str = ()
     span: str = ""
     optional: str = ""
+    spread: float = 0.0
     rough: bool = False
     abrupt: bool = False
 

@@ -108,6 +108,7 @@ PENDULUM_EFFECTS = (
                 lower=0.0,
                 role="shape",
                 grid=(0.5, 1.5, 4.0),
+                spread=0.8,  # unlimited, it is a spring: a small tilt with it passes for a cable
             ),
         ),
         kernels={"torque": _tilt},

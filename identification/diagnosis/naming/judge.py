@@ -41,6 +41,10 @@ class Witness(Protocol):
         """Whether a fit predicts them much worse than noise would."""
         ...
 
+    def off(self, fitted: Fit) -> bool:
+        """Whether a fit predicts them worse than noise would."""
+        ...
+
     def confirms(self, without: Fit, fitted: Fit) -> bool:
         """Whether a further effect brings the prediction nearer for certain, and by a share that matters."""
         ...
@@ -54,6 +58,9 @@ class NoWitness:
     """A `Witness` that never says anything."""
 
     def far(self, fitted: Fit) -> bool:
+        return False
+
+    def off(self, fitted: Fit) -> bool:
         return False
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:

@@ -45,9 +45,9 @@ def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) ->
 
 def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
     """The names with look-alikes in their place where data which no fit saw ask for it, and the fitted logs do not
-    mind: what one experiment cannot tell apart, another one may. Asked only while predictions are far off."""
+    mind: what one experiment cannot tell apart, another one may. Asked only while predictions are not adequate."""
     refused: set[tuple[str, str]] = set()
-    while witness.far(naming.final):
+    while witness.off(naming.final):
         pairs = [(i, s) for i, false in enumerate(naming.accepted) for s in _look_alikes(naming, i, search)]
         fresh = [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
         for i, s in fresh:

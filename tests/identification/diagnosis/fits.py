@@ -289,12 +289,15 @@ def a_change(
 class Told:
     """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against."""
 
-    off: bool = True
+    far_off: bool = True
     needed: tuple[str, ...] = ()
     false: tuple[str, ...] = ()
 
     def far(self, fitted: Any) -> bool:
-        return self.off
+        return self.far_off
+
+    def off(self, fitted: Any) -> bool:
+        return self.far_off
 
     def confirms(self, without: Any, fitted: Any) -> bool:
         return self._newest(without, fitted) in self.needed

@@ -147,8 +147,8 @@ SMALL = {"input_delay": -2000.0, "input_delay arm_presliding": -2080.0}
 @pytest.mark.parametrize(
     ("witness", "found"),
     [
-        (Told(off=False), ["input_delay"]),
-        (Told(off=False, needed=("arm_presliding",)), ["input_delay"]),  # near enough: its share decides
+        (Told(far_off=False), ["input_delay"]),
+        (Told(far_off=False, needed=("arm_presliding",)), ["input_delay"]),  # near enough: its share decides
         (Told(), ["input_delay"]),
         (Told(needed=("arm_presliding",)), ["input_delay", "arm_presliding"]),
     ],

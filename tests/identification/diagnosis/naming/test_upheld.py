@@ -28,7 +28,7 @@ def verified(values: dict[str, float], witness: Any, *names: str) -> Naming:
 @pytest.mark.parametrize("false", [(), ("base_tilt",), ("input_delay", "base_tilt")])
 def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> None:
     names = ("input_delay", "base_tilt", "pendulum_stribeck")
-    found = verified(THREE, Told(off=False, false=false), *names)
+    found = verified(THREE, Told(far_off=False, false=false), *names)
     kept = [name for name in names if name not in false]
     assert [s.name for s in found.accepted] == kept
     assert sorted(s.name for s in found.taken_back) == sorted(false)
@@ -57,7 +57,9 @@ CABLES = {
 def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
     false: tuple[str, ...], kept: list[str]
 ) -> None:
-    found = verified(CABLES, Told(off=False, false=false), "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
+    found = verified(
+        CABLES, Told(far_off=False, false=false), "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple"
+    )
     assert sorted(s.name for s in found.accepted) == sorted(kept)
     assert {e.name for e in found.final.plant.effects} == set(kept)
     assert found.final.value == pytest.approx(CABLES[" ".join(kept)], abs=0.1)
@@ -80,7 +82,7 @@ FRICTION = {
 def test_which_form_of_friction_that_remembers_is_right_is_for_held_out_data_to_say(
     false: tuple[str, ...], kept: str | None
 ) -> None:
-    found = verified(FRICTION, Told(off=False, false=false), "input_delay", *BOTH_FORMS)
+    found = verified(FRICTION, Told(far_off=False, false=false), "input_delay", *BOTH_FORMS)
     assert sorted(s.name for s in found.accepted) == sorted(["input_delay", *([kept] if kept else [])])
 
 
@@ -89,7 +91,7 @@ def test_a_name_that_pays_nothing_beside_those_found_after_it_goes() -> None:
     names = ("input_delay", "base_tilt", "pendulum_stribeck")
     found = name_effects(a_fit(), search({"": 0.0, **THREE}, *names))
     better = search({"": 0.0, **THREE, "input_delay base_tilt": -4499.0}, *names)
-    left = upheld(found, better, Told(off=False))
+    left = upheld(found, better, Told(far_off=False))
     assert [s.name for s in found.accepted] == list(names)
     assert [s.name for s in left.accepted] == ["input_delay", "base_tilt"]
     assert left.taken_back == ()
@@ -109,7 +111,7 @@ def test_a_name_that_pays_nothing_beside_those_found_after_it_goes() -> None:
 def test_held_out_data_choose_among_look_alikes(far: bool, needed: tuple[str, ...], lost: float, kept: str) -> None:
     names = ("input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
     by = search({"": 0.0, **CABLES, "input_delay arm_spring": CABLES["input_delay arm_taut_cable"] + lost}, *names)
-    found = preferred(name_effects(a_fit(), by), by, Told(off=far, needed=needed))
+    found = preferred(name_effects(a_fit(), by), by, Told(far_off=far, needed=needed))
     assert [s.name for s in found.accepted] == ["input_delay", kept]
     assert {e.name for e in found.final.plant.effects} == {"input_delay", kept}
     assert found.accepted[1].fit is found.final
