@@ -87,6 +87,12 @@ def _effect(kind: Any) -> list[str]:
     for p in kind.parameters:
         of = f" × {p.relative_to}" if p.relative_to else ""
         lines.append(f"| {p.name} | {p.unit or '1'} | {_cell(p.meaning)} | {p.role} | {p.default:g}{of} |")
+    for p in kind.parameters:
+        if p.spread:
+            lines.append(
+                f"\n**Prior:** in every fit the logarithm of {p.name} has a standard deviation of {p.spread:g} around the "
+                "logarithm of the default."
+            )
     if kind.mistaken_for:
         alike = ", ".join(f"[`{name}`](#{name})" for name in kind.mistaken_for)
         lines.append(

@@ -169,10 +169,18 @@ def _named(
     if naming.accepted:
         search.progress("estimating all parameters together")
         after = identify(logs, naming.final.plant, noise=naming.final.noise, zeros=naming.final.zeros)
+        after = _with_origin(after, before)
     search.progress("looking at what is left")
     remains = locate(after.plant, moved(logs, after.zeros), policy)
     naming = unsettled(naming, remains, policy)
     return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
+
+
+def _with_origin(after: Estimate, before: Estimate) -> Estimate:
+    """The estimate, which says that it started from the search, and has its limits from where `before` has them."""
+    known = before.plant.provenance
+    origin = dict(after.plant.provenance) | {"start": "the search for missing effects", "u_max": known["u_max"]}
+    return replace(after, plant=after.plant.replace(provenance=origin))
 
 
 def _zero_in_counts(fitted: Fit) -> float:

@@ -40,6 +40,10 @@ def test_a_cable_is_named_and_its_tail_agrees(alone: Diagnosis) -> None:
     assert alone.gap.tail == 0.4
     assert alone.gap.closed.value > 0.9
     assert alone.runtime_s > 0.0
+    assert alone.plant is not None
+    assert alone.plant.provenance["start"] == "the search for missing effects"
+    assert alone.before is not None
+    assert alone.plant.provenance["u_max"] == alone.before.plant.provenance["u_max"]
 
 
 def test_a_start_with_effects_is_compared_without_them(alone: Diagnosis) -> None:
