@@ -17,6 +17,7 @@ from ..estimation.identifiability import NotIdentifiable
 from ..estimation.identify import identify
 from ..estimation.memories import MEMORIES, Remembering, remembering
 from ..estimation.pool import one_blas_thread
+from ..estimation.prediction_error import quietest
 from ..estimation.start import Start, candidates
 from ..estimation.zeros import moved
 from ..kalman.record import stretches
@@ -168,12 +169,24 @@ def _named(
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
-        after = identify(logs, naming.final.plant, noise=naming.final.noise, zeros=naming.final.zeros)
-        after = _with_origin(after, before)
+        after = _with_origin(_all_together(logs, naming.final, policy), before)
     search.progress("looking at what is left")
     remains = locate(after.plant, moved(logs, after.zeros), policy)
     naming = unsettled(naming, remains, policy)
     return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
+
+
+def _all_together(logs: Sequence[Log], final: Fit, policy: DecisionPolicy) -> Estimate:
+    """All parameters from where the search ended. Its prior on θ may have held that in a valley far from the rig, and
+    torque noise explained the rest: where much of it is left, a fit from other starts is compared."""
+    fitted = identify(logs, final.plant, noise=final.noise, zeros=final.zeros)
+    if fitted.problem is None or fitted.noise is None:
+        return fitted
+    least = quietest(fitted.plant, fitted.problem.records)
+    if not np.any(np.array(fitted.noise.torque) > policy.hiding_noise * least):
+        return fitted
+    afresh = identify(logs, final.plant, zeros=final.zeros)
+    return afresh if afresh.log_likelihood > fitted.log_likelihood else fitted
 
 
 def _with_origin(after: Estimate, before: Estimate) -> Estimate:
