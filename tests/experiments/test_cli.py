@@ -310,7 +310,7 @@ def test_texts_of_options() -> None:
 def test_warnings_are_readable_lines(tmp_path: Path) -> None:
     log = some_log(tmp_path / "log.csv", t=T + 0.5 * (T > 0.4))
     result = furuta("identify", log, "-o", tmp_path / "rig.json", "--method", "recursive-ls")
-    assert "Warning: log.csv: 1 gaps in the clock" in result.stderr
+    assert "Warning: log.csv: 1 gap in the clock" in result.stderr
     assert "LogWarning" not in result.stderr
 
 
