@@ -20,7 +20,6 @@ from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
-from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
 from .gap_change import GapChange, speaks_against
 from .naming.fits import Fit, added, further
@@ -85,7 +84,7 @@ class HeldOut:
 
     def off(self, fitted: Fit) -> bool:
         """Whether a fit predicts worse than an adequate plant does."""
-        return self._beyond(fitted, ADEQUATE_BELOW)
+        return self._beyond(fitted, self.policy.adequate)
 
     def _beyond(self, fitted: Fit, ratio: float) -> bool:
         try:

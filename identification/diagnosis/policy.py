@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from ..validation.adequacy import ADEQUATE_BELOW
+
 MOST_EFFECTS = 6
 """Effects that a search looks for at most, where nothing else is said."""
 
@@ -119,6 +121,9 @@ class DecisionPolicy:
 
     # whether held-out data agree
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")
+    adequate: float = _rule(
+        ADEQUATE_BELOW, "times the noise floor, above which held-out data choose among look-alikes", "McGill's log"
+    )
     far: float = _rule(1.5, "times the noise floor: an error of this size says that more is missing", DEV)
     worth: float = _rule(0.05, "of the held-out gap that a further, small effect must close", THEORY)
     disagree: float = _rule(4.0, "deviations of their difference, from which two fits disagree", THEORY)

@@ -100,8 +100,14 @@ def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> 
 
 
 def _in_place(naming: Naming, i: int, found: Suspect) -> Naming:
+    """The names with another one at place i. What only described the law of the former describes the law of this."""
+    former = naming.accepted[i].name
+
     def exchanged(values: tuple, value: object) -> tuple:
         return (*values[:i], value, *values[i + 1 :])
+
+    def renamed(name: str) -> str:
+        return found.name if name == former else name
 
     return replace(
         naming,
@@ -109,6 +115,7 @@ def _in_place(naming: Naming, i: int, found: Suspect) -> Naming:
         accepted=exchanged(naming.accepted, found),
         equals=exchanged(naming.equals, ()),
         rankings=exchanged(naming.rankings, (found, *(s for s in naming.rankings[i] if s.name != found.name))),
+        laws={renamed(name): renamed(of) for name, of in naming.laws.items()},
     )
 
 

@@ -311,3 +311,13 @@ def test_stamps_may_start_anywhere(upright: Log, start: float) -> None:
     moved = replace(log, t=np.round(log.t - log.t[0] + start, 6))
     assert (moved.t[-1] - moved.t[0] < 5.0) == (start == 3.2)  # by a bit or two
     assert identify(moved, TABLE_3, iterations=3).problem.records[0].duration == pytest.approx(5.0)
+
+
+def test_parts_of_one_file_are_fitted_together_unless_they_overlap(upright: Log) -> None:
+    """Of a file on the disk all parts have one digest."""
+    log = replace(upright, sha256="0123")
+    estimate = identify(log.split(0.5))
+    assert estimate.samples == len(log)
+    for overlapping in ([log, log], [log.slice(stop=4.0), log.slice(3.0)], [upright, upright]):
+        with pytest.raises(ValueError, match="is given twice; expected each log once"):
+            identify(overlapping)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -116,3 +117,15 @@ def test_held_out_data_choose_among_look_alikes(far: bool, needed: tuple[str, ..
     assert {e.name for e in found.final.plant.effects} == {"input_delay", kept}
     assert found.accepted[1].fit is found.final
     assert found.taken_back == ()
+
+
+def test_what_describes_the_law_of_a_name_describes_that_of_its_look_alike() -> None:
+    """Else it became an effect of its own, and a false name."""
+    names = ("input_delay", "arm_taut_cable", "arm_spring")
+    near = {"input_delay arm_spring": CABLES["input_delay arm_taut_cable"] + 8.0}
+    by = search({"": 0.0, **CABLES, **near}, *names)
+    found = replace(name_effects(a_fit(), by), laws={"input_delay": "arm_taut_cable"})
+    exchanged = preferred(found, by, Told(needed=("arm_spring",)))
+    assert [s.name for s in exchanged.accepted] == ["input_delay", "arm_spring"]
+    assert exchanged.describes("input_delay") == "arm_spring"
+    assert [s.name for s in exchanged.own] == ["arm_spring"]
