@@ -69,6 +69,12 @@ class DecisionPolicy:
     another_law: float = _rule(
         0.45, "of its net gain, what an earlier effect's variables explain too, from which it gets no name", DEV
     )
+    whole_period: float = _rule(
+        1.0,
+        "of a ripple that the arm must pass, or it only describes another function of its angle",
+        THEORY,
+        "periods",
+    )
     foreign: float = _rule(0.1, "the same share, up to which it is an effect of its own", DEV)
     much: float = _rule(100.0, "net gain from which such an effect counts however small it is beside them", DEV, "nats")
     contested: float = _rule(0.3, "of the best net gain, from which a rival is fitted again beside others", DEV)
@@ -122,7 +128,9 @@ class DecisionPolicy:
     # whether held-out data agree
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")
     adequate: float = _rule(
-        ADEQUATE_BELOW, "times the noise floor, above which held-out data choose among look-alikes", "McGill's log"
+        ADEQUATE_BELOW,
+        "times the noise floor, above which held-out data decide on look-alikes and slight effects",
+        "McGill's log",
     )
     far: float = _rule(1.5, "times the noise floor: an error of this size says that more is missing", DEV)
     worth: float = _rule(0.05, "of the held-out gap that a further, small effect must close", THEORY)

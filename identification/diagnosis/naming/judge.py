@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import Ranking, Suspect, price, slight
+from .suspects import RIPPLE, Ranking, Suspect, periods, price, slight
 
 
 class Rest(Protocol):
@@ -115,8 +116,13 @@ class Judge:
     def law_of(self, together: Sequence[Ranking], before: Fit) -> str | None:
         """The effect before it of which a further one, the last of `together`, only describes another law: such a law,
         in that effect's own variables, would explain half as much to first order, and no less than any law in the
-        newest's."""
+        newest's. So does a ripple of which the arm passes less than a whole period, beside another function of its
+        angle."""
         *others, (newest, *_) = together
+        if newest.name == RIPPLE and periods(newest.fit) < self.policy.whole_period:
+            for other, *_ in others:
+                if own_variables(other.name) == own_variables(RIPPLE):
+                    return other.name
         laws = {other.name: self.rest.another_law(before, other.name) for other, *_ in others}
         best = max(laws, key=lambda name: laws[name], default=None)
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
@@ -138,5 +144,5 @@ class Judge:
         return not (self.foreign(newest.net, before) or self.confirmed(before, newest.fit))
 
     def confirmed(self, before: Fit, after: Fit) -> bool:
-        """Whether data that no fit saw, from which a model is far off, ask for a further effect."""
-        return self.witness.far(before) and self.witness.confirms(before, after)
+        """Whether data that no fit saw, which a model predicts worse than an adequate one, ask for a further effect."""
+        return self.witness.off(before) and self.witness.confirms(before, after)

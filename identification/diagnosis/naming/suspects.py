@@ -6,12 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from furuta_gym.plant import EFFECTS
 
 from ..policy import DecisionPolicy
 from .fits import Fit
 from .scores import Score
 
+RIPPLE = "arm_ripple"
 _POWERS = {"frequencies": 1.5, "times": 1.0}
 
 
@@ -47,6 +50,13 @@ def alike(one: str, other: str) -> bool:
 def follows_clock(name: str) -> bool:
     """Whether an effect goes by the clock of its log, and so cannot be looked for in another."""
     return any("t" in arguments for arguments in EFFECTS[name].arguments.values())
+
+
+def periods(fitted: Fit) -> float:
+    """How many periods of its ripple the arm passes, in the log where it turns furthest."""
+    ripple = fitted.plant.effect(RIPPLE)
+    assert ripple is not None
+    return ripple.parameters["n"] * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
 
 
 def shortlist(table: dict[str, Score], samples: int, least: float, policy: DecisionPolicy) -> list[str]:

@@ -20,7 +20,10 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
         search.progress("verifying the names one by one")
         reduced = [search.reduced(naming.final, suspect.name) for suspect in naming.accepted]
         idle = [
-            i for i, fitted in enumerate(reduced) if _pays_nothing(naming.accepted[i], fitted, naming.final, search)
+            i
+            for i, fitted in enumerate(reduced)
+            if _pays_nothing(naming.accepted[i], fitted, naming.final, search)
+            and not witness.confirms(fitted, naming.final)
         ]
         denied = idle or [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
         if not denied:

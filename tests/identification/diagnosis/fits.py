@@ -287,17 +287,19 @@ def a_change(
 
 @dataclass(frozen=True)
 class Told:
-    """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against."""
+    """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against.
+    a_little_off: worse than an adequate plant, though not far off."""
 
     far_off: bool = True
     needed: tuple[str, ...] = ()
     false: tuple[str, ...] = ()
+    a_little_off: bool = False
 
     def far(self, fitted: Any) -> bool:
         return self.far_off
 
     def off(self, fitted: Any) -> bool:
-        return self.far_off
+        return self.far_off or self.a_little_off
 
     def confirms(self, without: Any, fitted: Any) -> bool:
         return self._newest(without, fitted) in self.needed

@@ -157,6 +157,16 @@ def test_far_from_held_out_data_these_decide_and_not_a_share(witness: Told, foun
     assert accepted(named(SMALL, "input_delay", "arm_presliding", witness=witness)) == found
 
 
+@pytest.mark.parametrize(("off", "found"), [(False, ["input_delay"]), (True, ["input_delay", "arm_presliding"])])
+def test_where_predictions_are_not_adequate_held_out_data_decide_about_a_slight_effect(
+    off: bool, found: list[str]
+) -> None:
+    """A cable of a seventh of the delay beside it was dropped, as predictions were no longer far off without it."""
+    values = SMALL | {"input_delay arm_presliding": -2300.0}
+    witness = Told(far_off=False, a_little_off=off, needed=("arm_presliding",))
+    assert accepted(named(values, "input_delay", "arm_presliding", witness=witness)) == found
+
+
 def test_a_small_effect_that_held_out_data_ask_for_stays_when_another_joins() -> None:
     """… and not only until the next step reconsiders it."""
     values = SMALL | {

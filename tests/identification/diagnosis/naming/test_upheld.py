@@ -87,16 +87,19 @@ def test_which_form_of_friction_that_remembers_is_right_is_for_held_out_data_to_
     assert sorted(s.name for s in found.accepted) == sorted(["input_delay", *([kept] if kept else [])])
 
 
-def test_a_name_that_pays_nothing_beside_those_found_after_it_goes() -> None:
-    """Held-out data need not speak against it: of what follows a clock they cannot."""
+@pytest.mark.parametrize("asked_for", [False, True])
+def test_a_name_that_pays_nothing_beside_those_found_after_it_goes_unless_held_out_data_ask_for_it(
+    asked_for: bool,
+) -> None:
+    """They need not speak against it: of what follows a clock they cannot."""
     names = ("input_delay", "base_tilt", "pendulum_stribeck")
     found = name_effects(a_fit(), search({"": 0.0, **THREE}, *names))
     better = search({"": 0.0, **THREE, "input_delay base_tilt": -4499.0}, *names)
-    left = upheld(found, better, Told(far_off=False))
+    left = upheld(found, better, Told(far_off=False, needed=("pendulum_stribeck",) if asked_for else ()))
     assert [s.name for s in found.accepted] == list(names)
-    assert [s.name for s in left.accepted] == ["input_delay", "base_tilt"]
+    assert [s.name for s in left.accepted] == [*names[:2], *(["pendulum_stribeck"] if asked_for else [])]
     assert left.taken_back == ()
-    assert left.final.plant.effect("pendulum_stribeck") is None
+    assert (left.final.plant.effect("pendulum_stribeck") is not None) == asked_for
 
 
 @pytest.mark.parametrize(
