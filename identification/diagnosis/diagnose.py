@@ -2,42 +2,21 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from furuta_gym.plant import EFFECTS, Plant
 
-from ..estimation.estimate import Estimate
-from ..estimation.identifiability import NotIdentifiable
-from ..estimation.identify import identify
-from ..estimation.memories import MEMORIES, Remembering, remembering
 from ..estimation.pool import one_blas_thread
-from ..estimation.prediction_error import quietest
-from ..estimation.start import Start, candidates
-from ..estimation.zeros import moved
-from ..kalman.record import stretches
 from ..logs.log import Log
-from . import sentences
-from .equals import interchangeable
 from .held_out import HeldOut
 from .learning import with_learned
-from .leftovers import Leftovers
-from .locate.locate import locate
-from .locate.location import Where
-from .locate.seen import long_enough
-from .naming.afresh import afresh, cost
-from .naming.fits import Fit, Fitter, fit
-from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.journal import FitJournal
-from .naming.search import NOTHING_YET, Search
-from .naming.upheld import preferred, upheld
 from .outcome import Diagnosis
 from .policy import MOST_EFFECTS, DecisionPolicy
+from .searched import searched
 from .searched_part import searched_part
 from .second_witness import with_second_witness
 from .verify import verified
@@ -91,48 +70,6 @@ def diagnose(
     return replace(found, stretches=part.spans, runtime_s=time.monotonic() - began)
 
 
-def searched(
-    held: HeldOut,
-    start: Plant | None,
-    most: int,
-    only: Sequence[str] | None,
-    progress: Callable[[str], None],
-    fitter: Fitter = fit,
-) -> Diagnosis:
-    """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`."""
-    logs, policy = held.logs, held.policy
-    rms = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
-    progress("identifying model (5)")
-    try:
-        before = identify(logs, start)
-    except NotIdentifiable as error:
-        text = f"{error}. Nothing can be said about missing effects."
-        return Diagnosis("insufficient_excitation", text, None, None, None, None, math.nan, rms, 0.0, policy)
-    long_enough(logs, policy)  # or nothing could be said after the search
-    starts = _own_starts(logs, before.plant)
-    unexplained = math.sqrt(before.noise.torque[0] / 0.1) if before.noise else 0.0
-    memories = _memories(logs, before.plant)
-    dragged = unexplained > policy.strong * rms or any(m.left < policy.remembered for m in memories)
-    anchor = _anchor(_middle(starts, policy) if starts and dragged else before.plant, policy)
-    records = [stretch.record for stretch in stretches(logs)]
-    nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
-    search = Search(anchor, only, policy, progress, fitter)
-    naming, after, rest = _settled(
-        lambda joined: _named(search, nominal, before, held, most, joined),
-        lambda known: afresh(nominal, starts, search, known, [s for m in memories for s in m.starts]),
-        search,
-        dragged,
-    )
-    verdict, summary = _verdict(naming, rest, policy)
-    if not naming.accepted:
-        before = after
-    if abs(zero := _zero_in_counts(naming.final)) > policy.zero_told:
-        summary += f" {sentences.zero(zero)}"
-    before = _without_sharpness(before, naming, logs, policy)
-    left = math.sqrt(naming.final.noise.torque[0] / 0.1)
-    return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, 0.0, policy)
-
-
 def _silent(text: str) -> None:
     """Progress that nobody wants."""
 
@@ -156,137 +93,3 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
             f"the held-out logs' command is in {', '.join(sorted(units))}, the others' in {logs[0].input_unit}; "
             "they must agree (--input-unit)"
         )
-
-
-def _named(
-    search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, joined: Mapping[str, Fit]
-) -> tuple[Naming, Estimate, Where]:
-    """The search for names, the estimate with what was found, and what that leaves. joined: see `name_effects`."""
-    logs, policy = held.logs, search.policy
-    rest = Leftovers(logs, policy)
-    naming = preferred(name_effects(nominal, search, most, rest, held, joined), search, held)
-    naming = upheld(naming, search, held)
-    after = before
-    if naming.accepted:
-        search.progress("estimating all parameters together")
-        after = _with_origin(_all_together(logs, naming.final, policy), before)
-    search.progress("looking at what is left")
-    remains = locate(after.plant, moved(logs, after.zeros), policy)
-    naming = unsettled(naming, remains, policy)
-    return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
-
-
-def _all_together(logs: Sequence[Log], final: Fit, policy: DecisionPolicy) -> Estimate:
-    """All parameters from where the search ended. Its prior on θ may have held that in a valley far from the rig, and
-    torque noise explained the rest: where much of it is left, a fit from other starts is compared."""
-    fitted = identify(logs, final.plant, noise=final.noise, zeros=final.zeros)
-    if fitted.problem is None or fitted.noise is None:
-        return fitted
-    least = quietest(fitted.plant, fitted.problem.records)
-    if not np.any(np.array(fitted.noise.torque) > policy.hiding_noise * least):
-        return fitted
-    afresh = identify(logs, final.plant, zeros=final.zeros)
-    return afresh if afresh.log_likelihood > fitted.log_likelihood else fitted
-
-
-def _with_origin(after: Estimate, before: Estimate) -> Estimate:
-    """The estimate, which says that it started from the search, and has its limits from where `before` has them."""
-    known = before.plant.provenance
-    origin = dict(after.plant.provenance) | {"start": "the search for missing effects", "u_max": known["u_max"]}
-    return replace(after, plant=after.plant.replace(provenance=origin))
-
-
-def _zero_in_counts(fitted: Fit) -> float:
-    """How far the pendulum's zero in the first log is off."""
-    first = min(record.log for record in fitted.records)
-    record = next(r for r in fitted.records if r.log == first)
-    count = float(max(record.quantum[1], np.sqrt(12.0 * record.variance[1])))
-    return fitted.zeros.get(first, (0.0, 0.0))[1] / count
-
-
-_Answer = tuple[Naming, Estimate, Where]
-
-
-def _settled(
-    named: Callable[[Mapping[str, Fit]], _Answer],
-    other: Callable[[Fit | None], Mapping[str, Fit]],
-    search: Search,
-    dragged: bool = False,
-) -> _Answer:
-    """named(joined): the names. other(known): the best fits of one effect from the logs' own starts. They join the
-    search at once where model (5) is `dragged` away by what is missing. Else the search is made again with them, if
-    names leave structure and one of them beats the best single effect so far."""
-    if dragged:
-        search.progress("fitting every effect from other starts, as much is missing")
-        return named(other(None))
-    naming, after, rest = named(NOTHING_YET)
-    if not rest.matters and _verdict(naming, rest, search.policy)[0] != "unknown":
-        return naming, after, rest
-    search.progress("fitting every effect from other starts, as structure is left")
-    best = naming.rankings[0][0].fit if naming.rankings else naming.nominal
-    fresh = other(best)
-    first = min(fresh, key=lambda name: cost(fresh[name]), default=None)
-    if first is None or cost(fresh[first]) > cost(best) - search.policy.believed:
-        return naming, after, rest
-    search.progress(f"searching again with {first}")
-    again = named(fresh)
-    return again if cost(again[0].final) < cost(naming.final) - search.policy.believed else (naming, after, rest)
-
-
-def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:
-    """Start values from the logs alone; none where the command does not drive the arm."""
-    try:
-        return candidates([stretch.piece for stretch in stretches(logs)], plant.replace(effects=()))
-    except ValueError:
-        return []
-
-
-def _memories(logs: Sequence[Log], plant: Plant) -> list[Remembering]:
-    """Start values from the logs alone with each kind of friction that remembers."""
-    pieces = [stretch.piece for stretch in stretches(logs)]
-    return [remembering(pieces, plant.replace(effects=()), name) for name in MEMORIES]
-
-
-def _middle(starts: Sequence[Start], policy: DecisionPolicy) -> Plant:
-    """Of the first start values, which share the ratios of the pendulum's row, the one of middle scale."""
-    first = sorted((start.plant for start in starts[: policy.log_starts]), key=lambda plant: plant.theta[3])
-    return first[len(first) // 2]
-
-
-def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:
-    """The estimate without effects. Where a sharpness was found, r is what model (5) has; `before` has it free."""
-    if any(suspect.name == "friction_sharpness" for suspect in naming.accepted):
-        return identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
-    return before
-
-
-def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
-    """The identified plant as a start: friction and θ2 off their bounds, r as model (5) has it. A missing effect may
-    have driven θ2 to nothing, from where no descent on its logarithm comes back; no pendulum has so little of θ4."""
-    theta = plant.theta.copy()
-    theta[1] = max(theta[1], policy.least_theta2 * theta[3])
-    floor = [0.02 * theta[0], 0.02 * theta[3], 0.005 * plant.u_max, 5e-4 * abs(theta[4])]
-    theta[5:] = np.maximum(theta[5:], floor)
-    return plant.replace(
-        theta=theta, friction_sharpness=policy.sharpness, covariance=None, checks={}, provenance={}, effects=()
-    )
-
-
-def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, str]:
-    """The verdict, and what it says in sentences."""
-    names = [suspect.name for suspect in naming.own]
-    remains = []
-    if rest.matters:
-        remains = [sentences.left(rest)]
-    elif rest.structured:
-        remains = [sentences.UNCHANGING]
-    elif naming.refused is not None:
-        remains = [sentences.refused(naming.refused.name, naming.refused.gain)]
-    if not names:
-        return ("unknown", remains[0]) if remains else ("none", sentences.nothing(rest))
-    if rest.matters and rest.evidence > sum(suspect.net for suspect in naming.accepted):
-        return "unknown", f"{remains[0]} {sentences.nearest(names)}"
-    own = {suspect.name for suspect in naming.own}
-    apart = any(equals for s, equals in zip(naming.accepted, naming.apart, strict=True) if s.name in own)
-    verdict = "ambiguous" if apart else "named"
-    return verdict, " ".join([sentences.misses(naming), *remains])

@@ -12,11 +12,12 @@ import pytest
 
 from experiments.bench import HiddenEffect, Rig, record
 from furuta_gym.plant import TABLE_3
-from identification.diagnosis import diagnose as module
-from identification.diagnosis.diagnose import diagnose, searched
+from identification.diagnosis import searched as module
+from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.held_out import HeldOut
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
+from identification.diagnosis.searched import searched
 from identification.estimation.identify import identify
 from identification.logs.log import read_log
 from identification.validation.gap import validate

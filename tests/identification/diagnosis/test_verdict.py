@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
-from identification.diagnosis.diagnose import _anchor, _settled, _verdict, _without_sharpness
 from identification.diagnosis.naming.forward import unsettled
 from identification.diagnosis.policy import DecisionPolicy
+from identification.diagnosis.searched import _anchor, _settled, _verdict, _without_sharpness
 from identification.diagnosis.sentences import misses
 from tests.factories import loop_log
 from tests.identification.diagnosis.fits import a_diagnosis, a_fit, an_estimate, naming, rest, search, suspect
