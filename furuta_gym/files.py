@@ -45,10 +45,15 @@ def read_json(text: str | bytes) -> Any:
     raise ValueError(too_deep)
 
 
-def in_short(error: Exception, most: int = 500) -> str:
-    """What an error says of a file, without the middle of what the file holds."""
+def in_short(error: Exception | str, most: int = 500) -> str:
+    """What an error says of a file, without the middle of what the file holds. Words near the cut stay whole."""
     text = str(error)
-    return text if len(text) <= most else f"{text[: most - 100]} … {text[-90:]}"
+    if len(text) <= most:
+        return text
+    head, tail = text[: most - 100], text[-90:]
+    head = re.sub(r"\s+\S{0,60}$", "", head) if not text[most - 100].isspace() else head
+    tail = re.sub(r"^\S{0,60}\s+", "", tail) if not text[-91].isspace() else tail
+    return f"{head} … {tail}"
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str) -> Path:

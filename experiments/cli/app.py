@@ -27,6 +27,9 @@ from .trials import trials_command
 from .validate import validate_command
 from .warm_up import warm_up_command
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
 KEPT: dict[str | None, str] = {
     None: "Nothing was written; results of an earlier run are as they were.",
     "studio": "The studio has ended. Files that it wrote are kept.",
@@ -46,7 +49,7 @@ class ExplainingGroup(TyperGroup):
             except KeyboardInterrupt:
                 command = ctx.invoked_subcommand
                 typer.echo(f"Interrupted. {KEPT.get(command, KEPT[None])}", err=True)
-                raise typer.Exit(130) from None
+                raise typer.Exit(INTERRUPTED) from None
 
 
 app = typer.Typer(
@@ -104,6 +107,8 @@ def bench_command(ctx: typer.Context) -> None:
     from .bench import app as bench  # compiles nothing, but is too slow to import for every --help
 
     code = typer.main.get_command(bench).main(ctx.args, prog_name="furuta bench", standalone_mode=False)
+    if code == INTERRUPTED:  # typer's word for Ctrl-C, of which it says nothing
+        raise KeyboardInterrupt
     raise typer.Exit(code if isinstance(code, int) else 0)
 
 

@@ -144,8 +144,8 @@ def read(
             reading.told.add(message)
     if not reading.as_given:
         refuse_wrong(sources, constant_command)
-    more = {} if constant_command is None else {"constant_command": constant_command}
-    logs = read_logs(paths, mappings=[s.mapping for s in sources], tables=[s.table for s in sources], **more)
+    mappings, tables = [s.mapping for s in sources], [s.table for s in sources]
+    logs = read_logs(paths, mappings=mappings, tables=tables, **_severity(constant_command))
     for log in logs:
         _logger.info("read %s: %d samples, %.4g s, sha256 %s", log.source, len(log), log.duration, log.sha256)
     return logs
@@ -207,19 +207,29 @@ def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None
         said += [str(problem) for problem in found.fatal]
     if said:
         paths, tables = [s.path for s in sources], [s.table for s in sources]
-        readable = reads_as_given(paths, tables, [s.mapping for s in sources])
+        readable = reads_as_given(paths, tables, [s.mapping for s in sources], constant_command)
         raise LogError(in_one(", ".join(path.name for path in paths), said, paths, readable=readable))
 
 
-def reads_as_given(paths: Sequence[Path], tables: Sequence[Table], mappings: Sequence[RigMapping]) -> bool:
-    """Whether logs can be read as their mappings say, whatever the data show."""
+def _severity(constant_command: str | None) -> dict[str, Any]:
+    """How a constant command counts, for `read_logs`; None leaves it to what it does otherwise."""
+    return {} if constant_command is None else {"constant_command": constant_command}
+
+
+def reads_as_given(
+    paths: Sequence[Path],
+    tables: Sequence[Table],
+    mappings: Sequence[RigMapping],
+    constant_command: str | None = None,
+) -> bool:
+    """Whether logs can be read as their mappings say, whatever the data show; constant_command: as `read` takes it."""
     from identification.logs.checks import LogError, LogWarning
     from identification.logs.log import read_logs
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)
         try:
-            read_logs(paths, mappings=mappings, tables=tables)
+            read_logs(paths, mappings=mappings, tables=tables, **_severity(constant_command))
         except LogError:
             return False
     return True

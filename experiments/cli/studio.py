@@ -23,6 +23,7 @@ def studio_command(
     """Open a local page to look at logs, fit them, move effects by sliders and search for what is missing.
 
     It answers to this machine only. Its address, with a random token, is the one line on stdout. Ctrl-C ends it.
+    There is no --json: a program reads that line, and the command ends with no other result.
     """
     from experiments.studio import require_extra
 

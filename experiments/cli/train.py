@@ -58,7 +58,7 @@ def train_command(
         typer.Option(help="Observations that the policy sees at once; default: the recipe's, 1 for recurrent.", min=1),
     ] = None,
     observe_command: Annotated[
-        bool, typer.Option("--observe-command", help="Show the policy its last command (for plants with a delay).")
+        bool, typer.Option("--observe-command", help="Append the last command to each observation (for a late rig).")
     ] = False,
     reward: Annotated[
         list[str] | None,

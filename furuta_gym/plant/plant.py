@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -260,7 +261,8 @@ class Plant:
                 f"{path} is a folder; expected a plant file, as `furuta identify LOG -o rig.json` writes it"
             )
         try:
-            return cls.from_dict(read_json(Path(path).read_text(encoding="utf-8")))
+            data = read_json(Path(path).read_text(encoding="utf-8"))
+            plant = cls.from_dict(data)
         except (json.JSONDecodeError, UnicodeDecodeError):
             raise ValueError(
                 f"{path} is no plant file (JSON), as `furuta identify LOG -o rig.json` writes it"
@@ -269,6 +271,12 @@ class Plant:
             raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None
         except ValueError as error:
             raise ValueError(f"{path}: {in_short(error)}") from error
+        if "unit" not in data:
+            message = (
+                f'{path} has no "unit"; its command is taken to be in V. Write "unit": "V" or "unit": "N·m" into it.'
+            )
+            warnings.warn(message, stacklevel=2)
+        return plant
 
     @classmethod
     def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":
@@ -279,7 +287,8 @@ class Plant:
             return PLANTS[str(source)]
         if not Path(source).exists():
             raise FileNotFoundError(
-                f"no plant {str(source)!r}: neither a file nor one of the known sets {', '.join(PLANTS)}"
+                f"no plant {str(source)!r}: neither a file nor one of the known sets {', '.join(PLANTS)}; "
+                f"make one with `furuta identify LOG -o {Path(source).with_suffix('.json')}`"
             )
         return cls.load(source)
 

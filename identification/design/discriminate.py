@@ -137,7 +137,7 @@ class Separation:
     @property
     def facts(self) -> dict[str, str]:
         """What a command file should say of itself."""
-        start = {"start_from_hanging_rad": f"{self.best.setup.offset:g}"} if self.best.setup.offset else {}
+        start = {"start_from_hanging_rad": f"{self.best.entry.offset:g}"} if self.best.entry.offset else {}
         return (
             {"excitation": self.best.entry.name, "between": " ".join(self.names)}
             | start

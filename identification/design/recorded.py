@@ -42,6 +42,17 @@ def read_signal(path: str | os.PathLike[str], scale: float = 1.0) -> Played:
             "command) or u, as `furuta excite` writes them"
         )
     t, values = table.numbers("t"), scale * table.numbers(column)
-    if len(t) < 2 or not (np.all(np.isfinite(t)) and np.all(np.isfinite(values)) and np.all(np.diff(t) > 0)):
-        raise LogError(f"{table.name}: expected two or more rows of finite numbers, t increasing")
+    if len(t) < 2:
+        raise LogError(f"{table.name}: got {len(t)} row of numbers, expected two or more rows of finite numbers")
+    for name, numbers in (("t", t), (column, values)):
+        if bad := np.flatnonzero(~np.isfinite(numbers)).tolist():
+            raise LogError(
+                f"{table.name}: column {name} holds {numbers[bad[0]]} at {table.where(bad[0])}, "
+                "expected finite numbers; mend or delete that row"
+            )
+    if back := np.flatnonzero(np.diff(t) <= 0).tolist():
+        raise LogError(
+            f"{table.name}: t goes from {t[back[0]]:g} to {t[back[0] + 1]:g} at {table.where(back[0] + 1)}, "
+            "expected t increasing; sort the rows or delete that one"
+        )
     return Played(t - t[0], values)

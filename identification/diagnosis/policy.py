@@ -129,7 +129,7 @@ class DecisionPolicy:
     likelier: float = _rule(10.0, "gain on held-out data that confirms effects, as for naming", DEV, "nats")
     adequate: float = _rule(
         ADEQUATE_BELOW,
-        "times the noise floor, above which held-out data decide on look-alikes and slight effects",
+        "times the noise floor, above which held-out data decide on look-alikes, and on slight effects of much gain",
         "McGill's log",
     )
     far: float = _rule(1.5, "times the noise floor: an error of this size says that more is missing", DEV)

@@ -12,12 +12,13 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from furuta_gym.files import whole_file
+from furuta_gym.files import in_short, whole_file
 
 from .bags import read_bag, read_mcap
 from .checks import LogError
@@ -127,7 +128,7 @@ def _read_text(name: str, raw: bytes) -> Table:
     units = units_row(header, rows[0]) if rows else {}
     if units:
         rows, lines = rows[1:], lines[1:]
-    columns = _columns(name, header, rows, lines)
+    columns = _columns(name, header, rows, lines, delimiter)
     pairs = (comment.split(":", 1) for comment in comments if ":" in comment)
     metadata = {k.strip(): v.strip() for k, v in pairs}
     return Table(name, columns, metadata, np.array(lines, dtype=int), units, notes)
@@ -137,7 +138,8 @@ def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Without a title, or Excel's `sep=;`, above the header: lines before it that have fewer separators than it.
 
     Rows of numbers are no header, though they may have a separator more, at their end."""
-    separators = [max(map(line.count, ",;\t")) for _, line in body[:10]]
+    bare = [re.sub(r'"[^"]*"', "", line) for _, line in body[:10]]  # a comma in a quoted cell separates nothing
+    separators = [max(map(line.count, ",;\t")) for line in bare]
     start = separators.index(max(separators))
     cells = [cell.strip() for cell in re.split(r"[,;\t]", body[start][1])]
     return body if all(number(cell) is not None for cell in cells if cell) else body[start:]
@@ -163,13 +165,17 @@ def _commented_header(name: str, comments: list[str], width: int) -> list[str]:
     raise LogError(f"{name}: the first line holds numbers only. Expected a header; put t,q1,q2,u above them.")
 
 
-def _columns(name: str, header: list[str], rows: list[list[str]], lines: list[int]) -> dict[str, np.ndarray]:
+def _columns(
+    name: str, header: list[str], rows: list[list[str]], lines: list[int], delimiter: str
+) -> dict[str, np.ndarray]:
     width = len(header)
     repeated = sorted(h for h, times in Counter(header).items() if times > 1)
     if repeated:
         raise LogError(f"{name}: the header names {listed(repeated)} twice. Expected each name once.")
     for row, line in zip(rows, lines, strict=True):
-        if len(row) < width or any(row[width:]):
+        if any(row[width:]):
+            raise LogError(f"{name}: line {line} has {len(row)} cells. {_too_many(header, row, delimiter)}")
+        if len(row) < width:
             raise LogError(
                 f"{name}: line {line} has {len(row)} cells. Expected {width}, as in the header "
                 f"({listed(header)}). Was the recording cut off there? Then delete that line."
@@ -183,6 +189,17 @@ def _columns(name: str, header: list[str], rows: list[list[str]], lines: list[in
             stamps = dates(cells)
             columns[column] = np.array(cells, dtype=object) if stamps is None else stamps
     return columns
+
+
+def _too_many(header: list[str], row: list[str], delimiter: str) -> str:
+    """What mends a row with more cells than the header: mostly a decimal comma that was taken for a separator."""
+    expected = f"Expected {len(header)}, as in the header ({listed(header)})."
+    joined = [",".join(pair) for pair in pairwise(row)]
+    halves = [j for j, text in enumerate(joined) if re.fullmatch(r"[+-]?\d+,\d+(e[+-]?\d+)?", text, re.IGNORECASE)]
+    if delimiter != "," or len(row) != len(header) + 1 or not halves:
+        return f"{expected} Delete what is too much in that line, or name its column in the header."
+    what = f"{joined[halves[0]]} in column {listed([header[halves[0]]])}" if len(halves) == 1 else "one of its pairs"
+    return f"{expected} Is {what} a decimal comma? Then write a point, or separate the columns by semicolons."
 
 
 def _write_csv(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
@@ -258,7 +275,7 @@ def _read_npz(path: Path) -> Table:
 
 def _in_short(error: Exception) -> str:
     """What a library says of a broken file, on one line and without its traceback."""
-    return " ".join(str(error).split())[:300] or type(error).__name__
+    return in_short(" ".join(str(error).split()), 300) or type(error).__name__
 
 
 def _write_npz(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from furuta_gym.files import in_short
+
 from .checks import LogError
 from .opening import check_cells
 from .table import Table
@@ -37,7 +39,7 @@ def read_tdms(path: Path) -> Table:
     except LogError:
         raise
     except Exception as error:  # of damaged files; the library raises half a dozen kinds
-        said = " ".join(str(error).split())[:300] or type(error).__name__
+        said = in_short(" ".join(str(error).split()), 300) or type(error).__name__
         raise LogError(f"{path.name}: not a readable TDMS file ({said}).") from None
     return Table(path.name, columns, metadata, units={c: u for c, u in units.items() if u})
 

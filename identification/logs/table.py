@@ -39,7 +39,7 @@ class Table:
         if values.dtype.kind in "OUS":
             for row, cell in enumerate(values):
                 if number(cell) is None:
-                    shown = "an empty cell" if str(cell).strip() == "" else f"the text {str(cell)[:40]!r}"
+                    shown = "an empty cell" if str(cell).strip() == "" else f"the text {_start(str(cell))!r}"
                     raise LogError(
                         f"{self.name}: {shown} in column {column} at {self.where(row)}. Expected a number. "
                         "Delete or mend that row (the log is cut where a stamp is missing, and prediction starts anew)."
@@ -49,6 +49,11 @@ class Table:
             values.dtype.kind, "no numbers"
         )
         raise LogError(f"{self.name}: column {column} holds {kind}. Expected real numbers (time in seconds).")
+
+
+def _start(text: str, most: int = 40) -> str:
+    """A text, or its start with a sign that it goes on."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:

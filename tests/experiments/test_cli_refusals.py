@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tomllib
@@ -117,3 +118,51 @@ def test_a_warning_is_printed_once(tmp_path: Path):
     )
     assert told.returncode == 2
     assert told.stderr.count("q2 is 0 rad in every sample") == 1, told.stderr
+
+
+def test_a_recording_of_the_bench_that_is_stopped_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from experiments.bench import cli as bench
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bench, "run_experiment", stopped)
+    result = furuta("bench", "record", "--rig", "rig-01", "-o", tmp_path / "log.csv")
+    assert result.exit_code == 130
+    assert "Interrupted. Nothing was written" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_plant_without_the_unit_of_its_command_is_read_with_a_warning(tmp_path: Path) -> None:
+    data = QUBE.to_dict()
+    del data["unit"]
+    (tmp_path / "rig.json").write_text(json.dumps(data))
+    result = furuta("simulate", "--plant", tmp_path / "rig.json", "--duration", "0.1", "-o", tmp_path / "log.csv")
+    assert result.exit_code == 0, result.output
+    assert 'has no "unit"' in result.stderr
+    assert 'Write "unit": "V" or "unit": "N·m"' in result.stderr
+
+
+def test_a_plant_that_is_not_there_says_how_to_make_one(tmp_path: Path) -> None:
+    missing = tmp_path / "rig.json"
+    refused(
+        furuta("simulate", "--plant", missing, "-o", tmp_path / "log.csv"), "no plant", f"identify LOG -o {missing}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("0,0\n0.1,nan\n0.2,1\n", ("column u holds nan at line 3", "mend or delete that row")),
+        ("0,0\n0.1,0\n0.1,1\n", ("t goes from 0.1 to 0.1 at line 4", "expected t increasing")),
+        ("0,0\n", ("got 1 row", "expected two or more rows")),
+    ],
+)
+def test_a_command_file_that_cannot_be_played_names_the_row(tmp_path: Path, rows: str, words: tuple[str, ...]) -> None:
+    (tmp_path / "u.csv").write_text(f"t,u\n{rows}")
+    played = tmp_path / "u.csv"
+    result = furuta(
+        "simulate", "--plant", "qube", "--excitation", played, "--duration", "1", "-o", tmp_path / "log.csv"
+    )
+    refused(result, "u.csv", *words)
+    assert not (tmp_path / "log.csv").exists()

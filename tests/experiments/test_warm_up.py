@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -65,3 +66,13 @@ def test_after_it_nothing_is_left() -> None:
     again = subprocess.run(run, capture_output=True, text=True, timeout=600)
     assert "Nothing was left to compile" in again.stdout
     assert "Compiling" not in again.stderr
+
+
+def test_what_was_compiled_is_told_to_machines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warm_up, "STEPS", {"a step": lambda: None})
+    result = furuta("warm-up", "--json")
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
+    assert facts["compiled"] == 0
+    assert facts["seconds"] >= 0
+    assert facts["kept_in"] == (str(root) if (root := cache_folder.cache_root()) else None)

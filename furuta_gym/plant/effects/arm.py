@@ -142,7 +142,7 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_spring",
-        title="a cable that pulls at the arm",
+        title="a cable that pulls like a spring",
         place="arm",
         equation="arm: −k (q1 − q1n)",
         symptom="with no command the arm is drawn to one angle, as by the pendulum encoder's cable",

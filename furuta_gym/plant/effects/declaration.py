@@ -77,7 +77,7 @@ class Parameter:
 class EffectType:
     """An entry of the library; `kernels` maps each hook (see `HOOKS`) to compiled scalar code.
 
-    `title` names the effect in a sentence ("a cable that pulls at the arm"), and `says` is a function of some fitted
+    `title` names the effect in a sentence ("a cable that pulls like a spring"), and `says` is a function of some fitted
     parameters, by name, to a sentence about the rig, without its full stop. It is given `Quantity` values, which print
     with their units; `Effect.sentence` calls it.
 

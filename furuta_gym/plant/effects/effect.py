@@ -40,8 +40,8 @@ class Effect:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or self.name not in CARRIED:
             near = difflib.get_close_matches(str(self.name), CARRIED, n=1)
-            hint = f"did you mean {near[0]}? " if near else ""
-            raise ValueError(f"unknown effect {self.name!r}; {hint}a plant can have: {', '.join(CARRIED)}")
+            hint = f"; did you mean {near[0]}?" if near else "."
+            raise ValueError(f"unknown effect {self.name!r}{hint} Effects that a plant can have: {', '.join(CARRIED)}")
         values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
         values.update(self._checked(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(values))
@@ -67,9 +67,9 @@ class Effect:
             p = known[name]
             free = p.role == "size" and value == p.neutral  # off, though perhaps on the open end of its range
             if not free and not (abs(value) <= _LARGEST and p.lower <= value <= p.upper):
+                unit = "" if p.unit == "1" else f" {p.unit.replace('{u}', '(unit of the command)')}"
                 raise ValueError(
-                    f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}] "
-                    f"{p.unit.replace('{u}', '(unit of u)')}, got {value:g}"
+                    f"effect {self.name}: {name} must lie in [{p.lower:g}, {p.upper:g}]{unit}, got {value:g}"
                 )
             if p.integer and value != round(value):
                 raise ValueError(f"effect {self.name}: {name} must be a whole number, got {value:g}")

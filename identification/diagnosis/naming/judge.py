@@ -144,5 +144,8 @@ class Judge:
         return not (self.foreign(newest.net, before) or self.confirmed(before, newest.fit))
 
     def confirmed(self, before: Fit, after: Fit) -> bool:
-        """Whether data that no fit saw, which a model predicts worse than an adequate one, ask for a further effect."""
-        return self.witness.off(before) and self.witness.confirms(before, after)
+        """Whether data that no fit saw, from which a model is far off, ask for a further effect. Where that explains
+        much of the fitted logs, they are asked as soon as the model predicts them worse than an adequate one."""
+        much = before.value - after.value > self.policy.much
+        asked = self.witness.far(before) or (much and self.witness.off(before))
+        return asked and self.witness.confirms(before, after)

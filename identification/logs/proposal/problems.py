@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks
 from ..mapping import COLUMNS
 from ..signs import Signs
+from ..vocabulary import fits
 from .columns import SPOKEN
 from .look import Look
 from .policy import ProposalPolicy
@@ -22,7 +23,11 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
     """Everything that is wrong with this table, in the order of the items."""
     name = look.table.name
     missing = [ours for ours in COLUMNS if look.column(ours) is None]
-    found = []
+    found: list[Problem] = []
+    for ours in list(missing):
+        if column := _named_but_text(look, ours):
+            found += _said(name, lambda c=column: look.table.numbers(c))
+            missing.remove(ours)
     if missing:
         spoken = ", ".join(f"{SPOKEN[m]} ({m})" for m in missing)
         there = ", ".join(list(look.table.columns)[:20]) or "none"
@@ -30,6 +35,9 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found.append(
             Problem(f"no column is known to be {spoken}; the file has {there}.", f"Name it: --columns {example}")
         )
+        for column in (c for c in look.table.columns if c not in map(look.column, COLUMNS)):
+            if _spoilt(look, column):
+                found += _said(name, lambda c=column: look.table.numbers(c))
     used = {ours: c for ours in COLUMNS if (c := look.column(ours)) is not None}
     for column in used.values():
         found += _said(name, lambda c=column: checks.check_numbers(name, c, look.table.numbers(c), look.table.where))
@@ -54,6 +62,21 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found += _said(name, lambda: checks.check_motion(name, q1, q2))
     notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in look.table.notes]
     return [*found, *look.found, *_zero_problems(look), *notes]
+
+
+def _named_but_text(look: Look, ours: str) -> str | None:
+    """The column that is one of ours by what is said or by its name, and was left out as it mostly holds text."""
+    left = [c for c in look.table.columns if c not in look.numbers]
+    if ours in look.given.columns:
+        return next((c for c in left if c == look.given.columns[ours]), None)
+    best = max((fits(c, ours) for c in left), default=0)
+    named = [c for c in left if fits(c, ours) == best]
+    return named[0] if best >= 2 and len(named) == 1 else None
+
+
+def _spoilt(look: Look, column: str) -> bool:
+    """Whether a column of numbers is unknown as some cells of it hold text."""
+    return column in look.numbers and bool(np.isnan(look.numbers[column]).all())
 
 
 def _unit_problem(look: Look, ours: str, unit: Unit, name: str, option: str) -> list[Problem]:

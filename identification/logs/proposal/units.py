@@ -207,7 +207,7 @@ def command_unit(table: Table, column: str, u: np.ndarray, policy: ProposalPolic
         return Unit("V", Confidence.sure, "its name means a voltage", units), None
     if parts & {"torque", "drehmoment", "tau"}:
         return Unit("N·m", Confidence.sure, "its name means a torque", units), None
-    largest = float(np.nanmax(np.abs(u))) if len(u) else 0.0
+    largest = float(np.max(np.abs(u[np.isfinite(u)]), initial=0.0))
     if largest >= policy.large_command:
         return Unit("V", Confidence.likely, f"it reaches {largest:.3g}, more than a small motor's N·m", units), None
     return Unit("V", Confidence.likely, "nothing in the file says so", units), None

@@ -53,7 +53,7 @@ def test_one_verdict_that_no_section_contradicts(examined):
     for promise in ("Nothing is left", "any more", "the error should stay near the noise floor"):
         assert promise not in short
     vetoed = text_of(build(replace(examined, diagnosis=examined.diagnosis.vetoed())))
-    assert "A cable that pulls at the arm would explain the fitted logs, but the error on new data" in vetoed
+    assert "A cable that pulls like a spring would explain the fitted logs, but the error on new data" in vetoed
     assert "Use plant.json in the simulator" not in vetoed
 
 

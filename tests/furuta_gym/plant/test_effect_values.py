@@ -159,3 +159,17 @@ def test_defaults_are_as_large_in_any_unit():
             expected = 1e3 ** power.get(p.unit, 1 if "{u}" in p.unit else 0)
             if p.default:
                 np.testing.assert_allclose(ratio, expected, err_msg=f"{name}.{p.name}")
+
+
+def test_a_value_out_of_bounds_is_told_with_its_unit_or_with_none() -> None:
+    with pytest.raises(ValueError, match=r"a must lie in \[-0\.9, 0\.9\], got 7"):
+        Effect("input_gain_asymmetry", {"a": 7})
+    with pytest.raises(ValueError, match=r"vs must lie in .*\] rad/s, got -1"):
+        Effect("arm_stribeck", {"vs": -1})
+
+
+def test_an_unknown_effect_is_told_in_whole_sentences() -> None:
+    with pytest.raises(
+        ValueError, match=r"effect 'arm_sprng'; did you mean arm_spring\? Effects that a plant can have: "
+    ):
+        Effect("arm_sprng")

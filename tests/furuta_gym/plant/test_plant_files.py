@@ -13,6 +13,7 @@ from controllers import make_controller
 from controllers.exports.c import c_header
 from furuta_gym.envs.options import Options, Setup
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, Effect, Plant
+from furuta_gym.plant.effects.library import CARRIED
 from furuta_gym.plant.sets import with_spread
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import MOST_STEPS, open_loop, simulate
@@ -196,3 +197,12 @@ def test_what_loads_agrees_with_the_published_schema(draws: list[tuple[tuple[Any
     text = json.dumps(data)
     if "NaN" not in text and "Infinity" not in text:
         check.validate(json.loads(text))
+
+
+def test_a_long_message_is_cut_between_names(tmp_path: Path) -> None:
+    changes = {"effects": [{"name": "gremlins", "parameters": {}}]}
+    with pytest.raises(ValueError, match="unknown effect 'gremlins'") as found:
+        Plant.load(write(tmp_path / "rig.json", **changes))
+    said = str(found.value).partition("can have: ")[2]
+    assert " … " in said
+    assert {name.strip(",") for name in said.split() if name != "…"} <= set(CARRIED)

@@ -43,6 +43,14 @@ def test_amplitude_is_not_what_tells_look_alikes_apart(
         assert found.nats > 3.0 * max(steps.worst, 1.0)
 
 
+def test_only_a_free_decay_says_where_the_pendulum_starts(delay_or_lag: Separation) -> None:
+    """Every balancing design starts a little off the top; that is none of the user's business."""
+    decay = next(t for t in delay_or_lag.trials if t.entry.name == "hanging free decay")
+    assert replace(delay_or_lag, best=decay).facts["start_from_hanging_rad"] == "1.2"
+    for trial in delay_or_lag.trials:
+        assert ("start_from_hanging_rad" in replace(delay_or_lag, best=trial).facts) == (trial is decay)
+
+
 def test_without_a_command_nothing_tells_delay_from_lag(delay_or_lag: Separation) -> None:
     decay = next(t for t in delay_or_lag.trials if t.entry.name == "hanging free decay")
     assert decay.worst < 10.0

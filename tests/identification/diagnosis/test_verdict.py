@@ -66,7 +66,7 @@ def test_a_veto_takes_the_name_and_the_plant_back() -> None:
     vetoed = found.vetoed()
     assert (vetoed.verdict, vetoed.confirmed) == ("unknown", False)
     assert vetoed.plant is TABLE_3
-    assert vetoed.summary.startswith("A cable that pulls at the arm (arm_spring) explains the fitted logs, but")
+    assert vetoed.summary.startswith("A cable that pulls like a spring (arm_spring) explains the fitted logs, but")
     assert [s.name for s in vetoed.found] == ["arm_spring"], "still told"
 
 

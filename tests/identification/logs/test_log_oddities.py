@@ -68,6 +68,13 @@ def test_a_title_above_the_header_is_passed_over(tmp_path, above):
     assert read_log(path).q2 == pytest.approx(log.q2)
 
 
+def test_a_decimal_comma_in_quotes_makes_no_title_of_the_header(tmp_path):
+    path = tmp_path / "log.csv"
+    body = "".join(f"{0.01 * k:.2f},{0.1 * (k % 3)},{0.1 * (k % 5)},{k % 2}\n" for k in range(1, 60))
+    path.write_text('t,q1,q2,u\n0,0,0,"1,5"\n' + body)
+    assert quietly(path).u[:2] == pytest.approx([1.5, 1.0])
+
+
 def test_a_separator_at_the_end_of_the_rows_alone_makes_no_title_of_the_header(tmp_path):
     table = rows()
     lines = ["t,q1,q2,u", *(",".join(map(str, row)) + "," for row in zip(*table.values(), strict=True))]

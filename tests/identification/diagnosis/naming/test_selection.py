@@ -157,12 +157,19 @@ def test_far_from_held_out_data_these_decide_and_not_a_share(witness: Told, foun
     assert accepted(named(SMALL, "input_delay", "arm_presliding", witness=witness)) == found
 
 
-@pytest.mark.parametrize(("off", "found"), [(False, ["input_delay"]), (True, ["input_delay", "arm_presliding"])])
-def test_where_predictions_are_not_adequate_held_out_data_decide_about_a_slight_effect(
-    off: bool, found: list[str]
+@pytest.mark.parametrize(
+    ("first", "gain", "off", "found"),
+    [
+        (2000.0, 300.0, False, ["input_delay"]),
+        (2000.0, 300.0, True, ["input_delay", "arm_presliding"]),
+        (500.0, 90.0, True, ["input_delay"]),  # the same share, but not much by itself
+    ],
+)
+def test_where_predictions_are_not_adequate_held_out_data_decide_about_a_slight_effect_that_explains_much(
+    first: float, gain: float, off: bool, found: list[str]
 ) -> None:
     """A cable of a seventh of the delay beside it was dropped, as predictions were no longer far off without it."""
-    values = SMALL | {"input_delay arm_presliding": -2300.0}
+    values = {"input_delay": -first, "input_delay arm_presliding": -first - gain}
     witness = Told(far_off=False, a_little_off=off, needed=("arm_presliding",))
     assert accepted(named(values, "input_delay", "arm_presliding", witness=witness)) == found
 
