@@ -236,7 +236,12 @@ be left out."""
 
 DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`. Most of its keys are those of
 `Diagnosis.to_dict()`. The file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes
-into `plant.json` beside it."""
+into `plant.json` beside it.
+
+If the verdict is `insufficient_excitation`, no plant can be fitted to the logs. Then `where` and `gap` are null,
+`effects` and `ranking` are empty, and there is no `plant.json`. `summary` says which parameters the logs do not show,
+and `next_experiment` what to record. With another verdict, `gap` or `where` may be null on short logs. `remarks` says
+why."""
 
 
 def file_page(kind: str, words: str) -> str:

@@ -32,6 +32,7 @@ INTERRUPTED = 130
 
 KEPT: dict[str | None, str] = {
     None: "Nothing was written; results of an earlier run are as they were.",
+    "warm-up": "What was compiled is kept: the same command compiles the rest.",
     "studio": "The studio has ended. Files that it wrote are kept.",
     "diagnose": "Nothing was written but what the search has found so far: the same command goes on from there.",
     "trials": "What was answered is kept: the same command goes on from there.",
@@ -46,7 +47,7 @@ class ExplainingGroup(TyperGroup):
         with explained(traceback=bool(ctx.params.get("traceback"))):
             try:
                 return super().invoke(ctx)
-            except KeyboardInterrupt:
+            except (KeyboardInterrupt, typer.Abort):  # at a question, typer makes the second of Ctrl-C and Ctrl-D
                 command = ctx.invoked_subcommand
                 typer.echo(f"Interrupted. {KEPT.get(command, KEPT[None])}", err=True)
                 raise typer.Exit(INTERRUPTED) from None

@@ -147,6 +147,9 @@ def _evidence(x: Examination) -> list[str]:
     """Where the model fails, what the gap does, and what to do next, a line each."""
     from identification.validation.adequacy import Adequacy
 
+    if x.diagnosis.plant is None:
+        nothing = f"where and gap are not known, and there is no plant.json: {x.remarks['gap']}"
+        return [nothing, f"next: {x.next_experiment}"]
     lines = [f"where: {x.where.sentence}" if x.where else f"where: {x.remarks.get('where', 'not known')}"]
     if x.gap:
         data = "held-out logs" if x.gap.tail is None else f"the last {100 * x.gap.tail:.0f} % of the logs, not fitted"

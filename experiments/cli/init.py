@@ -73,9 +73,11 @@ def init_command(
         print_json(proposal.to_dict() | {"written": str(target)})
         return
     typer.echo(f"Written: {target}")
-    files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
+    fitted, *checked = (shlex.quote(os.fspath(log)) for log in logs)
     other = "" if target.name == NAME and target.parent == logs[0].parent else f" --mapping {target}"
-    typer.echo(f"Next: furuta identify {files}{other} -o rig.json")
+    typer.echo(f"Next: furuta identify {fitted}{other} -o rig.json")
+    if checked:
+        typer.echo(f"Then, on what was not fitted: furuta validate rig.json {' '.join(checked)}{other}")
 
 
 def _talks() -> bool:
@@ -142,8 +144,9 @@ def _needed(proposal: Proposal, left: Sequence[Item], logs: Sequence[Path]) -> s
     """What to give for the items that are not sure."""
     from identification.logs.proposal import Confidence
 
-    count = f"{len(left)} of {len(proposal.items)} things are"
-    lines = [f"{', '.join(proposal.sources)}: {count} not sure. Give them as options:"]
+    rest, give = ("is", "it as an option") if len(left) == 1 else ("are", "them as options")
+    count = f"{len(left)} of {len(proposal.items)} things {rest}"
+    lines = [f"{', '.join(proposal.sources)}: {count} not sure. Give {give}:"]
     for item in left:
         value = "" if "…" in item.option or item.option.startswith("--flip") else f" {_example(item)}"
         option = item.option.replace("…", _example(item)) + value

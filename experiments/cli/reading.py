@@ -238,13 +238,16 @@ def reads_as_given(
 def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]) -> list[str]:
     """Columns that a log does not have, with the options that may read it, and what else is wrong."""
     from identification.logs.proposal import propose
+    from identification.logs.proposal.problems import NO_COLUMN
 
     whole = propose(tables, mapping.without(*lacking))
     names = ", ".join(mapping.columns.get(ours, ours) for ours in lacking)
     there = ", ".join(list(tables[0].columns)[:20]) or "none"
     options = whole.mapping.options() if set(lacking) <= set(whole.mapping.columns) else ""
     first = f"no column {names}. Found: {there}. Expected t, q1 (arm), q2 (pendulum), u."
-    return [f"{first} It may be read with {options}" if options else first, *(str(p) for p in whole.fatal)]
+    same = [p for p in whole.fatal if p.text.startswith(NO_COLUMN)]
+    mend = f"It may be read with {options}" if options else " ".join(dict.fromkeys(p.mend for p in same))
+    return [f"{first} {mend}".strip(), *(str(p) for p in whole.fatal if p not in same)]
 
 
 def in_one(names: str, said: Sequence[str], logs: Sequence[Path], looked: bool = False, readable: bool = True) -> str:

@@ -18,7 +18,7 @@ from .contents import Block, Details, Figure, Grid, Heading, Page, Section, Text
 from .drawing import Drawing
 from .examination import Examination
 from .verdict import data, effects, equals, place, times, verdict
-from .words import joined
+from .words import NO_PLANT, joined
 
 _CLOSED_LOOP = "The whole experiment simulated in closed loop"
 _SMALL = 0.01  # of the command's rms: torques below it are not blown up to fill a figure
@@ -73,7 +73,7 @@ def not_available(reason: str) -> Text:
 def _measured(x: Examination) -> Section:
     blocks: list[Block] = []
     if x.gap is None:
-        blocks.append(not_available(x.remarks.get("gap", "there is no plant to predict with")))
+        blocks.append(not_available(x.remarks.get("gap", NO_PLANT)))
     else:
         if x.gap.tail is not None:
             head, tail = 100 - 100 * x.gap.tail, 100 * x.gap.tail
@@ -96,7 +96,7 @@ def _measured(x: Examination) -> Section:
 def _where(x: Examination) -> Section:
     title = "Where the model fails"
     if x.where is None:
-        reason = x.remarks.get("where", "there is no plant to compare with")
+        reason = x.remarks.get("where", NO_PLANT)
         return Section("where", title, (not_available(reason),))
     blocks: list[Block] = [Text(_where_sentence(x), "strong")]
     time = tuple(map(Figure, where_figures.torques(x.where, x.where_after, _SMALL * x.diagnosis.command_rms)))
@@ -200,7 +200,7 @@ def _errors(x: Examination) -> Section:
     blocks: list[Block] = []
     gap = x.gap
     if gap is None:
-        blocks.append(not_available(x.remarks.get("gap", "there is no plant to predict with")))
+        blocks.append(not_available(x.remarks.get("gap", NO_PLANT)))
     else:
         blocks.append(Figure(prediction_figures.horizons(prediction_figures.sides(gap))))
         source = ", here the spread of repeated runs" if gap.before.repeats else ""

@@ -22,7 +22,7 @@ from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
 from .law import Law, law_of
-from .words import ALIKE, NEXT, PART_REMAINS, TELL_APART, TOGETHER, joined
+from .words import ALIKE, NEXT, NO_PLANT, PART_REMAINS, TELL_APART, TOGETHER, joined
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,9 @@ def examine(
 
     where = where_after = law = closed_loop = design = None
     before, after = diagnosis.before, diagnosis.after
-    if before is not None and after is not None:
+    if before is None or after is None:
+        remarks |= {"where": NO_PLANT, "gap": NO_PLANT}
+    else:
         plants = [before.plant, after.plant] if diagnosis.added else [before.plant]
         tell("locating the gap")
         where = rest = diagnosis.rest or tried(

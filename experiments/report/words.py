@@ -39,6 +39,9 @@ NEXT = {
 }
 """By verdict: what to do, where the search itself has no advice."""
 
+NO_PLANT = "these logs move the rig too little to fit a plant"
+"""Why nothing is measured, and no plant file written, where excitation is insufficient."""
+
 PART_REMAINS = (
     "Use plant.json for motions like those of these logs. To find what remains, diagnose {logs} together and hold out "
     "a new log."

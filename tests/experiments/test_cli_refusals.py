@@ -110,6 +110,20 @@ def test_what_may_be_guessed_of_a_file_without_columns_is_not_offered(tmp_path: 
     assert "may be read with" not in told.stderr
 
 
+def test_a_column_that_is_not_there_is_one_problem_with_one_mend(tmp_path: Path) -> None:
+    log = some_log(tmp_path / "log.csv")
+    log.write_text("\n".join(row.rpartition(",")[0] for row in log.read_text().splitlines()))
+    told = furuta("identify", log, "-o", tmp_path / "rig.json")
+    refused(told, "no column u. Found: t, q1, q2.", "Name it: --columns u=NAME")
+    assert "no column is known" not in told.stderr
+    assert "things are wrong" not in told.stderr
+
+
+def test_one_sample_is_said_in_the_singular(tmp_path: Path) -> None:
+    log = some_log(tmp_path / "log.csv", n=1)
+    refused(furuta("identify", log, "-o", tmp_path / "rig.json"), "1 sample. Expected at least")
+
+
 def test_a_warning_is_printed_once(tmp_path: Path):
     log = some_log(tmp_path / "log.csv", q2=np.zeros(400))
     run = [sys.executable, "-c", "from experiments.cli import main; main()", "identify", str(log)]

@@ -210,6 +210,21 @@ def test_on_a_terminal_it_asks_only_for_that(tmp_path: Path, monkeypatch: pytest
     assert "apples" in wrong.stderr
 
 
+def test_leaving_at_a_question_writes_nothing_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = write(tmp_path / "log.csv", rows())
+    monkeypatch.setattr("experiments.cli.init._talks", lambda: True)
+    result = CliRunner().invoke(app, ["init", str(log)], input="")
+    assert result.exit_code == 130
+    assert "Interrupted. Nothing was written" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_one_thing_that_is_not_sure_is_said_in_the_singular(tmp_path: Path) -> None:
+    result = furuta("init", write(tmp_path / "log.csv", rows()))
+    assert result.exit_code == 2
+    assert "things is not sure. Give it as an option:" in result.stderr
+
+
 def test_another_answer_replaces_nothing_without_a_word(tmp_path: Path) -> None:
     log = write(tmp_path / "log.csv", rows())
     furuta("init", log, "--input-unit", "V")

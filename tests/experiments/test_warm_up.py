@@ -76,3 +76,13 @@ def test_what_was_compiled_is_told_to_machines(monkeypatch: pytest.MonkeyPatch) 
     assert facts["compiled"] == 0
     assert facts["seconds"] >= 0
     assert facts["kept_in"] == (str(root) if (root := cache_folder.cache_root()) else None)
+
+
+def test_what_was_compiled_before_it_was_stopped_is_said_to_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(warm_up, "STEPS", {"a step": stop})
+    result = furuta("warm-up")
+    assert result.exit_code == 130
+    assert "Interrupted. What was compiled is kept" in result.stderr

@@ -19,6 +19,10 @@ from .units import Unit, command_unit
 from .values import Confidence, Problem
 
 
+NO_COLUMN = "no column is known to be"
+"""How a problem begins that no column is found for."""
+
+
 def problems_of(look: Look, constant_command: str) -> list[Problem]:
     """Everything that is wrong with this table, in the order of the items."""
     name = look.table.name
@@ -33,7 +37,7 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         there = ", ".join(list(look.table.columns)[:20]) or "none"
         example = ",".join(f"{ours}=NAME" for ours in missing)
         found.append(
-            Problem(f"no column is known to be {spoken}; the file has {there}.", f"Name it: --columns {example}")
+            Problem(f"{NO_COLUMN} {spoken}; the file has {there}.", f"Name it: --columns {example}")
         )
         for column in (c for c in look.table.columns if c not in map(look.column, COLUMNS)):
             if _spoilt(look, column):

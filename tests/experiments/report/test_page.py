@@ -124,8 +124,10 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
     if verdict == "insufficient_excitation":
         nothing = replace(d, verdict=verdict, before=None, after=None, naming=None, left_over=math.nan, gap=None)
         x = examine(nothing, examined.logs)
-        assert x.where is None
-        assert x.gap is None
+        told = x.to_dict()
+        assert told["where"] is None
+        assert told["gap"] is None
+        assert told["remarks"].keys() == {"where", "gap"}
     else:
         naming = replace(d.naming, accepted=(), equals=())
         d = replace(d, verdict=verdict, after=d.before, naming=naming, gap=None)
