@@ -83,8 +83,8 @@ def check_length(name: str, n: int) -> None:
     """Raise `LogError` below `MIN_SAMPLES`."""
     if n < MIN_SAMPLES:
         raise LogError(
-            f"{name}: {n} sample{'' if n == 1 else 's'}. Expected at least {MIN_SAMPLES}, and for a useful estimate some seconds of "
-            "motion. Record longer, or check that the file was written to its end."
+            f"{name}: {n} sample{'' if n == 1 else 's'}. Expected at least {MIN_SAMPLES}, and for a useful "
+            "estimate some seconds of motion. Record longer, or check that the file was written to its end."
         )
 
 

@@ -18,7 +18,6 @@ from .policy import ProposalPolicy
 from .units import Unit, command_unit
 from .values import Confidence, Problem
 
-
 NO_COLUMN = "no column is known to be"
 """How a problem begins that no column is found for."""
 
@@ -36,9 +35,7 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         spoken = ", ".join(f"{SPOKEN[m]} ({m})" for m in missing)
         there = ", ".join(list(look.table.columns)[:20]) or "none"
         example = ",".join(f"{ours}=NAME" for ours in missing)
-        found.append(
-            Problem(f"{NO_COLUMN} {spoken}; the file has {there}.", f"Name it: --columns {example}")
-        )
+        found.append(Problem(f"{NO_COLUMN} {spoken}; the file has {there}.", f"Name it: --columns {example}"))
         for column in (c for c in look.table.columns if c not in map(look.column, COLUMNS)):
             if _spoilt(look, column):
                 found += _said(name, lambda c=column: look.table.numbers(c))
