@@ -21,7 +21,7 @@ def sample_costs(e: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.f
         det = S[:, 0] * S[:, 2] - S[:, 1] ** 2
         q = (S[:, 2] * e[:, 0] ** 2 - 2.0 * S[:, 1] * e[:, 0] * e[:, 1] + S[:, 0] * e[:, 1] ** 2) / det
         costs = 0.5 * (q + np.log(det))
-    return np.where((det > 0.0) & np.isfinite(costs), costs, np.inf)
+    return np.where(np.isfinite(costs), costs, np.inf)
 
 
 def whiten(e: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64]:
