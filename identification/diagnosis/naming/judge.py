@@ -117,13 +117,19 @@ class Judge:
         """The effect before it of which a further one, the last of `together`, only describes another law: such a law,
         in that effect's own variables, would explain half as much to first order, and no less than any law in the
         newest's. So does a ripple of which the arm passes less than a whole period, beside another function of its
-        angle."""
+        angle. Beside a ripple of a whole period and more, a spring or cable is an effect: no periodic law pulls as they
+        do."""
         *others, (newest, *_) = together
-        if newest.name == RIPPLE and periods(newest.fit) < self.policy.whole_period:
-            for other, *_ in others:
-                if own_variables(other.name) == own_variables(RIPPLE):
-                    return other.name
-        laws = {other.name: self.rest.another_law(before, other.name) for other, *_ in others}
+        angle = [other.name for other, *_ in others if own_variables(other.name) == own_variables(RIPPLE)]
+        if newest.name == RIPPLE and periods(newest.fit) < self.policy.whole_period and angle:
+            return angle[0]
+        of_angle = own_variables(newest.name) == own_variables(RIPPLE)
+        periodic = of_angle and RIPPLE in angle and periods(before) >= self.policy.whole_period
+        laws = {
+            other.name: self.rest.another_law(before, other.name)
+            for other, *_ in others
+            if not (periodic and other.name == RIPPLE)
+        }
         best = max(laws, key=lambda name: laws[name], default=None)
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
             return None

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 import pytest
 
 from furuta_gym import Effect
@@ -30,3 +34,35 @@ def test_less_than_a_period_of_a_ripple_is_another_function_of_the_angle(
     both = a_fit(beside, Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}), value=-500.0)
     together = [ranked((beside, 2000.0), fit=before), ranked(("arm_ripple", 500.0), fit=both)]
     assert JUDGE.law_of(together, before) == law_of
+
+
+@dataclass(frozen=True)
+class Laws:
+    """A `Rest` whose evidence [nats] for another law of each effect is known; of all others there is none."""
+
+    of: Mapping[str, float]
+
+    def left(self, fitted: Any) -> float:
+        return 0.0
+
+    def another_law(self, fitted: Any, name: str) -> float:
+        return self.of.get(name, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("n", "newest", "law_of"),
+    [
+        (8.0, "arm_spring", None),  # pulls one way, turn after turn
+        (8.0, "arm_cable", None),
+        (7.0, "arm_spring", "arm_ripple"),  # less than a period: either may be the other's law
+        (8.0, "arm_position_friction", "arm_ripple"),  # no function of the angle alone
+    ],
+)
+def test_a_spring_beside_whole_periods_of_a_ripple_is_an_effect(n: float, newest: str, law_of: str | None) -> None:
+    ripple = Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0})
+    before = a_fit(ripple)
+    together = [
+        ranked(("arm_ripple", 2000.0), fit=before),
+        ranked((newest, 500.0), fit=a_fit(ripple, newest, value=-500.0)),
+    ]
+    assert Judge(DecisionPolicy(), Laws({"arm_ripple": 400.0}), NoWitness()).law_of(together, before) == law_of
