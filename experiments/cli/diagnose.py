@@ -86,7 +86,10 @@ def diagnose_command(
     policy: Annotated[
         bool,
         typer.Option(
-            "--policy", help="Print every threshold with its reason, and stop.", is_eager=True, callback=_show_policy
+            "--policy",
+            help="Print every threshold with its reason, and stop. Needs no log.",
+            is_eager=True,
+            callback=_show_policy,
         ),
     ] = False,
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = MOST_EFFECTS,

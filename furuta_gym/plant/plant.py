@@ -5,7 +5,7 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -58,6 +58,17 @@ def _check_logs(provenance: Mapping[str, Any]) -> None:
     numbers = _numbers("torque_noise", noise)
     if numbers.shape != (2,) or not (np.isfinite(numbers) & (numbers >= 0)).all():
         raise ValueError(f'the provenance\'s "torque_noise" must be two numbers that are not negative, got {noise!r}')
+
+
+def _assumed(plant: "Plant", data: Mapping[str, Any]) -> Iterator[str]:
+    """What a plant file leaves open, and what is taken instead."""
+    if "unit" not in data:
+        yield 'has no "unit"; its command is taken to be in V. Write "unit": "V" or "unit": "N·m" into it.'
+    if "u_max" not in data:
+        yield (
+            f'has no "u_max"; its largest command is taken to be {plant.u_max:g} {plant.unit}. Write "u_max" with the '
+            "rig's own into it."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,6 +237,7 @@ class Plant:
             raise ValueError(
                 f'not a plant this version can read: expected "schema": "{SCHEMA}", got {schema!r}'
                 + ("; a newer furuta-gym wrote it" if str(schema).startswith("furuta-plant/") else "")
+                + ("; write that line into a plant file made by hand" if schema is None else "")
             )
         if not isinstance(data.get("theta"), Mapping):
             raise ValueError('a plant file needs "theta": {"theta1": …, …, "theta9": …}')
@@ -271,11 +283,8 @@ class Plant:
             raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None
         except ValueError as error:
             raise ValueError(f"{path}: {in_short(error)}") from error
-        if "unit" not in data:
-            message = (
-                f'{path} has no "unit"; its command is taken to be in V. Write "unit": "V" or "unit": "N·m" into it.'
-            )
-            warnings.warn(message, stacklevel=2)
+        for message in _assumed(plant, data):
+            warnings.warn(f"{path} {message}", stacklevel=2)
         return plant
 
     @classmethod

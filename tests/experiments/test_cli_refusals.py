@@ -147,14 +147,29 @@ def test_a_recording_of_the_bench_that_is_stopped_says_so(tmp_path: Path, monkey
     assert not list(tmp_path.iterdir())
 
 
-def test_a_plant_without_the_unit_of_its_command_is_read_with_a_warning(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("missing", "taken"),
+    [
+        ("unit", 'taken to be in V. Write "unit": "V" or "unit": "N·m"'),
+        ("u_max", 'taken to be 10 V. Write "u_max"'),
+    ],
+)
+def test_what_a_plant_file_leaves_open_is_said(missing: str, taken: str, tmp_path: Path) -> None:
     data = QUBE.to_dict()
-    del data["unit"]
+    del data[missing]
     (tmp_path / "rig.json").write_text(json.dumps(data))
     result = furuta("simulate", "--plant", tmp_path / "rig.json", "--duration", "0.1", "-o", tmp_path / "log.csv")
     assert result.exit_code == 0, result.output
-    assert 'has no "unit"' in result.stderr
-    assert 'Write "unit": "V" or "unit": "N·m"' in result.stderr
+    assert f'has no "{missing}"' in result.stderr
+    assert taken in result.stderr
+
+
+def test_a_plant_file_without_a_schema_says_which_line_to_write(tmp_path: Path) -> None:
+    data = QUBE.to_dict()
+    del data["schema"]
+    (tmp_path / "rig.json").write_text(json.dumps(data))
+    result = furuta("simulate", "--plant", tmp_path / "rig.json", "--duration", "0.1", "-o", tmp_path / "log.csv")
+    refused(result, '"schema": "furuta-plant/1"', "write that line")
 
 
 def test_a_plant_that_is_not_there_says_how_to_make_one(tmp_path: Path) -> None:

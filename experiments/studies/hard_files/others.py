@@ -59,7 +59,7 @@ def try_plant(raw: bytes, folder: Path, play: bool = True) -> str:
     path.write_bytes(raw)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", '.* has no "unit"')  # such a file is read, and it is said
+        warnings.filterwarnings("ignore", '.* has no "(unit|u_max)"')  # such a file is read, and it is said
         try:
             plant = Plant.load(path)
         except ValueError as error:
