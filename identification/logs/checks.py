@@ -155,19 +155,6 @@ def warn_about_clock(name: str, t: np.ndarray) -> None:
         )
 
 
-def unwrap(name: str, column: str, q: np.ndarray) -> np.ndarray:
-    """Undo encoder wrap (jumps of more than half a turn between two samples), with a warning."""
-    jumps = np.flatnonzero(np.abs(np.diff(q)) > np.pi)
-    if not jumps.size:
-        return q
-    warn(
-        f"{name}: {column} jumps by more than half a turn, {jumps.size}× (first from {q[jumps[0]]:.3g} to "
-        f"{q[jumps[0] + 1]:.3g} rad). Taken as a wrapped encoder and unwrapped. If these are spikes, or the "
-        "angles are in degrees (--unit deg), mend that instead."
-    )
-    return np.unwrap(q)
-
-
 def check_angle_unit(
     name: str, column: str, t: np.ndarray, raw: np.ndarray, unit: str, counts: float | None = None
 ) -> bool:

@@ -18,6 +18,7 @@ from .checks import LogError
 from .signs import motion_signs
 from .table import Table, listed
 from .vocabulary import ROLES, core, fits, unit_in
+from .wrapping import unwrap
 
 COLUMNS = ("t", "q1", "q2", "u")
 KNOWN_KEYS = ("input_unit", "pendulum_zero", "encoder_counts", "device", "controller_gain", "angle_unit")
@@ -194,7 +195,7 @@ def map_table(
     ]
     q1, q2 = (raw[q] * scale[q] for q in ("q1", "q2"))
     if not any(odd_unit):
-        q1, q2 = log_checks.unwrap(name, names["q1"], q1), log_checks.unwrap(name, names["q2"], q2)
+        q1, q2 = unwrap(name, names["q1"], t, q1, known["q1"]), unwrap(name, names["q2"], t, q2, known["q2"])
     q1 = sign["q1"] * q1
     q2 = sign["q2"] * (q2 - (np.pi if zero == "hanging" else 0.0))
     if abs(q2[0]) > 0.75 * _TURN:

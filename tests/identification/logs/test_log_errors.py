@@ -269,6 +269,28 @@ def test_wrapped_encoders_are_unwrapped_with_a_warning(tmp_path, unit, low):
     np.testing.assert_allclose(q1 - q1[0], (true - true[0]) * 2 * np.pi / turn, atol=1e-9)
 
 
+@pytest.mark.parametrize("counts", [1000, 2048, 2400, 8000])
+@pytest.mark.parametrize(("bits", "low"), [(16, 0), (16, -(2**15)), (24, 0)])
+def test_a_counter_that_overflows_is_unwrapped_by_what_it_holds(tmp_path, counts, bits, low):
+    t = np.arange(400) * 0.005
+    true = np.round(0.1 * counts * np.sin(4 * t) - 3.0)  # about zero, where an unsigned counter overflows
+    true += 2**bits // 2 if low else 0  # a signed one overflows there
+    wrapped = (true - low) % 2**bits + low
+    path = csv(tmp_path, {"t": t, "q1": wrapped, "q2": np.round(0.05 * counts * np.sin(t)), "u": np.sin(t)})
+    assert "Taken as a wrapped counter" in warned(path, unit="counts", encoder_counts=counts)
+    q1 = quietly(path, unit="counts", encoder_counts=counts).q1
+    np.testing.assert_allclose(q1 - q1[0], (true - true[0]) * 2 * np.pi / counts, atol=1e-9)
+
+
+@pytest.mark.parametrize("jump", [27.3, -1.8])  # turns
+def test_a_jump_that_is_no_wrap_is_refused(tmp_path, jump):
+    t = np.arange(400) * 0.005
+    q1 = 0.5 * np.sin(4 * t) + np.where(t > 1.0, 2 * np.pi * jump, 0.0)
+    path = csv(tmp_path, {"t": t, "q1": q1, "q2": 0.1 * np.sin(t), "u": np.sin(t)})
+    with pytest.raises(LogError, match=r"q1 jumps from .* turns, at t = 1.005 s. Expected angles without jumps"):
+        quietly(path)
+
+
 def table_of(log: Log, **changes):
     return {"t": log.t, "q1": log.q1, "q2": log.q2, "u": log.u} | changes
 
