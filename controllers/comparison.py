@@ -1,6 +1,7 @@
 """The result of a comparison: figures with intervals, a table to print, and files to keep."""
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -153,4 +154,4 @@ def _cell(x: Interval | None, figure: str) -> str:
         return "–"
     if figure == "success":
         return f"{100 * x.value:.4g} %\n{100 * x.low:.0f}–{100 * x.high:.0f}"
-    return f"{x.value:.3g}\n±{0.5 * (x.high - x.low):.1g}"
+    return f"{x.value:.3g}\n" + ("one trial" if math.isnan(x.low) else f"±{0.5 * (x.high - x.low):.1g}")

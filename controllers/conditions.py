@@ -172,7 +172,7 @@ def _harder(plain: Condition, trials: int, effects: Iterable[str] | None, seed: 
     assert isinstance(plant, Plant)
     names = SWING_UP_EFFECTS if effects is None else [name for name in effects if name != "input_delay"]
     rigs: list[tuple[str, Plant | Sequence[Plant]]] = [(f"{ms} ms late", later(plant, ms)) for ms in (4, 8, 16, 24)]
-    rigs += [(f"supply {share} %", plant.replace(u_max=share / 100 * plant.u_max)) for share in (80, 60)]
+    rigs += [(f"supply {share} %", plant.replace(u_max=share / 100 * plant.supply)) for share in (80, 60)]
     rigs += _other_plants(plant, trials, seed)
     rigs += [(built_name(20, ms), built_later(plant, 20, ms, trials, seed)) for ms in (0, 8)]
     rigs += [(n, plant.with_effects(plant.default_effect(n))) for n in names if plant.effect(n) is None]

@@ -36,11 +36,11 @@ class Weights:
         """0.7 rad of arm, 0.1 rad of pendulum, and three times the torque that holds the pendulum at 0.1 rad.
 
         To hold it there the arm must accelerate at θ5 q2/θ3, which takes about θ1 θ5 q2/θ3: a torque in the plant's
-        own unit, so the same weights serve every rig. At most half of u_max.
+        own unit, so the same weights serve every rig. At most half of what the motor gets.
         """
         th1, _, th3, _, th5 = plant.theta[:5]
         holding = th1 * abs(th5 / th3) * cls.q2 if th3 else np.inf
-        return cls(torque=min(3.0 * holding, 0.5 * plant.u_max))
+        return cls(torque=min(3.0 * holding, 0.5 * plant.supply))
 
     @property
     def Q(self) -> NDArray[np.float64]:

@@ -23,7 +23,8 @@ _ROUNDS = 50  # of the search for the angles that a reading stands for
 class KnownEffects:
     """Maps between readings and angles, and between wanted torque and command, for one plant.
 
-    torque_limits: the torques that ±u_max gives. `command_map` is the table (torque, command) when there is one.
+    torque_limits: the torques that ±`plant.supply` gives, the largest command that reaches the motor. `command_map` is
+    the table (torque, command) when there is one.
     friction_speed [rad/s]: friction that `arm_torque` knows changes sign over this speed, slower than the plant's
     own 1/r, as estimated velocities are noisy.
     """
@@ -38,9 +39,9 @@ class KnownEffects:
         hooks = {hook for e in known for hook in e.type.kernels}
         self.reads_wrong = "sensor" in hooks
         self.command_map: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-        self.torque_limits = (-plant.u_max, plant.u_max)
+        self.torque_limits = (-plant.supply, plant.supply)
         if "command" in hooks:
-            self.command_map = self._tabulate(plant.u_max)
+            self.command_map = self._tabulate(plant.supply)
             self.torque_limits = float(self.command_map[0][0]), float(self.command_map[0][-1])
 
     def _tabulate(self, u_max: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -22,7 +22,8 @@ FRAME = 5  # q1, sin q2, cos q2, q̇1, q̇2
 
 class LearnedController(Controller):
     """A policy on the env's observation, rebuilt from readings: [q1, sin q2, cos q2, q̇1, q̇2] and, with
-    `observe_command`, the last command / u_max; `history` of them, oldest first.
+    `observe_command`, the last command / u_max, as the plant's supply and slew let it pass; `history` of them, oldest
+    first.
 
     predict: observations (L, n) to actions (L, 1), such as a `Network`. normalized: actions are shares of
     `trained_u_max`, the command's limit where it was trained (default: the plant's), and so is the last command that
@@ -58,6 +59,7 @@ class LearnedController(Controller):
         self.every = every
         self.arm_limit = arm_limit
         self.velocity_cutoff = velocity_cutoff
+        self.supply, self.slew = plant.supply, plant.limit("slew", np.inf)
         self._velocity = FilteredDifference(velocity_cutoff)
         self._start()
 
@@ -72,6 +74,7 @@ class LearnedController(Controller):
         self._velocity.reset()
         self._frames: list[NDArray[np.float32]] = []
         self._last: Any = 0.0
+        self._passed: Any = 0.0
         self._calls = 0
         self._act = self.predict.begin() if isinstance(self.predict, Network) else self.predict
 
@@ -90,13 +93,20 @@ class LearnedController(Controller):
             np.clip(v2 + 0.0 * q1, -SPEED_LIMIT, SPEED_LIMIT),
         ]
         if self.observe_command:
-            frame.append(self._last / self.trained_u_max + 0.0 * q1)
+            self._passed = self._let_pass(self._passed)
+            frame.append(self._passed / self.trained_u_max + 0.0 * q1)
         newest = np.atleast_2d(np.stack(frame, axis=-1)).astype(np.float32)
         self._frames = [*self._frames[1:], newest] if self._frames else [newest] * self.history
         action = np.asarray(self._act(np.concatenate(self._frames, axis=1)), dtype=float).reshape(-1)
         u = np.clip(self.scale * action, -self.u_max, self.u_max)
         self._last = u if y.ndim == 2 else float(u[0])
         return self._last
+
+    def _let_pass(self, before: Any) -> Any:
+        """What supply and slew let pass of the last command, after a period under it."""
+        wanted = np.clip(self._last, -self.supply, self.supply)
+        most = self.slew * self.every * self.sample_time
+        return wanted if most == np.inf else before + np.clip(wanted - before, -most, most)
 
 
 def trained_sample_time(path: str | os.PathLike[str], plant: Plant) -> float:

@@ -90,7 +90,7 @@ class LinearController(Controller):
         reference: Reference = 0.0,
         friction_share: float = 0.0,
     ) -> None:
-        super().__init__(name, model.sample_time, plant.u_max, reference)
+        super().__init__(name, model.sample_time, plant.supply, reference)
         self.law = law
         self.plant = plant
         self.known = KnownEffects(plant)

@@ -108,8 +108,8 @@ def plan_swing_up(plant: Plant, intervals: int = INTERVALS) -> Plan:
             break
     else:
         raise DesignError(
-            f"no swing-up was found within u_max = {plant.u_max:g} {plant.unit} and the arm's travel; a larger u_max "
-            "or travel may make one possible"
+            f"no swing-up was found within commands of {plant.supply:g} {plant.unit} and the arm's travel; more of "
+            "either may make one possible"
         )
     return min(found, key=lambda p: p.duration)
 

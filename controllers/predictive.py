@@ -33,7 +33,7 @@ class PredictiveBalancer(Controller):
         reference: Reference = 0.0,
         name: str = "predictive",
     ) -> None:
-        super().__init__(name, sample_time, plant.u_max, reference)
+        super().__init__(name, sample_time, plant.supply, reference)
         self.plant = plant
         self.predictor = Predictor(plant, sample_time, sensors)
         self.known = self.predictor.known

@@ -64,7 +64,7 @@ def region_of_attraction(
     inside = int(lowest[0]) if lowest.size else tries
     if inside < 3:
         raise DesignError(
-            f"{controller.name} cannot hold this plant even close to upright: u_max = {plant.u_max:g} {plant.unit} may "
-            "be too small, the sample time too long, or the encoders too coarse"
+            f"{controller.name} cannot hold this plant even close to upright: the largest command, {plant.supply:g} "
+            f"{plant.unit}, may be too small, the sample time too long, or the encoders too coarse"
         )
     return Region(P, float(0.9 * levels[inside - 1]), inside)

@@ -10,7 +10,7 @@ _Z = 1.959963984540054  # 95 % of a normal distribution lie within
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % interval, from n trials. NaN where no trial counted."""
+    """A value with its 95 % interval, from n trials. NaN where none counted; a mean of one trial has no interval."""
 
     value: float
     low: float
@@ -29,7 +29,9 @@ class Interval:
         return cls(value, low, high, int(data["n"] or 0))
 
     def __str__(self) -> str:
-        return "–" if np.isnan(self.value) else f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+        if np.isnan(self.value):
+            return "–"
+        return f"{self.value:.3g}" + ("" if np.isnan(self.low) else f" [{self.low:.3g}, {self.high:.3g}]")
 
 
 def success_rate(success: ArrayLike) -> Interval:
@@ -57,8 +59,8 @@ def typical(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval
     """Interquartile mean with its percentile bootstrap interval (Agarwal et al. 2021, "rliable")."""
     sample = np.asarray(values, dtype=float)
     n = sample.size
-    if n == 0:
-        return Interval(np.nan, np.nan, np.nan, 0)
+    if n < 2:
+        return Interval(float(sample[0]) if n else np.nan, np.nan, np.nan, n)
     draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
     low, high = np.quantile(interquartile_mean(sample[draws]), [0.025, 0.975])
     return Interval(float(interquartile_mean(sample)), float(low), float(high), n)
@@ -68,8 +70,8 @@ def worst(values: ArrayLike, share: float = 0.05, resamples: int = 2000, seed: i
     """Mean of the largest `share` of the values, one at least, with its percentile bootstrap interval."""
     sample = np.asarray(values, dtype=float)
     n = sample.size
-    if n == 0:
-        return Interval(np.nan, np.nan, np.nan, 0)
+    if n < 2:
+        return Interval(float(sample[0]) if n else np.nan, np.nan, np.nan, n)
     count = max(1, round(share * n))
     draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
     low, high = np.quantile(np.sort(sample[draws], axis=1)[:, -count:].mean(axis=1), [0.025, 0.975])

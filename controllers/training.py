@@ -23,7 +23,7 @@ from .resuming import check_output, check_same, progress_of
 from .running_state import put_running_state, running_state
 from .sb3_files import algorithm_class, load_sb3
 from .training_model import learning_env, learning_rigs, make_model
-from .training_record import OTHER_SEED, TRIALS, evaluate, record_of, write_record
+from .training_record import FINAL_SEED, OTHER_SEED, TRIALS, evaluate, record_of, write_record
 from .training_setup import Training
 
 __all__ = ["Training", "train"]
@@ -161,7 +161,7 @@ class _Run:
         candidate = write_policy(self.folder / path.name, network, record)
         record["evaluation"] = evaluate(candidate, self.training)
         if self.training.setup.random.active:
-            record["drawn_rigs"] = on_drawn_rigs(network, self.training.judges(TRIALS), self.training.seed + OTHER_SEED)
+            record["drawn_rigs"] = on_drawn_rigs(network, self.training.judges(TRIALS), self.training.seed + FINAL_SEED)
         write_policy(path, network, record, parameters_of(self.model))
         write_record(path.with_suffix(".json"), record)
         remove_checkpoints(self.folder)

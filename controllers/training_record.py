@@ -19,7 +19,8 @@ from .training_setup import Training
 
 TRIALS = 200  # of the evaluation
 DURATION = 10.0  # s of a trial; a swing-up has 15
-OTHER_SEED = 1_000_000  # episodes that judge a network are not those that train it
+OTHER_SEED = 1_000_000  # episodes that choose a network are not those that train it
+FINAL_SEED = 2_000_000  # and those that judge the chosen one are new again
 
 
 def record_of(
@@ -66,7 +67,7 @@ def record_of(
 
 def evaluate(policy: Path, training: Training) -> dict[str, Any]:
     """Figures with intervals of `TRIALS` trials of the task on the nominal plant, as `furuta compare` plays them."""
-    seed, plant = training.seed + OTHER_SEED, training.plant
+    seed, plant = training.seed + FINAL_SEED, training.plant
     T, sensors = trial_period(plant, None, [str(policy)]), choose_sensors(plant, None)
     row = conditions(plant, sensors, TRIALS, 1, DURATION, (training.task,), seed=seed)[0]
     figures = row.score(make_controller(policy, plant, T, sensors), T, seed)

@@ -1,6 +1,6 @@
 """Run a plant under a command or a policy, sampled as a rig's computer samples it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -15,6 +15,7 @@ LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where the friction's sharp
 FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
 MOST_STEPS = 10_000  # of integration in one sample; no rig needs a hundred
+MOST_SAMPLES = 20_000_000  # of a run; five hours at 1 ms
 _KEPT = 4096  # samples whose commands are kept for delays, where the length of a run is not known
 _BOUND = 1e6  # rad and rad/s
 
@@ -156,12 +157,13 @@ class LivePlant:
 
     def exchange(self, plant: Plant) -> None:
         """Go on as another plant from the same angles and speeds; effects that it has as well keep their memory."""
-        same = [e.name for e in plant.effects] == [e.name for e in self.plant.effects]
+        before, X = dict(_memory_rows(self.plant)), self._X
         self._take(plant)
-        if not same:
-            X = np.zeros((self._rows, 1))
-            X[:4] = self._X[:4]
-            self._X = X
+        self._X = np.zeros((self._rows, 1))
+        self._X[:4] = X[:4]
+        for name, rows in _memory_rows(plant):
+            if name in before:
+                self._X[rows] = X[before[name]]
 
     def _take(self, plant: Plant) -> None:
         self._h_max = integration_step(plant.sharpest, self._longest_step, self.sample_time)
@@ -176,6 +178,14 @@ class LivePlant:
         self._U[1 : half + 1] = self._U[-half:]
         self._row = half
         self._given[1:] = (np.arange(len(self._U) - 1, dtype=float) + self.samples - half) * self.sample_time
+
+
+def _memory_rows(plant: Plant) -> Iterator[tuple[str, slice]]:
+    """The rows of the state in which each effect remembers, in the plant's order."""
+    first = 4
+    for effect in plant.effects:
+        yield effect.name, slice(first, first + len(effect.type.memory))
+        first += len(effect.type.memory)
 
 
 def simulate(
@@ -204,9 +214,13 @@ def simulate(
     """
     T = float(sample_time or getattr(policy, "sample_time", None) or plant.sample_time or 0.002)
     check_clock(policy, T)
-    n = round(duration / T)
-    if not (np.isfinite(duration) and n >= 1):
-        raise ValueError(f"duration must hold at least one sample of {T:g} s, got {duration!r}")
+    n = round(duration / T) if np.isfinite(duration) else 0
+    if n < 1:
+        raise ValueError(f"duration must be finite and hold at least one sample of {T:g} s, got {duration!r}")
+    if n > MOST_SAMPLES:
+        raise ValueError(f"{duration:g} s at {T:g} s are {n} samples; expected at most {MOST_SAMPLES}")
+    if not (np.isfinite(torque_noise).all() and np.min(torque_noise) >= 0):
+        raise ValueError(f"torque_noise must be two finite numbers that are not negative, got {torque_noise!r}")
     rng = np.random.default_rng(seed)
     t = np.arange(n, dtype=float) * float(T)
     d = _excitation(excitation, t)

@@ -1,5 +1,6 @@
 """An identified plant as a MuJoCo model (MJCF)."""
 
+import math
 import os
 from pathlib import Path
 
@@ -22,7 +23,7 @@ _MODEL = """\
   Carried exactly: M, C, g, viscous friction{carried}.
   Carried closely: Coulomb friction. `frictionloss` is a dry friction that sticks; the plant's is
   Fc tanh(r v) with r = {sharpness} s/rad, which is the same at speeds well above 1/r and creeps below.
-  Not carried: encoders, and the sampling of the command; hold ctrl for one sample time of the rig.
+  Not carried: encoders, {slew}and the sampling of the command; hold ctrl for one sample time of the rig.
 -->
 <mujoco model="furuta">
   <compiler angle="radian" autolimits="true"/>
@@ -85,7 +86,7 @@ def mjcf(plant: Plant) -> str:
     L1, l2 = GRAVITY * th3 / th5, GRAVITY * th2 / th5
     J1, J2 = th1 - th3 * th3 / th2, th4 - th2
     spring, lag = plant.effect("arm_spring"), plant.effect("actuator_lag")
-    limit = min(plant.u_max, saturation.parameters["m"]) if saturation else plant.u_max
+    limit = min(plant.supply, saturation.parameters["m"]) if saturation else plant.supply
     motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
     T = lag.parameters["T"] if lag else 0.0
     return _MODEL.format(
@@ -95,6 +96,7 @@ def mjcf(plant: Plant) -> str:
         carried="".join(f", {effect.name}" for effect in plant.effects),
         sharpness=" and ".join(f"{r:g}" for r in dict.fromkeys(plant.sharpness)),
         gravity=GRAVITY,
+        slew="" if plant.limit("slew", math.inf) == math.inf else "the largest slew of the command, ",
         far=4 * (abs(L1) + l2),
         J1=J1,
         J2=J2,

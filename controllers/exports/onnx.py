@@ -117,7 +117,7 @@ def export_onnx(
 
 
 def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[str, Any]:
-    more = "; then the last command / trained_u_max" if controller.observe_command else ""
+    more = "; then the last command that reached the motor / trained_u_max" if controller.observe_command else ""
     clipped = f"; q1 within ±{2 * controller.arm_limit:.6g} rad, speeds within ±{SPEED_LIMIT:g} rad/s"
     cells = network_in(controller).cells
     remember = {} if cells is None else {"memory": _MEMORY}

@@ -3,6 +3,7 @@
 import math
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,8 @@ _HEADER = """\
 
 _STEP = """\
 typedef struct {{
-    {real} q[2], v[2], u; /* last readings, filtered velocities, command */
+    {real} q[2], v[2]; /* last readings, filtered velocities */
+    {real} u, passed;  /* last command, and what of it supply and slew let pass */
     float seen[{size}];   /* the observation, oldest frame first */
 {memory}    int started;
 }} {prefix}_law_state;
@@ -74,7 +76,7 @@ static inline {real} {prefix}_law({prefix}_law_state *s, {real} q1, {real} q2, {
         if (s->started) s->v[i] += {gain} * ((q[i] - s->q[i]) / {period} - s->v[i]);
         s->q[i] = q[i];
     }}
-    const float frame[{frame}] = {{
+{passed}    const float frame[{frame}] = {{
         (float){prefix}_clip(q1 - reference, {arm}),
         (float){sin}(q2),
         (float){cos}(q2),
@@ -147,6 +149,7 @@ def policy_c_header(
     for i, layer in enumerate(network.layers):
         arrays += [_array(f"weight{i}", layer.weight.ravel()), _array(f"bias{i}", layer.bias)]
         layers.append(_layer(prefix, i, layer))
+    observed = controller.observe_command
     last = f"x{len(network.layers)}[0]"
     limit = number(network.limit)
     tanh = f"{'tanhf' if single else 'tanh'}({last})"
@@ -165,7 +168,8 @@ def policy_c_header(
         speed=number(SPEED_LIMIT),
         sin="sinf" if single else "sin",
         cos="cosf" if single else "cos",
-        command=f"        (float)(s->u / {number(controller.trained_u_max)}),\n" if controller.observe_command else "",
+        command=f"        (float)(s->passed / {number(controller.trained_u_max)}),\n" if observed else "",
+        passed=_passed(prefix, controller, number) if observed else "",
         unit_per_action=number(controller.scale),
         action=action,
         limit=number(controller.u_max),
@@ -183,6 +187,15 @@ def export_policy_c(
     `policy_c_header`. Raises ValueError for what `policy_c_header` refuses.
     """
     return write_whole(path, policy_c_header(controller, prefix, **options))
+
+
+def _passed(prefix: str, controller: LearnedController, number: Callable[[float], str]) -> str:
+    """What supply and slew let pass of the last command."""
+    wanted = f"{prefix}_clip(s->u, {number(controller.supply)})"
+    most = controller.slew * controller.every * controller.sample_time
+    if most == math.inf:
+        return f"    s->passed = {wanted};\n"
+    return f"    s->passed += {prefix}_clip({wanted} - s->passed, {number(most)});\n"
 
 
 def _layer(prefix: str, i: int, layer: Layer) -> str:

@@ -42,10 +42,6 @@ def validate_command(
 
     rig = Plant.resolve(plant)
     read = read_logs(logs, reading, rig, "ignore")
-    if rig.unit != read[0].input_unit:
-        raise ValueError(
-            f"the plant's command is in {rig.unit}, the logs' in {read[0].input_unit}; they must agree (--input-unit)"
-        )
     from experiments.report.by_part import parts_of
     from identification.validation.gap import HORIZON, validate
 
@@ -53,7 +49,7 @@ def validate_command(
         result = validate(rig, read, HORIZON if horizon is None else horizon)
         parts = parts_of(rig, result, read) if len(read) > 1 else None
     measured = result.to_dict() | (parts.to_dict() if parts is not None else {})
-    fitted = {entry.get("sha256") for entry in rig.provenance.get("logs", [])}
+    fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
     if plots is not None:
@@ -93,7 +89,7 @@ def _say_next(rig: Plant, logs: Sequence[Path], gap: Gap) -> None:
 
     if gap.judgement.adequacy is Adequacy.ADEQUATE:
         return
-    sources = [str(entry.get("source")) for entry in rig.provenance.get("logs", [])]
+    sources = [str(entry.get("source")) for entry in rig.provenance.get("logs") or []]
     places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]
     fitted = " ".join("LOG" if place is None else shlex.quote(str(place)) for place in places) or "LOG"
     held_out = " ".join(shlex.quote(str(log)) for log in logs)

@@ -55,7 +55,7 @@ def validation_page(
     if seen:
         doubts = (f"{joined(seen, 'and')}: fitted by this plant, so this is no test on new data.", *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
-    fitted = [str(entry["source"]) for entry in plant.provenance.get("logs", []) if "source" in entry]
+    fitted = [str(entry["source"]) for entry in plant.provenance.get("logs") or [] if "source" in entry]
     look = find_missing(fitted, sources) if fitted and not seen else find_missing(sources)
     verdict = Verdict(
         judged.badge,

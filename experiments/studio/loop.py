@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -44,6 +45,7 @@ class Loop:
         self.base, self.controller, self.sensors = base, controller, sensors
         self.conditions = conditions
         self.torque = (0.0, 0.0)
+        self._moving = threading.Lock()  # the page changes conditions while a worker steps
         self._pulse, self._left = (0.0, 0.0), 0.0
         self.start()
 
@@ -60,9 +62,10 @@ class Loop:
 
     def change(self, conditions: Conditions) -> None:
         """Other conditions from now on; the motion goes on."""
-        self.live.exchange(conditions.plant(self.base))
-        self.conditions = conditions
-        self.live.sensors = self._noisy()
+        with self._moving:
+            self.live.exchange(conditions.plant(self.base))
+            self.conditions = conditions
+            self.live.sensors = self._noisy()
 
     def push(self, share: float, row: int = 0) -> None:
         """A short push on the arm (row 0) or the pendulum (row 1), as a share of `strength`."""
@@ -84,7 +87,8 @@ class Loop:
         self._behind = min(self._behind + seconds, LONGEST)
         while self._behind >= T:
             self._behind -= T
-            self._step()
+            with self._moving:
+                self._step()
 
     def _step(self) -> None:
         live = self.live

@@ -84,12 +84,17 @@ class Session:
         return self.private / "fits.jsonl"
 
     def drop(self, name: str, content: bytes) -> None:
-        """Take in a dropped file. Raises LogError for one that no reader knows, or that is too large."""
-        path = self._kept(name, content)
+        """Take in a dropped file. Raises LogError for one that no reader knows, or that is too large; one of the same
+        name that was there before then stays."""
+        path = self.private / bare_name(name)
+        before = path.read_bytes() if path.exists() else None
+        self._kept(name, content)
         try:
             self.add(path)
         except LogError:
             path.unlink()
+            if before is not None:
+                path.write_bytes(before)
             raise
 
     def take_policy(self, name: str, content: bytes) -> None:

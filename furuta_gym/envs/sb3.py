@@ -57,8 +57,12 @@ class FurutaVecEnv(VecEnv):
         return self.batch.render() or [None] * self.num_envs
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The batch's attribute, once for each env asked for."""
-        return [getattr(self.batch, attr_name) for _ in self._get_indices(indices)]
+        """The attribute of each env asked for: its own spaces and plant, else what the batch has for all."""
+        asked = list(self._get_indices(indices))
+        if attr_name == "plant":
+            return list(self.batch.plants(asked))
+        shared = {"observation_space": self.observation_space, "action_space": self.action_space}
+        return [shared[attr_name] if attr_name in shared else getattr(self.batch, attr_name) for _ in asked]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         raise NotImplementedError("the envs of a compiled batch share their options; make a new FurutaVecEnv instead")

@@ -81,11 +81,7 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
         raise ValueError(f"most must be at least 1, got {most}")
     if not logs:
         raise ValueError("diagnose needs at least one log, got none")
-    # the same file, or the same value; a log that was never a file has no digest
-    searched_too = [
-        log for log in held_out if any(log is own or (log.sha256 and log.sha256 == own.sha256) for own in logs)
-    ]
-    if searched_too:
+    if searched_too := [log for log in held_out if any(log.overlaps(own) for own in logs)]:
         names = ", ".join(log.source for log in searched_too)
         raise ValueError(f"{names} is searched and held out at once; hold out a log that is not fitted")
     if units := {log.input_unit for log in held_out} - {logs[0].input_unit}:

@@ -115,18 +115,12 @@ def _is_given(value: Any, absent: Any) -> bool:
 def _check(logs: Sequence[Log], u_max: float | None) -> None:
     if not logs:
         raise ValueError("identify needs at least one log, got none")
-    if twice := [one.source for one, other in itertools.combinations(logs, 2) if _share_samples(one, other)]:
+    if twice := [one.source for one, other in itertools.combinations(logs, 2) if one.overlaps(other)]:
         raise ValueError(f"{twice[0]} is given twice; expected each log once, or error bars come out too small")
     if len(units := {log.input_unit for log in logs}) > 1:
         raise ValueError(f"logs of one rig must share the command's unit, got {', '.join(sorted(units))}")
     if u_max is not None and not u_max >= (largest := max(float(np.abs(log.u).max()) for log in logs)):
         raise ValueError(f"u_max {u_max:g} (--u-max): the logs' command reaches {largest:g}; expected at least that")
-
-
-def _share_samples(one: Log, other: Log) -> bool:
-    """Whether two logs are the same, or parts of one file that overlap in time."""
-    same_file = one.sha256 is not None and one.sha256 == other.sha256
-    return one is other or (same_file and one.t[0] <= other.t[-1] and other.t[0] <= one.t[-1])
 
 
 def _template(logs: Sequence[Log], start: Plant | str | None) -> Plant:

@@ -205,6 +205,19 @@ class Log:
         q1, q2 = np.interp(t, self.t, self.q1), np.interp(t, self.t, self.q2)
         return replace(self, t=t, q1=q1, q2=q2, u=self.u[held])
 
+    def overlaps(self, other: Log) -> bool:
+        """Whether both are the same, or parts of one file that share samples."""
+        same_file = self.sha256 is not None and self.sha256 == other.sha256
+        return self is other or (same_file and self.t[0] <= other.t[-1] and other.t[0] <= self.t[-1])
+
+    def check_unit(self, unit: str) -> None:
+        """Raise ValueError unless the command is in a plant's unit."""
+        if unit != self.input_unit:
+            raise ValueError(
+                f"the plant's command is in {unit}, that of {self.source} in {self.input_unit}; they must agree "
+                "(--input-unit, input_unit in Python)"
+            )
+
     def taken(self, index: np.ndarray | slice) -> Log:
         """The samples of an index that increases."""
         return replace(self, t=self.t[index], q1=self.q1[index], q2=self.q2[index], u=self.u[index])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import re
 import zlib
 from collections.abc import Sequence
@@ -47,15 +48,13 @@ def decoded(name: str, raw: bytes) -> tuple[str, tuple[str, ...]]:
 
 def _unpacked(name: str, raw: bytes) -> bytes:
     try:
-        unpacker = zlib.decompressobj(wbits=31)
-        data = unpacker.decompress(raw, _LARGEST)
-        if unpacker.unconsumed_tail:
-            raise LogError(f"{name}: more than {_LARGEST >> 20} MB when unpacked. Expected a log; cut it into parts.")
-        if not unpacker.eof:
-            raise EOFError("it ends too early")
-        return data if not unpacker.unused_data else gzip.decompress(raw)[:_LARGEST]
+        with gzip.GzipFile(fileobj=io.BytesIO(raw)) as packed:
+            data = packed.read(_LARGEST + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise LogError(f"{name}: not a readable gzip file ({error}).") from None
+    if len(data) > _LARGEST:
+        raise LogError(f"{name}: more than {_LARGEST >> 20} MB when unpacked. Expected a log; cut it into parts.")
+    return data
 
 
 def _clean(name: str, text: str) -> str:
@@ -75,7 +74,7 @@ def comment_of(line: str) -> str | None:
     """The text of a line of comment, None for another line."""
     bare = line.lstrip()
     start = next((c for c in COMMENTS if bare.startswith(c)), None)
-    return None if start is None else bare[len(start) :].strip(" #%/!")
+    return None if start is None else bare[len(start) :].lstrip(" #%/!").rstrip()
 
 
 def units_row(header: Sequence[str], row: Sequence[str]) -> dict[str, str]:

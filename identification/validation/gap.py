@@ -165,11 +165,14 @@ def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, 
 
     own_zeros: estimate the zeros of the encoders in each log first, as logs of one rig need not count from the same
     place; off for logs that the plant was fitted to. Of logs that repeat one command the floor is their spread.
-    Raises ValueError for logs that are too short or that the filter cannot follow with this plant.
+    Raises ValueError for logs that are too short, whose command is in another unit than the plant's, or that the
+    filter cannot follow with this plant.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     if not logs:
         raise ValueError("validate needs at least one log, got none")
+    for log in logs:
+        log.check_unit(plant.unit)
     if not (math.isfinite(horizon) and 0 < horizon <= 5):
         raise ValueError(f"the horizon must lie in (0, 5] s, got {horizon!r}")
     zeros: Zeros = {}

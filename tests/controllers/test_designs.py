@@ -33,6 +33,16 @@ def test_what_follows_time_does_not_move_the_balance_point(plant):
     assert make_controller("lqr", wobbling, 0.004)([0.0, 0.0]) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", ["lqr", "lqg", "lqi"])
+def test_a_supply_counts_as_a_largest_command_does(name):
+    """What the motor never gets must not be in an estimator's prediction."""
+    y = np.random.default_rng(0).normal(0.0, 0.02, (200, 2)).cumsum(axis=0)
+    by_limit = make_controller(name, QUBE.replace(limits={"supply": 4.0}), 0.004)
+    by_command = make_controller(name, QUBE.replace(u_max=4.0), 0.004)
+    assert [by_limit(row) for row in y] == [by_command(row) for row in y]
+    assert by_limit.u_max == 4.0
+
+
 def test_a_dead_zone_as_wide_as_the_limit_is_refused():
     dead = LARGE_RIG.with_effects(Effect("input_dead_zone", {"w": LARGE_RIG.u_max}))
     with pytest.raises(DesignError, match="dead zone"):

@@ -211,6 +211,10 @@ def test_swing_ups_are_played_on_the_rigs_that_their_names_say():
         delay = rows[f"swing-up, {ms} ms late"].plants.effect("input_delay")
         assert delay.parameters["d"] == pytest.approx(0.005 + 1e-3 * ms)
     assert rows["swing-up, supply 60 %"].plants.u_max == pytest.approx(6.0)
+    weak = QUBE.replace(limits={"supply": 5.0})
+    rows = {r.name: r for r in conditions(weak, Sensors(), 20, 7, 10.0, groups=("swing_up",))}
+    assert rows["swing-up, supply 60 %"].plants.supply == pytest.approx(3.0)
+    rows = {r.name: r for r in conditions(late, Sensors(), 20, 7, 10.0, groups=("swing_up",))}
     assert len(rows["swing-up, θ ±20 %"].plants) == 7
     assert rows["swing-up, noise 3 mrad"].sensors.noise_std == pytest.approx((0.003, 0.003))
     for name in SWING_UP_EFFECTS:

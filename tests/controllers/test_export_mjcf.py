@@ -94,3 +94,10 @@ def test_refusals(tmp_path):
     with pytest.raises(ValueError, match=r"no round knee.*has 0.3"):
         export_mjcf(soft, tmp_path / "no.xml")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_limits_of_the_rig_are_carried_or_named():
+    rig = QUBE.replace(limits={"supply": 5.0, "slew": 300.0})
+    assert 'ctrlrange="-5.0 5.0"' in mjcf(rig)
+    assert "the largest slew of the command" in mjcf(rig)
+    assert "slew" not in mjcf(QUBE)

@@ -141,7 +141,7 @@ def test_onnx_for_a_weaker_amplifier_is_driven_by_its_own_metadata(policy, tmp_p
     for y in wandering(100):
         v = velocity.update(*y, float(about["sample_time"]))
         frame = [y[0], np.sin(y[1]), np.cos(y[1]), *v]
-        if "last command / trained_u_max" in about["observation"]:
+        if "the last command that reached the motor / trained_u_max" in about["observation"]:
             frame.append(last / float(about["trained_u_max"]))
         frames = [*frames[1:], frame] if frames else [frame] * (size // len(frame))
         seen = {"observation": np.float32(np.concatenate(frames))[None]}

@@ -55,6 +55,27 @@ def test_observations_are_the_envs(history, observe_command, normalized):
         assert command == pytest.approx(info["command"], rel=1e-6)
 
 
+@pytest.mark.parametrize("limits", [{"supply": 4.0}, {"slew": 300.0}, {"supply": 4.0, "slew": 300.0}])
+@pytest.mark.parametrize("every", [1, 3])
+def test_the_last_command_is_what_the_rig_lets_pass(limits, every):
+    """As the env shows it: within the supply, and changed by no more than the slew allows."""
+    plant = QUBE.replace(limits=limits)
+    env = gym.make(
+        "furuta_gym:FurutaID-v0", plant=plant, task="swing_up", observe_command=True, sample_time=0.004 * every
+    ).unwrapped
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, 40) * QUBE.u_max
+    seen: list[np.ndarray] = []
+    predict = recording(seen, actions)
+    controller = LearnedController("recorded", predict, plant, 0.004, observe_command=True, every=every)
+    observation, info = env.reset(seed=3)
+    for action in actions:
+        for _ in range(every):
+            controller(info["measured_state"][:2])
+        assert seen[-1][0][5] == pytest.approx(observation[5], abs=1e-6)
+        observation, _, _, _, info = env.step(np.array([action], dtype=np.float32))
+    assert np.ptp([frame[0][5] for frame in seen]) > 0.2
+
+
 def test_many_lanes_are_many_rigs():
     """A linear policy on the observation balances, alone and side by side, and agrees with itself."""
     K = make_controller("lqr", QUBE).law.D[0], None

@@ -21,7 +21,7 @@ def test_interquartile_mean_by_hand():
     assert interquartile_mean(np.array([0.0, 1.0, 2.0, 3.0, 1e6])) == pytest.approx((0.75 * 1 + 2 + 0.75 * 3) / 2.5)
 
 
-@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30))
+@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=30))
 def test_typical_value_lies_in_its_interval_and_in_the_sample(values):
     x = typical(values, resamples=200)
     slack = 1e-9 * (1 + max(abs(v) for v in values))
@@ -40,6 +40,15 @@ def test_no_trials_give_no_number():
         assert np.isnan(x.value)
         assert x.to_dict()["value"] is None
         assert np.isnan(Interval.from_dict(x.to_dict()).low)
+
+
+@pytest.mark.parametrize("mean", [typical, worst])
+def test_one_trial_has_a_mean_and_no_interval(mean):
+    x = mean([3.0])
+    assert (x.value, x.n) == (3.0, 1)
+    assert np.isnan([x.low, x.high]).all()
+    assert str(x) == "3"
+    assert x.to_dict() == {"value": 3.0, "low": None, "high": None, "n": 1}
 
 
 def test_the_worst_are_the_largest():

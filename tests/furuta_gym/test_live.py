@@ -52,6 +52,24 @@ def test_another_plant_takes_over_the_motion() -> None:
     assert np.isfinite(live.state).all()
 
 
+def test_an_effect_that_stays_keeps_its_memory_whatever_comes_beside_it() -> None:
+    names = ("actuator_lag", "arm_presliding", "arm_hysteresis")
+    carrying = TABLE_3.with_effects(*map(TABLE_3.default_effect, names))
+    live, twin = (LivePlant(carrying, 0.002, x0=START) for _ in range(2))
+    played(live, 50)
+    played(twin, 50)
+    live.exchange(carrying.with_effects(TABLE_3.default_effect("arm_backlash")))  # it remembers as well
+    live.exchange(carrying)
+    played(live, 20)
+    played(twin, 20)
+    np.testing.assert_array_equal(live.state, twin.state)
+    live.exchange(TABLE_3)
+    live.exchange(carrying)
+    played(live, 20)
+    played(twin, 20)
+    assert (live.state != twin.state).any(), "what went has forgotten"
+
+
 def test_what_leaves_all_bounds_is_said() -> None:
     live = LivePlant(TABLE_3, 0.002)
     with pytest.raises(FloatingPointError, match="leaves all bounds"):

@@ -58,11 +58,15 @@ _STATES = {
 
 async def run(frame: Frame) -> None:
     """Fit the logs and show the result."""
-    session = frame.session
-    found = await frame.run("Fitting model (5) to the logs", fit, session.logs)
-    if found is not None:
+    session, logs = frame.session, frame.session.logs
+    found = await frame.run("Fitting model (5) to the logs", fit, logs)
+    if found is None or frame.session is not session:
+        return
+    if session.logs is logs:
         session.estimate, session.gap, session.gap_remark = found
-        frame.show()
+    else:
+        frame.failure = "The logs changed while they were fitted. Identify again."
+    frame.show()
 
 
 def fit(logs: Sequence[Log]) -> tuple[Estimate, Gap | None, str]:

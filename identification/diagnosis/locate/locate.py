@@ -43,10 +43,13 @@ def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | Non
     """Where the plant fails on these logs, usually those it was fitted to.
 
     policy: holds the evidence from which something is said to be left (default: `DecisionPolicy()`). Raises
-    ValueError if a log is too short or the filter loses it.
+    ValueError if a log is too short, its command is in another unit than the plant's, or the filter loses it.
     """
     policy = policy or DecisionPolicy()
-    return located(Seen.of(plant, (logs,) if isinstance(logs, Log) else logs, policy), policy)
+    logs = (logs,) if isinstance(logs, Log) else logs
+    for log in logs:
+        log.check_unit(plant.unit)
+    return located(Seen.of(plant, logs, policy), policy)
 
 
 @one_blas_thread

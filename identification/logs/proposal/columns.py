@@ -73,7 +73,9 @@ def named(found: Mapping[str, np.ndarray], given: Mapping[str, str]) -> dict[str
         elif same:
             choices[ours] = Choice(same[0], Confidence.open, f"{', '.join(same)} could be meant", tuple(same))
         else:
-            choices[ours] = Choice(None, Confidence.open, "no column of numbers is named so", tuple(c for c in free if c not in taken))
+            choices[ours] = Choice(
+                None, Confidence.open, "no column of numbers is named so", tuple(c for c in free if c not in taken)
+            )
     return {ours: choices[ours] for ours in COLUMNS}
 
 

@@ -62,6 +62,19 @@ def test_what_is_no_log_is_refused_and_leaves_nothing(tmp_path: Path, spring_log
     assert session.logs
 
 
+@pytest.mark.parametrize("content", [b"", b"\x00\x01\x02", b"t,q1,q2,u\n1,2,3\n"])
+def test_what_is_no_log_does_not_take_the_place_of_a_log_of_its_name(
+    tmp_path: Path, spring_log: Path, content: bytes
+) -> None:
+    session = Session(tmp_path)
+    session.drop("spring.csv", spring_log.read_bytes())
+    with pytest.raises(LogError):
+        session.drop("spring.csv", content)
+    (path,) = session.paths
+    assert path.read_bytes() == spring_log.read_bytes()
+    assert session.logs
+
+
 def test_a_file_that_is_too_large_is_refused(tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("experiments.studio.session.LARGEST_FILE", 1000)
     with pytest.raises(LogError, match="at most 1000"):

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.studio.frame import Frame
 from experiments.studio.saved import open_session
+from experiments.studio.session import Session
 from experiments.studio.views import diagnose as diagnose_view
 from experiments.studio.views import identify as identify_view
 from experiments.studio.views.closed_loop import Playing, _offered
@@ -53,6 +55,22 @@ def test_log_a_wrong_sign_shows_red_and_the_fix_turns_it_green(tmp_path: Path, s
         assert frame.session.accepted
 
     visit(scenario, tmp_path, [spring_log])
+
+
+def test_a_fit_of_logs_that_changed_meanwhile_is_not_kept(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = Frame(Session(tmp_path))
+    frame.session.add(spring_log)
+
+    def fit(logs: Any) -> tuple[str, None, str]:
+        frame.session.turn("u")
+        return "of the logs before", None, ""
+
+    monkeypatch.setattr(identify_view, "fit", fit)
+    asyncio.run(identify_view.run(frame))
+    assert frame.session.estimate is None
+    assert "changed while they were fitted" in frame.failure
 
 
 def _every(frame: Any) -> int:

@@ -200,3 +200,11 @@ def test_limits_of_the_plant_file(tmp_path):
 def test_bad_limits_are_refused(limits):
     with pytest.raises(ValueError, match="limits"):
         QUBE.replace(limits=limits)
+
+
+def test_a_supply_drawn_above_u_max_gives_no_more_than_the_action_space():
+    env = FurutaEnv("qube", randomize={"u_max": "uniform:12,14"}, observe_command=True)
+    env.reset(seed=0)
+    observation, _, _, _, info = env.step(np.array([1.5 * QUBE.u_max], dtype=np.float32))
+    assert info["command"] == QUBE.u_max
+    assert env.observation_space.contains(observation)

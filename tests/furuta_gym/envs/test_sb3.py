@@ -62,6 +62,16 @@ def test_learners_run_on_it(algorithm):
     assert np.abs(action) <= 1.0
 
 
+def test_each_env_has_its_own_spaces_and_plant():
+    env, alone = FurutaVecEnv(3, randomize={"theta": "physical:0.2"}), FurutaEnv()
+    env.reset()
+    assert env.get_attr("action_space") == [alone.action_space] * 3
+    assert env.get_attr("observation_space", [1]) == [alone.observation_space]
+    drawn = env.get_attr("plant", [0, 2])
+    assert [list(p.theta) for p in drawn] == [list(env.batch.plants()[i].theta) for i in (0, 2)]
+    assert list(drawn[0].theta) != list(drawn[1].theta)
+
+
 def test_what_a_batch_cannot_do_is_said():
     env = FurutaVecEnv(2)
     assert env.get_attr("num_envs") == [2, 2]

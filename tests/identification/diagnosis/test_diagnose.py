@@ -106,6 +106,12 @@ def test_what_cannot_be_held_out_is_refused_before_the_search(held_out: object, 
         diagnose([LOG, replace(LOG, sha256="of the file")], held_out)  # type: ignore[arg-type]
 
 
+def test_the_rest_of_a_log_may_be_held_out() -> None:
+    first, rest = replace(LOG, sha256="of the file").split(0.7)
+    with pytest.raises(ValueError, match="must agree"):  # what is asked next
+        diagnose([first], replace(rest, input_unit="N·m"))
+
+
 def test_bad_arguments_are_refused_before_the_search() -> None:
     with pytest.raises(ValueError, match="at least one log"):
         diagnose([])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -78,6 +79,21 @@ def test_a_damaged_packed_file_is_refused(tmp_path: Path, content: bytes) -> Non
     (tmp_path / "log.csv.gz").write_bytes(content)
     with pytest.raises(LogError, match=r"log\.csv\.gz: not a readable gzip file"):
         read_table(tmp_path / "log.csv.gz")
+
+
+@pytest.mark.parametrize("members", [1, 2, 7])
+def test_a_packed_file_of_several_members_is_read_whole_or_refused(
+    tmp_path: Path, members: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = text().encode()
+    cuts = np.linspace(0, len(content), members + 1).astype(int)
+    packed = b"".join(gzip.compress(content[a:b]) for a, b in itertools.pairwise(cuts))
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(packed + bytes(512))  # a tape fills up its block
+    assert is_log(proposed(path), 1e-8)
+    monkeypatch.setattr("identification.logs.text._LARGEST", len(content) - 1)
+    with pytest.raises(LogError, match="MB when unpacked"):
+        read_table(path)
 
 
 # --- MAT ---------------------------------------------------------------------------------------------------

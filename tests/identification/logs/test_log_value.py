@@ -89,6 +89,18 @@ def test_slice_and_split_partition_the_samples():
         log.split(1.0)
 
 
+def test_logs_overlap_that_share_samples_of_one_file():
+    log = replace(made_log(), sha256="of the file")
+    first, rest = log.split(0.7)
+    assert log.overlaps(log)
+    assert log.overlaps(first)
+    assert log.overlaps(rest)
+    assert not first.overlaps(rest)
+    assert not rest.overlaps(first)
+    assert not first.overlaps(replace(first, sha256="of another"))
+    assert not made_log().overlaps(made_log()), "without a file nobody knows"
+
+
 def test_pieces_cut_at_dropped_samples():
     log = made_log(300)
     keep = np.ones(300, dtype=bool)

@@ -184,6 +184,9 @@ def test_bad_input_is_refused():
         validate(plant, log.slice(stop=0.9))
     with pytest.raises(ValueError, match="horizon"):
         validate(plant, log, horizon=-1.0)
+    log, _ = loop_log()
+    with pytest.raises(ValueError, match=r"the plant's command is in V, that of .* in N·m; they must agree"):
+        validate(TABLE_3, replace(log, input_unit="N·m"))
     with pytest.raises(ValueError, match="at least one log"):
         validate(plant, [])
 

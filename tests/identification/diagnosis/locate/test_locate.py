@@ -221,3 +221,9 @@ def test_measured_logs_have_something_left(real_data):
         found = locate(QUBE, log)
         assert found.found
         assert found.channel in ("arm", "pendulum", "input", "sensor")
+
+
+def test_a_log_in_another_unit_than_the_plants_is_refused():
+    log, plant = loop_log()
+    with pytest.raises(ValueError, match="they must agree"):
+        locate(plant, replace(log, input_unit="N·m"))
