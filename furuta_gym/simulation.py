@@ -189,7 +189,7 @@ def _memory_rows(plant: Plant) -> Iterator[tuple[str, slice]]:
 
 
 def simulate(
-    plant: Plant,
+    plant: Plant | str,
     policy: Callable[[NDArray[np.float64]], float],
     duration: float,
     sample_time: float | None = None,
@@ -205,6 +205,7 @@ def simulate(
 
     Commands stay within ±u_max, and within the supply and the slew of the plant's limits where it has them.
 
+    plant: a `Plant`, a plant file or a known set.
     policy: called with readings y (2,) [rad] once a sample, gives the command [{u}]; `open_loop()` commands nothing.
     sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.
     excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2, q̇1, q̇2. torque_noise:
@@ -212,6 +213,7 @@ def simulate(
     [rad]. Raises ValueError on impossible durations or excitations, a controller made for another sample time, or a
     sample of more than `MOST_STEPS` steps, and FloatingPointError if the motion leaves all bounds.
     """
+    plant = Plant.resolve(plant)
     T = float(sample_time or getattr(policy, "sample_time", None) or plant.sample_time or 0.002)
     check_clock(policy, T)
     n = round(duration / T) if np.isfinite(duration) else 0

@@ -10,7 +10,7 @@ from pathlib import Path
 from furuta_gym.plant import EFFECTS, Plant
 
 from ..estimation.pool import one_blas_thread
-from ..logs.log import Log
+from ..logs.log import Log, as_logs
 from .held_out import HeldOut
 from .learning import with_learned
 from .naming.journal import FitJournal
@@ -46,8 +46,7 @@ def diagnose(
     another unit.
     """
     began = time.monotonic()
-    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
-    held_out = (held_out,) if isinstance(held_out, Log) else tuple(held_out or ())
+    logs, held_out = as_logs(logs), as_logs(held_out or ())
     say, policy = progress or _silent, policy or DecisionPolicy()
     _check(logs, held_out, most, only)
     if start is not None:  # effects are for the search to find, and to be judged

@@ -14,7 +14,7 @@ from furuta_gym.plant import Effect, Plant
 
 from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
-from ..logs.log import Log
+from ..logs.log import Log, as_logs
 from .completed import with_plant
 from .estimate import Estimate
 from .identifiability import NotIdentifiable, gate
@@ -76,7 +76,7 @@ def identify(
     Raises ValueError for bad arguments, among them an option that the method does not use, and NotIdentifiable (a
     ValueError) where the logs cannot tell a parameter.
     """
-    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    logs = as_logs(logs)
     chosen = method_named(method)
     _check(logs, u_max)
     options: dict[str, Any] = {

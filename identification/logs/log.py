@@ -237,6 +237,15 @@ class Log:
     __repr__ = __str__
 
 
+def as_logs(given: Log | Iterable[Log]) -> tuple[Log, ...]:
+    """One log or several as a tuple. Raises TypeError for the name of a file, which must be read first."""
+    logs = (given,) if isinstance(given, Log | str | os.PathLike) else tuple(given)
+    if files := [one for one in logs if isinstance(one, str | os.PathLike)]:
+        name = os.fspath(files[0])
+        raise TypeError(f"expected a Log, got {name!r}; read the file first: read_log({name!r})")
+    return logs
+
+
 def read_log(
     path: str | os.PathLike[str],
     columns: str | Mapping[str, str] | None = None,

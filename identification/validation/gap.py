@@ -26,7 +26,7 @@ from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
 from ..kalman.record import Record, stretches
 from ..kalman.whiteness import FEWEST, Innovations, innovations
-from ..logs.log import Log
+from ..logs.log import Log, as_logs
 from .adequacy import Adequacy, Judgement
 from .noise_floor import repeats, spread
 from .predicted import SETTLE, predicted
@@ -160,15 +160,15 @@ class Gap:
 
 
 @one_blas_thread
-def validate(plant: Plant, logs: Log | Sequence[Log], horizon: float = HORIZON, *, own_zeros: bool = True) -> Gap:
+def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HORIZON, *, own_zeros: bool = True) -> Gap:
     """The gap of a plant on logs that it was not fitted to, at a horizon [s].
 
-    own_zeros: estimate the zeros of the encoders in each log first, as logs of one rig need not count from the same
-    place; off for logs that the plant was fitted to. Of logs that repeat one command the floor is their spread.
-    Raises ValueError for logs that are too short, whose command is in another unit than the plant's, or that the
+    plant: a `Plant`, a plant file or a known set. own_zeros: estimate the zeros of the encoders in each log first, as
+    logs of one rig need not count from the same place; off for logs that the plant was fitted to. Of logs that repeat
+    one command the floor is their spread. Raises TypeError for what is no `Log`, and ValueError for logs that are too short, whose command is in another unit than the plant's, or that the
     filter cannot follow with this plant.
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    plant, logs = Plant.resolve(plant), list(as_logs(logs))
     if not logs:
         raise ValueError("validate needs at least one log, got none")
     for log in logs:

@@ -25,7 +25,7 @@ from ...kalman.likelihood import whiten
 from ...kalman.noise import likeliest
 from ...kalman.path import follow, refilter, smooth
 from ...kalman.whiteness import Whitened, innovations
-from ...logs.log import Log
+from ...logs.log import Log, as_logs
 from ..policy import DecisionPolicy
 from .constancy import Constancy, constancy
 from .evidence import HORIZON, Look, evidence_of, parameters_of, suspicions_of
@@ -39,14 +39,15 @@ _BLOCK = 0.25  # s
 Array = NDArray[np.float64]
 
 
-def locate(plant: Plant, logs: Log | Sequence[Log], policy: DecisionPolicy | None = None) -> Where:
+def locate(plant: Plant | str, logs: Log | Sequence[Log], policy: DecisionPolicy | None = None) -> Where:
     """Where the plant fails on these logs, usually those it was fitted to.
 
-    policy: holds the evidence from which something is said to be left (default: `DecisionPolicy()`). Raises
-    ValueError if a log is too short, its command is in another unit than the plant's, or the filter loses it.
+    plant: a `Plant`, a plant file or a known set. policy: holds the evidence from which something is said to be left
+    (default: `DecisionPolicy()`). Raises TypeError for what is no `Log`, and ValueError if a log is too
+    short, its command is in another unit than the plant's, or the filter loses it.
     """
     policy = policy or DecisionPolicy()
-    logs = (logs,) if isinstance(logs, Log) else logs
+    plant, logs = Plant.resolve(plant), as_logs(logs)
     for log in logs:
         log.check_unit(plant.unit)
     return located(Seen.of(plant, logs, policy), policy)
