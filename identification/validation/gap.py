@@ -165,8 +165,8 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
 
     plant: a `Plant`, a plant file or a known set. own_zeros: estimate the zeros of the encoders in each log first, as
     logs of one rig need not count from the same place; off for logs that the plant was fitted to. Of logs that repeat
-    one command the floor is their spread. Raises TypeError for what is no `Log`, and ValueError for logs that are too short, whose command is in another unit than the plant's, or that the
-    filter cannot follow with this plant.
+    one command the floor is their spread. Raises TypeError for what is no `Log`, and ValueError for logs that are too
+    short, whose command is in another unit than the plant's, or that the filter cannot follow with this plant.
     """
     plant, logs = Plant.resolve(plant), list(as_logs(logs))
     if not logs:

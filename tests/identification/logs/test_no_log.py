@@ -57,5 +57,5 @@ def test_plants_go_by_name_or_file(tmp_path):
     by_file = simulate(str(QUBE.save(tmp_path / "rig.json")), open_loop(), 0.1, x0=(0, 3, 0, 0))
     for other in (by_name, by_file):
         np.testing.assert_array_equal(by_value.state, other.state)
-    with pytest.raises(FileNotFoundError, match="no plant 'none.json'"):
+    with pytest.raises(FileNotFoundError, match=r"no plant 'none\.json'"):
         simulate("none.json", open_loop(), 0.1)
