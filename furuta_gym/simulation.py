@@ -182,10 +182,8 @@ class LivePlant:
 
 def _memory_rows(plant: Plant) -> Iterator[tuple[str, slice]]:
     """The rows of the state in which each effect remembers, in the plant's order."""
-    first = 4
-    for effect in plant.effects:
+    for effect, (_, _, first) in zip(plant.effects, plant.packed().codes, strict=True):
         yield effect.name, slice(first, first + len(effect.type.memory))
-        first += len(effect.type.memory)
 
 
 def simulate(

@@ -164,6 +164,12 @@ def test_what_a_plant_file_leaves_open_is_said(missing: str, taken: str, tmp_pat
     assert taken in result.stderr
 
 
+def test_a_plant_whose_logs_are_null_is_validated(recorded: Path, tmp_path: Path) -> None:
+    plant = QUBE.replace(provenance={"logs": None}).save(tmp_path / "rig.json")
+    done = furuta("validate", plant, recorded, "--report", tmp_path / "page.html")
+    assert done.exit_code == 0, done.output
+
+
 def test_a_plant_file_without_a_schema_says_which_line_to_write(tmp_path: Path) -> None:
     data = QUBE.to_dict()
     del data["schema"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -74,3 +76,16 @@ def test_what_leaves_all_bounds_is_said() -> None:
     live = LivePlant(TABLE_3, 0.002)
     with pytest.raises(FloatingPointError, match="leaves all bounds"):
         live.step(0.0, (1e9, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("duration", "noise", "message"),
+    [
+        (math.inf, (0.0, 0.0), "must be finite"),
+        (1e9, (0.0, 0.0), "expected at most 20000000"),
+        (1.0, (-1.0, 0.0), "torque_noise must be two finite numbers"),
+    ],
+)
+def test_a_run_that_cannot_be_is_refused_at_once(duration: float, noise: tuple[float, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        simulate(TABLE_3, lambda y: 0.0, duration, 0.002, torque_noise=noise)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.logs.log import LogError
+from identification.logs.log import LogError, read_log, write_log
 from tests.factories import made_log, paper_log
 
 
@@ -123,3 +123,9 @@ def test_resampling_interpolates_angles_and_holds_the_command():
         np.testing.assert_allclose(getattr(same, name), getattr(log, name), atol=1e-12)
     with pytest.raises(LogError, match="sample_time"):
         log.resampled(-1.0)
+
+
+@pytest.mark.parametrize("device", ["rig 50 %", "/a/b/", "rig #3!"])
+def test_a_device_keeps_its_last_letters_in_text(tmp_path, device):
+    write_log(tmp_path / "log.csv", made_log(device=device))
+    assert read_log(tmp_path / "log.csv").device == device
