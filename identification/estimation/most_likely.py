@@ -102,7 +102,7 @@ def _most_likely(
     plant = with_known(winner.plant, known, effects)
 
     def quickly(plant: Plant, records: Sequence[Record]) -> PredictionError:
-        return PredictionError(plant, records, free(plant), winner.noise, _COARSER, physical=physical, zeros=zeros)
+        return PredictionError(plant, records, freely(plant), winner.noise, _COARSER, physical=physical, zeros=zeros)
 
     named = {effect for effect in effects if isinstance(effect, str)}
     pieces = [stretch.piece for stretch in used]
@@ -150,7 +150,7 @@ def _estimate(
             "the zero of q2 (upright), or give a start plant"
         )
     coordinates = problem.coordinates
-    spread = fit_covariance(problem, problem.expand(optimum.z, exact=True, scores=True))
+    spread = fit_covariance(problem, problem.expand(optimum.z, exact=True, scores=True, central=True))
     own = [i for i, c in enumerate(coordinates) if c.of_plant]
     slopes = np.array([coordinates[i].slope(optimum.z[i]) for i in own])
     names = tuple(coordinates[i].name for i in own)

@@ -99,6 +99,10 @@ def minimise(
 _RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
 
 
+_NEAR = 2.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
+_SHARES = (1.0, 0.3, 0.1)  # of that step, as the valley may bend
+
+
 def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     """One step that lowers V: (trial, expansion there, promised decrease, damping); trial is None if there is none.
 
@@ -111,6 +115,14 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
     if hoped < tolerance:
         return None, None, hoped, damping
+    for share in _SHARES if polishing and hoped < _NEAR else ():
+        moved = share * _bounded_step(z, g, H, move, 0.0, problem.low, problem.high)
+        if np.abs(moved[~problem.noisy]).max(initial=0.0) > 1.0:
+            continue
+        trial = problem.moved(z, moved, H)
+        there = replace(expansion, value=problem.value(trial))
+        if expansion.value - there.value > 0.5 * share * hoped:
+            return trial, there, hoped, damping
     for tries in range(12):
         moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high)
         predicted = -float(g @ moved + 0.5 * moved @ H @ moved)

@@ -12,6 +12,7 @@ import copy
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,14 @@ _VAGUE = 100.0  # times a reading's variance: how little is known of an angle be
 _BANDWIDTH = 3.0  # rad/s
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
 _STIFF = 1e-4  # relative tolerance of the rigid-body limits
+
+
+class _Differences(NamedTuple):
+    """V of the filters alone; of every record, rows (N, 5, n) of the information and scores (N, n)."""
+
+    value: float
+    rows: list[NDArray[np.float64]]
+    scores: list[NDArray[np.float64]]
 
 
 class PredictionError:
@@ -175,22 +184,44 @@ class PredictionError:
             total += float(np.sum(result.cost))
         return total
 
-    def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion:
+    def expand(
+        self, z: NDArray[np.float64], exact: bool = False, scores: bool = False, central: bool = False
+    ) -> Expansion:
         """V, gradient and Fisher information at z.
 
         `exact` lets the gains follow every parameter; else they follow the noise only, which is half the cost. The
         gradient is then that of a predictor with frozen gains: it vanishes at the truth, but under a wrong model not
-        quite at the minimum of V.
+        quite at the minimum of V. `central`: differences to both sides, at twice the cost. Where parameters imitate
+        each other, the curvature of a one-sided difference passes for information that the data do not hold.
         """
+        n = len(z)
+        steps = np.array([c.step for c in self.coordinates])
+        steps = np.where(z + steps > self.high, -steps, steps)
+        sides = [self._differences(z, steps, exact)]
+        if central and sides[0] is not None:
+            back = np.where((z - steps < self.low) | (z - steps > self.high), steps, -steps)
+            sides.append(self._differences(z, back, exact))
+        value, gradient, information = self._prior(z)
+        found = [side for side in sides if side is not None]
+        if len(found) < len(sides):
+            return Expansion(math.inf, gradient, information)
+        value += found[0].value
+        slopes = [sum(s) / len(found) for s in zip(*(side.scores for side in found), strict=True)]
+        for rows, g in zip(zip(*(side.rows for side in found), strict=True), slopes, strict=True):
+            flat = (sum(rows) / len(found)).reshape(-1, n)
+            gradient = gradient + g.sum(axis=0)
+            information = information + flat.T @ flat
+        return Expansion(value, gradient, information, slopes if scores else None)
+
+    def _differences(self, z: NDArray[np.float64], steps: NDArray[np.float64], exact: bool) -> _Differences | None:
+        """What filters shifted by `steps` (n,) say; None where one diverged."""
         n = len(z)
         noisy = [i for i, c in enumerate(self.coordinates) if exact or c.noise]
         order = np.array(noisy + [i for i in range(n) if i not in noisy], dtype=np.int64)
-        steps = np.array([c.step for c in self.coordinates])
-        steps = np.where(z + steps > self.high, -steps, steps)
         bank = np.repeat(z[None], n + 1, axis=0)
         bank[np.arange(1, n + 1), order] += steps[order]
         rows = [np.empty((len(r.t), 5, n)) for r in self.records]
-        all_scores = [np.empty((len(r.t), n)) for r in self.records]
+        scores = [np.empty((len(r.t), n)) for r in self.records]
         parts = _halves(len(noisy), n) if self.pool is not None and len(self.records) == 1 else [np.arange(n)]
         jobs = [(i, part) for i in range(len(self.records)) for part in parts]
 
@@ -201,19 +232,12 @@ class PredictionError:
             result = self._filter(self.records[i], bank[positions], leaders, leaders if exact else 1)
             if result is None:
                 return math.inf
-            return differentiate(*result[:3], steps[order[part]], order[part], rows[i], all_scores[i])
+            return differentiate(*result[:3], steps[order[part]], order[part], rows[i], scores[i])
 
         values = list(mapped(self.pool, work, jobs))
-        value, gradient, information = self._prior(z)
         if not all(map(math.isfinite, values)):
-            return Expansion(math.inf, gradient, information)
-        for (_, part), v in zip(jobs, values, strict=True):
-            value += v if part[0] == 0 else 0.0
-        for F, g in zip(rows, all_scores, strict=True):
-            flat = F.reshape(-1, n)
-            gradient = gradient + g.sum(axis=0)
-            information = information + flat.T @ flat
-        return Expansion(value, gradient, information, all_scores if scores else None)
+            return None
+        return _Differences(sum(v for (_, part), v in zip(jobs, values, strict=True) if part[0] == 0), rows, scores)
 
     def prior_cost(self, z: NDArray[np.float64]) -> float:
         """What priors, and the rigid body if asked for, add to V at z."""

@@ -4,6 +4,9 @@ The pendulum's row has no input, so θ2 … θ5, θ7 and θ9 share a scale that 
 something large is missing at the start, that scale is dragged away, torque noise grows to explain the rest, and the
 descent ends in a narrow curved valley far from the optimum. From there the way back is short for a fit that starts with
 more torque noise, or with another scale.
+
+Or the shape of an effect ends where the readings do not answer to it: a stop that never slips is a spring. Then its
+grid gives other starts.
 """
 
 from __future__ import annotations
@@ -17,11 +20,13 @@ from ..kalman.noise_model import TORQUE
 from .long_logs import glimpse_of
 from .optimise import Optimum, minimise
 from .prediction_error import PredictionError, quietest
+from .uncertainty import inverse_information
 
 _SCALED = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
 _SCALES = (1.0, 4.0, 0.25)  # times the pendulum's row
 _LOUDER = 100.0  # times the torque noise
 _HIDING = 10.0  # times the least torque noise, from which noise may hide that a fit has stalled
+_UNDETERMINED = 2.0  # standard deviation of a logarithm: a factor of seven
 _SHORT = 4  # iterations of a restart before those that are behind are dropped
 _WORTH = 0.5  # nats, that a restart must come down by
 _ROUNDS = 3
@@ -50,7 +55,8 @@ def _rounds(problem: PredictionError, found: Optimum, iterations: int, tolerance
     for _ in range(_ROUNDS):
         if not _may_have_stalled(problem, found):
             break
-        best = _best_of(problem, [_shifted(problem, found.z, scale) for scale in _SCALES], found.value, tolerance)
+        starts = [_shifted(problem, found.z, scale) for scale in _SCALES] + _elsewhere(problem, found)
+        best = _best_of(problem, starts, found.value, tolerance)
         if not best.value < found.value - _WORTH:
             break
         again = minimise(problem, best.z, iterations, tolerance, exact=exact)
@@ -91,6 +97,24 @@ def _best_of(problem: PredictionError, starts: list[NDArray[np.float64]], reach:
             break  # low enough for a full fit
     assert best is not None
     return best
+
+
+def _elsewhere(problem: PredictionError, found: Optimum) -> list[NDArray[np.float64]]:
+    """Starts in which a shape that the readings do not determine where it ended has each value of its grid."""
+    variance = np.diag(inverse_information(found.expansion.information))
+    index = {c.name: i for i, c in enumerate(problem.coordinates) if c.log and not c.noise}
+    plant, starts = problem.plant_at(found.z), []
+    for effect in plant.effects:
+        usual = plant.default_effect(effect.name).parameters
+        for p in effect.type.parameters:
+            i = index.get(f"{effect.name}.{p.name}")
+            if i is None or p.role != "shape" or variance[i] < _UNDETERMINED**2:
+                continue
+            for value in p.grid_on(usual[p.name]):
+                z = found.z.copy()
+                z[i] = problem.coordinates[i].to_z(value)
+                starts.append(np.clip(z, problem.low, problem.high))
+    return starts
 
 
 def _shifted(problem: PredictionError, z: NDArray[np.float64], scale: float) -> NDArray[np.float64]:

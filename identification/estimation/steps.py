@@ -27,6 +27,7 @@ _DIFFERENCE = 1e-6  # of a coordinate, for the coefficients' derivatives
 _INSIDE = 1e-9  # of a coordinate: a search between bounds must not start on one
 _EXACT = 1e-10  # tolerances of that search
 _SEARCH = 50  # evaluations of it
+_FACTOR = 1.0  # of a logarithm at most: straight in the value, a step would lead below zero
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,9 @@ class LinearEffect:
         values, vectors = np.linalg.eigh(information[np.ix_(own, own)])
         weight = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T @ np.linalg.pinv(self._slopes(z, moving))
         low, high = np.array([self.free[name].z_bounds for name in moving]).T
+        positive = np.array([self.free[name].log for name in moving])
+        low = np.where(positive, np.maximum(low, z[own] - _FACTOR), low)
+        high = np.where(positive, np.minimum(high, z[own] + _FACTOR), high)
         end = straight.copy()
 
         def misses(x: Array) -> Array:

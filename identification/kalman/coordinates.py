@@ -27,8 +27,8 @@ _ZERO_LIMIT = 3.0, 4e-3
 _STEP = 1e-6
 """Of differences for derivatives. Short: where parameters imitate each other their answers cancel to a thousandth, and
 what is left must not be the differences' error. Not shorter: then it would be rounding's."""
-_KINK_STEP = 1e-4
-"""The same of r, and of a shape that is searched on a grid: a place, a width or a time. V is not smooth in those."""
+_JUMP_STEP = 1e-4
+"""The same of what the readings answer in jumps."""
 _NOISE_STEP = 1e-4
 
 SHARPNESS_NAMES = ("r", *_SHARPNESS)
@@ -106,8 +106,7 @@ def plant_coordinates(
         names = _SHARPNESS if isinstance(plant.friction_sharpness, tuple) else ("r",)
         rows = [plant.layout.rows(name)[0] for name in names]
         coordinates += [
-            Coordinate(name, row, log=True, low=1.0, high=1e4, step=_KINK_STEP)
-            for name, row in zip(names, rows, strict=True)
+            Coordinate(name, row, log=True, low=1.0, high=1e4) for name, row in zip(names, rows, strict=True)
         ]
     for effect in plant.effects:
         if effect.type.learned:
@@ -153,7 +152,7 @@ def _theta_coordinates(plant: Plant, negative_friction: bool) -> list[Coordinate
 
 
 def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coordinate:
-    step = _KINK_STEP if p.role == "shape" and p.grid else _STEP
+    step = _JUMP_STEP if p.jumps else _STEP
     if p.role == "shape" and p.lower > 0:
         return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=step)
     if p.spread and usual > 0:

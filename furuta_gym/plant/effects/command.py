@@ -141,6 +141,7 @@ COMMAND_EFFECTS = (
                 upper=1.0,
                 role="shape",
                 grid=(0.4,),
+                jumps=True,
             ),
         ),
         kernels={"command": _saturation},

@@ -37,12 +37,15 @@ class Parameter:
 
     For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that the
     log's length decides); `span` says that a shape enters linearly together with the size, as a "phase" (A sin(x + φ)),
-    as a "product" (k (x − s)) or through the effect's `linear` ("linear"), so that no grid is needed; `optional`, on a
+    as a "product" (k (x − s)) or through the effect's `linear` ("linear"), so that no grid is needed (with one, the
+    search tries its values, and only the steps of a descent make use of it); `optional`, on a
     size that is zero unless asked for and on its shapes, is the name of that size: while that is neutral, an estimator
     leaves them as they are and a search does not try them; `spread`, on a positive shape, is the standard deviation of
     its logarithm around the default that mechanics allow, an estimator's prior; `rough` says that small changes make
     what follows different throughout (a stop is hit or just missed), so that only trying leads to the best value;
-    `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does.
+    `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does; `jumps`
+    that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so that
+    derivatives need a longer step.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Parameter:
     spread: float = 0.0
     rough: bool = False
     abrupt: bool = False
+    jumps: bool = False
 
     @property
     def positive(self) -> bool:
@@ -84,7 +88,7 @@ class EffectType:
     The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
     entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
-    shapes that have a grid stay as they are. `includes` says which other effects are special cases of this one: a
+    shapes that have a grid and no span stay as they are. `includes` says which other effects are special cases of this one: a
     function of the other's parameters and of this one's gives this one's parameters that do what both did. `wider`
     gives starts of a wider law of the same cause, in which the optional parameters play a part, from the parameters of
     the plain one. `learned` marks what is no name: no search proposes it, and no descent moves its parameters.

@@ -20,6 +20,10 @@ def _coulomb_asymmetry(v2, r2, a):
     return 0.0, -a * abs(tanh(r2 * v2))
 
 
+def _tilt_coefficients(αx, αy, G1):
+    return αx, αy, G1 * αx, G1 * αy
+
+
 def _tilt(q1, q2, theta5, αx, αy, G1):
     s1, c1 = sincos(q1)
     s2, c2 = sincos(q2)
@@ -108,10 +112,12 @@ PENDULUM_EFFECTS = (
                 lower=0.0,
                 role="shape",
                 grid=(0.5, 1.5, 4.0),
+                span="linear",
                 spread=0.8,  # unlimited, it is a spring: a small tilt with it passes for a cable
             ),
         ),
         kernels={"torque": _tilt},
+        linear=_tilt_coefficients,
         mistaken_for=("pendulum_encoder_offset", "arm_spring", "input_offset", "arm_cable", "arm_taut_cable"),
     ),
     EffectType(
@@ -154,7 +160,7 @@ PENDULUM_EFFECTS = (
         says=lambda m, t0: f"From {t0} on, the pendulum is {percent(m)} {either(m, 'heavier', 'lighter')}",
         parameters=(
             Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0),
-            Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times"),
+            Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times", jumps=True),
         ),
         kernels={"theta": _payload},
         changes=("theta1", "theta2", "theta3", "theta4", "theta5"),

@@ -78,8 +78,8 @@ def cells(effect: EffectType, plant: Plant, duration: float, frequencies: NDArra
     default = plant.default_effect(effect.name).parameters
     sizes = [p for p in effect.parameters if p.role == "size" and not p.optional]
     shapes = [p for p in effect.parameters if p.role == "shape"]
-    spanned = next((p for p in shapes if p.span), None)
-    gridded = [p for p in shapes if not p.span]
+    spanned = next((p for p in shapes if p.span and not p.grid), None)
+    gridded = [p for p in shapes if p.grid or not p.span]
     choices = {"times": np.linspace(0.05, 0.95, 37) * duration, "frequencies": frequencies}
     grids = [_grid(p, default[p.name], choices) for p in gridded]
     size_grid = max((len(p.grid) for p in sizes), default=0)
@@ -109,7 +109,7 @@ def _cell(effect, default, sizes, shape_values, spanned, i) -> Cell:
 
 def _spanning(effect: EffectType, default: Mapping[str, float], sizes: list[Parameter], base: dict) -> Cell:
     """Probes of an effect that is declared `linear`: as many as its coefficients have dimensions."""
-    free = [p.name for p in effect.parameters if p.span == "linear"]
+    free = [p.name for p in effect.parameters if _free(p)]
     base = base | dict.fromkeys(free, 0.0)
     probes, moved, rows = [], [], []
     for p in sizes:
@@ -123,12 +123,17 @@ def _spanning(effect: EffectType, default: Mapping[str, float], sizes: list[Para
     return Cell(effect.name, tuple(probes), tuple(moved))
 
 
+def _free(p: Parameter) -> bool:
+    """Whether a cell leaves a shape open, as the effect's `linear` makes up for it."""
+    return p.span == "linear" and not p.grid
+
+
 def _nearest(cell: Cell, weights: NDArray[np.float64], gram: NDArray[np.float64]) -> Effect | None:
     """The effect within its bounds whose answer is nearest to that of the weights: least squares over its free
     parameters. None where it would explain less than half of what the weights do."""
     effect, base = EFFECTS[cell.effect], cell.probes[0]
     units = {size: probe[size] for size, probe in zip(cell.sizes, cell.probes, strict=True)}
-    free = [p for p in effect.parameters if p.name in units or p.span == "linear"]
+    free = [p for p in effect.parameters if p.name in units or _free(p)]
     scale = np.array([units.get(p.name, 1.0) for p in free])
     low, high = np.array([p.lower for p in free]) / scale, np.array([p.upper for p in free]) / scale
     solved = np.linalg.pinv(np.array([effect.coefficients(probe) for probe in cell.probes]).T)

@@ -66,3 +66,24 @@ def test_a_restart_leaves_a_good_fit_alone_and_mends_a_stalled_one() -> None:
     stalled = minimise(problem, z, 4, TOLERANCE, exact=False)
     assert stalled.value > optimum.value + 100.0
     assert restarted(problem, stalled, 40, TOLERANCE, exact=False).value < optimum.value + 1.0
+
+
+def test_a_stop_that_never_slips_in_a_fit_gets_another_travel() -> None:
+    """It is a spring, of which the readings tell no travel: no descent comes back from there."""
+    effects = [HiddenEffect("arm_cable", 1.0), HiddenEffect("arm_hysteresis", 2.0)]
+    rig = Rig("workshop", effects, individual=3)
+    estimate = identify(bench_log(rig, "wide", seed=1, duration=8.0), effects=["arm_cable", "arm_hysteresis"])
+    travel = rig.truth()["effects"][1]["parameters"]["d"]["value"]
+    assert estimate.value("arm_hysteresis.d") == pytest.approx(travel, rel=0.05)
+    problem, optimum = estimate.problem, estimate.optimum
+    assert problem is not None
+    assert optimum is not None
+    z = optimum.z.copy()
+    for i, c in enumerate(problem.coordinates):
+        if c.name.startswith("arm_hysteresis"):
+            z[i] = c.to_z({"d": 2.5, "κ": 0.03}[c.name[-1]])
+        if c.noise and c.row < 2:
+            z[i] += 5.0
+    stuck = minimise(problem, z, 30, TOLERANCE, exact=False)
+    assert stuck.value > optimum.value + 50.0
+    assert restarted(problem, stuck, 40, TOLERANCE, exact=False).value < optimum.value + 1.0
