@@ -87,7 +87,9 @@ def menu(hanging_only: bool = False) -> tuple[Entry, ...]:
 
 @dataclass(frozen=True)
 class Trial:
-    """One experiment tried: separations {(truth, fitted): nats}, None where it cannot be run (`problem` says why)."""
+    """One experiment tried: separations {(truth, fitted): nats}, none where it cannot be run (`problem` says why).
+
+    Where a pair is told apart no better than by another experiment's worst, the pairs after it are not tried."""
 
     entry: Entry
     setup: Setup
@@ -197,7 +199,9 @@ def between(
     for entry in menu(policy is None):
         tell(f"trying: {entry.name}")
         setup = Setup.of(plant, None if entry.hanging else policy, duration, sample_time)
-        trials.append(_try(replace(setup, offset=entry.offset or setup.offset), entry, limits, suspects, seed))
+        so_far = max((t.worst for t in trials), default=-math.inf)
+        setup = replace(setup, offset=entry.offset or setup.offset)
+        trials.append(_try(setup, entry, limits, suspects, seed, so_far))
     best = max(trials, key=lambda t: t.worst)
     if not best.separations:
         raise ValueError("no experiment can be run: " + "; ".join(f"{t.entry.name}: {t.problem}" for t in trials))
@@ -213,7 +217,9 @@ def _suspects(plant: Plant, names: Sequence[str | Effect]) -> list[Effect]:
     return [(plant.effect(n) or plant.default_effect(n)) if isinstance(n, str) else n for n in names]
 
 
-def _try(setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[Effect], seed: int) -> Trial:
+def _try(
+    setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[Effect], seed: int, so_far: float
+) -> Trial:
     allowed = entry.limits.within(setup.rig_limits)
     if limits is not None:  # the user's |q2| is about where the rig's own loop rests, not about another rest
         allowed = allowed.within(replace(limits, q2=math.inf) if entry.hanging else limits)
@@ -223,17 +229,20 @@ def _try(setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[E
             signal = within_limits(setup, entry.signal, allowed, seed, entry.most)
         except ValueError as error:
             return Trial(entry, setup, None, {}, str(error))
-    trial = _separations(setup, entry, signal, suspects, seed)
+    trial = _separations(setup, entry, signal, suspects, seed, so_far)
     for _ in range(_SMALLER - 1):
         if not trial.problem or signal is None:
             break
         signal = Scaled(signal.signal, 0.6 * signal.factor)
-        trial = _separations(setup, entry, signal, suspects, seed)
+        trial = _separations(setup, entry, signal, suspects, seed, so_far)
     return trial
 
 
-def _separations(setup: Setup, entry: Entry, signal: Scaled | None, suspects: Sequence[Effect], seed: int) -> Trial:
-    """Each suspect in turn as the truth, every other one fitted to its log."""
+def _separations(
+    setup: Setup, entry: Entry, signal: Scaled | None, suspects: Sequence[Effect], seed: int, so_far: float
+) -> Trial:
+    """Each suspect in turn as the truth, every other one fitted to its log, until a pair is no further apart than
+    `so_far` [nats]."""
     plants = [setup.plant.with_effects(e) for e in suspects]
     runs = [setup.run(signal, seed, plant) for plant in plants]
     for truth, run in zip(suspects, runs, strict=True):
@@ -245,7 +254,10 @@ def _separations(setup: Setup, entry: Entry, signal: Scaled | None, suspects: Se
         right = _value(setup, plant, record)
         for other in suspects:
             if other is not truth:
-                found[truth.name, other.name] = max(float(_fitted(setup, other, record) - right), 0.0)
+                nats = max(float(_fitted(setup, other, record) - right), 0.0)
+                found[truth.name, other.name] = nats
+                if nats <= so_far:
+                    return Trial(entry, setup, signal, found)
     return Trial(entry, setup, signal, found)
 
 

@@ -28,7 +28,7 @@ from ..kalman.arguments import Gaussian, Readings
 from ..kalman.bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, read_pair
 from ..kalman.noise_model import RecordNoise
 from ..kalman.record import stretches
-from ..logs.log import Log
+from ..logs.log import Log, as_logs
 from .start import candidates
 
 _LOG = 5  # θ1 … θ5 are carried as logarithms
@@ -67,7 +67,7 @@ def track(
     to follow a plant that changes. Torque noise is taken to be two percent of the command for 10 ms; the friction's
     sharpness r is the start plant's. Raises ValueError for bad arguments, or if the filter diverges.
     """
-    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    logs = as_logs(logs)
     if not logs:
         raise ValueError("track needs at least one log, got none")
     if not (math.isfinite(wander) and wander >= 0):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import Plant
+from furuta_gym.plant import THETA_NAMES, Plant
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.layout import N_BASE
 
@@ -245,22 +245,40 @@ class PredictionError:
 
     def _prior(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         value, gradient, information = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for i, (c, zi) in enumerate(zip(self.coordinates, z, strict=True)):
-            residuals = []
-            if c.prior is not None:
-                residuals.append(((c.to_value(zi) - c.prior[0]) / c.prior[1], c.slope(zi) / c.prior[1]))
-            if c.weak_prior is not None:
-                residuals.append(((zi - c.weak_prior[0]) / c.weak_prior[1], 1.0 / c.weak_prior[1]))
-            for r, slope in residuals:
-                value += 0.5 * r * r
-                gradient[i] += r * slope
-                information[i, i] += slope * slope
-        if self.physical:
-            for r, slopes in self._rigid_body(z):
-                value += 0.5 * r * r
-                gradient += r * slopes
-                information += np.outer(slopes, slopes)
+        for r, slopes in self._beliefs(z) + (self._rigid_body(z) if self.physical else []):
+            value += 0.5 * r * r
+            gradient += r * slopes
+            information += np.outer(slopes, slopes)
         return value, gradient, information
+
+    def _beliefs(self, z: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
+        """Residuals and slopes of the priors, in standard deviations."""
+        found = []
+        for i, (c, zi) in enumerate(zip(self.coordinates, z, strict=True)):
+            if c.prior is not None:
+                found.append(((c.to_value(zi) - c.prior[0]) / c.prior[1], self._one(i, c.slope(zi) / c.prior[1])))
+            if c.weak_prior is not None:
+                centre, std = c.weak_prior
+                slopes = self._one(i, 1.0 / std)
+                if c.relative_to:
+                    theta, of, slope = self._theta(z, c.relative_to)
+                    centre += math.log(max(theta, 1e-12))
+                    if of is not None and theta > 1e-12:
+                        slopes[of] -= slope / theta / std
+                found.append(((zi - centre) / std, slopes))
+        return found
+
+    def _one(self, i: int, slope: float) -> NDArray[np.float64]:
+        slopes = np.zeros(len(self.coordinates))
+        slopes[i] = slope
+        return slopes
+
+    def _theta(self, z: NDArray[np.float64], name: str) -> tuple[float, int | None, float]:
+        """An entry of θ at z, its coordinate where it is free, and the slope in that."""
+        for i, c in enumerate(self.coordinates):
+            if c.name == name:
+                return c.to_value(z[i]), i, c.slope(z[i])
+        return float(self.p[THETA_NAMES.index(name)]), None, 0.0
 
     def _rigid_body(self, z: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
         """Residuals and slopes that hold J1 = θ1 − θ3²/θ2 and J2 = θ4 − θ2 above a thousandth of θ1 and θ4."""

@@ -42,7 +42,8 @@ class Coordinate:
     row: its row in P (of "r" the first), in the packed noise, or the axis of an encoder's zero; zero_of: the log whose
     zero it is, None for anything else. low, high: bounds of the value. step: difference used for derivatives, in the
     coordinate. prior: (mean, std) of the value, or None. weak_prior: (centre, std) of the
-    coordinate itself, for a log coordinate a log-normal prior.
+    coordinate itself, for a log coordinate a log-normal prior. relative_to: the entry of θ that the value is compared
+    with in that prior, "" for none; the prior moves with it.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Coordinate:
     noise: bool = False
     prior: tuple[float, float] | None = None
     weak_prior: tuple[float, float] | None = None
+    relative_to: str = ""
     zero_of: int | None = None
 
     @property
@@ -127,7 +129,12 @@ def plant_coordinates(
     p0 = plant.packed().p
     weak = [(c.to_z(p0[c.row]), weak_prior_std) if weak_prior_std and c.log else None for c in coordinates]
     return [
-        replace(c, prior=_checked_prior(c.name, priors.get(c.name)), weak_prior=w or c.weak_prior)
+        replace(
+            c,
+            prior=_checked_prior(c.name, priors.get(c.name)),
+            weak_prior=w or c.weak_prior,
+            relative_to="" if w else c.relative_to,
+        )
         for c, w in zip(coordinates, weak, strict=True)
         if c.name not in fixed
     ]
@@ -156,8 +163,11 @@ def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coord
     if p.role == "shape" and p.lower > 0:
         return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=step)
     if p.spread and usual > 0:
-        weak = (math.log(usual), p.spread)
-        return Coordinate(name, row, log=True, low=1e-3 * usual, high=1e3 * usual, step=step, weak_prior=weak)
+        of_theta = p.relative_to if p.relative_to and p.relative_to in THETA_NAMES else ""
+        weak = (math.log(p.default if of_theta else usual), p.spread)
+        return Coordinate(
+            name, row, True, low=1e-3 * usual, high=1e3 * usual, step=step, weak_prior=weak, relative_to=of_theta
+        )
     scale = usual if usual and math.isfinite(usual) else 1.0
     return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=step)
 

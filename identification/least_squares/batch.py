@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..logs.log import Log
+from ..logs.log import Log, as_logs
 from .filtered_model import (
     FRICTION_SHARPNESS,
     LAMBDA,
@@ -145,7 +145,7 @@ def filtered_least_squares(
     a change beyond 10 % and beyond four of its own standard deviations (jackknife over blocks of time) is
     reported. (A specification test in the sense of Hausman: two estimators that agree if the model holds.)
     """
-    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    logs = as_logs(logs)
     models = filtered_models(logs, lam=lam, r=r, wc=wc, T=T)
     estimate = solve(models, logs[0].input_unit)
     changed = _bandwidth_change(models, filtered_models(logs, lam=3 * lam, r=r, wc=wc, T=T), estimate.theta)

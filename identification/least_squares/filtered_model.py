@@ -24,7 +24,7 @@ from scipy.signal import lfilter
 
 from furuta_gym.plant.regressor import omega_a, omega_b
 
-from ..logs.log import Log, LogError
+from ..logs.log import Log, LogError, as_logs
 from .signals import ORDER, WC, central_difference, cutoff_frequency, low_pass, zero_phase
 
 LAMBDA = 10.0
@@ -101,7 +101,7 @@ def filtered_models(
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} = {value}: expected a positive number")
     taps = low_pass(wc)
-    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    logs = as_logs(logs)
     models = []
     for log in logs:
         for piece in log.pieces():

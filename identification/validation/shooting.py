@@ -23,7 +23,7 @@ from ..kalman.coordinates import Coordinate, Zeros, filled_plant, plant_coordina
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath, smooth
 from ..kalman.record import Record, stretches
-from ..logs.log import Log
+from ..logs.log import Log, as_logs
 from .free_run import Windows, free_run
 
 HORIZONS = (0.1, 0.2, 0.35, 0.5)
@@ -55,7 +55,7 @@ def shooting(plant: Plant, logs: Log | Sequence[Log], zeros: Zeros | None = None
 
     zeros: of the logs' encoders. Raises ValueError where no log is long enough or the filter loses them.
     """
-    logs = moved([logs] if isinstance(logs, Log) else list(logs), zeros or {})
+    logs = moved(as_logs(logs), zeros or {})
     records = [s.record for s in stretches(logs) if s.record.duration > _SETTLE + 4 * HORIZONS[-1]]
     if not records:
         raise ValueError(f"no log is long enough: multiple shooting needs {_SETTLE + 4 * HORIZONS[-1]:g} s")

@@ -149,7 +149,7 @@ def _nearest(cell: Cell, weights: NDArray[np.float64], gram: NDArray[np.float64]
     best, least = None, (1.0 - _KEPT) * float(wanted @ wanted)
     for sides in itertools.product((-1.0, 1.0), repeat=sum(p.name not in units for p in free)):
         side = iter(sides)
-        first = [size if p.name in units else next(side) for p in free]
+        first = np.clip([size if p.name in units else next(side) for p in free], low, high)
         found = least_squares(misses, first, bounds=(low, high), xtol=1e-12, ftol=1e-12, gtol=1e-12)
         if 2.0 * found.cost < least:
             best, least = found.x, 2.0 * found.cost

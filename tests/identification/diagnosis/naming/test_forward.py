@@ -135,6 +135,17 @@ def test_weights_beyond_the_bounds_start_the_nearest_possible_cable() -> None:
     assert cell.start(-weights) is None  # a spring that pushes away
 
 
+def test_a_tilt_beyond_its_bounds_starts_within_them() -> None:
+    """Weights that a score suggests know no bounds: a strong cable asks for a base that stands upright."""
+    (cell, *_) = cells(EFFECTS["base_tilt"], TABLE_3, 20.0, np.array([1.0]))
+    start = cell.start(np.array([400.0, 0.5]))
+    assert start is None or abs(start.parameters["αx"]) <= 0.5
+    within = cell.start(np.array([2.0, 0.5]))
+    assert within is not None
+    assert within.parameters["αx"] == pytest.approx(2.0 * cell.probes[0]["αx"])
+    assert within.parameters["G1"] == cell.probes[0]["G1"]
+
+
 def test_friction_that_remembers_is_suspected_at_its_width() -> None:
     hidden = Effect("arm_hysteresis", {"κ": 1.5, "d": 0.05})
     log = noisy_log(9, TABLE_3.with_effects(hidden), duration=6.0)
