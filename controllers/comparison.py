@@ -17,7 +17,7 @@ from .statistics import Interval
 if TYPE_CHECKING:
     from rich.table import Table
 
-SCHEMA = "furuta-comparison/1"
+SCHEMA, FIRST_SCHEMA = "furuta-comparison/2", "furuta-comparison/1"
 Scores = Mapping[str, Mapping[str, Mapping[str, Interval]]]
 
 UNITS = {
@@ -53,7 +53,7 @@ class Comparison:
             "plant": self.plant.to_dict(),
             "settings": dict(self.settings),
             "units": {name: unit.format(u=self.plant.unit) for name, unit in UNITS.items()},
-            "groups": dict(self.groups),
+            "groups": {group: self._in_group(group) for group in dict.fromkeys(self.groups.values())},
             "controllers": {
                 controller: {
                     condition: {figure: interval.to_dict() for figure, interval in figures.items()}
@@ -64,10 +64,30 @@ class Comparison:
             "skipped": dict(self.skipped),
         }
 
+    def _in_group(self, group: str) -> dict[str, dict[str, Any]]:
+        """{condition: {controller: its success rate and what the worst 5 % of its trials reach}}."""
+        return {
+            condition: {
+                controller: {
+                    figure: interval.to_dict()
+                    for figure, interval in rows[condition].items()
+                    if figure == "success" or figure.startswith("worst_")
+                }
+                for controller, rows in self.scores.items()
+                if condition in rows
+            }
+            for condition, of in self.groups.items()
+            if of == group
+        }
+
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Comparison":
-        """Inverse of `to_dict`. Raises ValueError on another schema."""
-        if data.get("schema") != SCHEMA:
+        """Inverse of `to_dict`; also reads the first schema. Raises ValueError on any other."""
+        if data.get("schema") == FIRST_SCHEMA:
+            groups = data["groups"]
+        elif data.get("schema") == SCHEMA:
+            groups = {condition: group for group, rows in data["groups"].items() for condition in rows}
+        else:
             raise ValueError(f'not a comparison: expected "schema": "{SCHEMA}", got {data.get("schema")!r}')
         scores = {
             controller: {
@@ -76,7 +96,7 @@ class Comparison:
             }
             for controller, rows in data["controllers"].items()
         }
-        return cls(Plant.from_dict(data["plant"]), data["settings"], data["groups"], scores, data["skipped"])
+        return cls(Plant.from_dict(data["plant"]), data["settings"], groups, scores, data["skipped"])
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Comparison":

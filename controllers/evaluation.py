@@ -50,9 +50,10 @@ def compare(
 
     controllers: names (see `CONTROLLERS`), policy files `*.zip`, `Controller`s, or any policy with a `name`.
     design_plant: what named controllers are designed from, default `plant`; the two differ to see what a wrong model
-    costs. trials: of the conditions "balance" and "swing-up"; small_trials (default: a quarter, at least 10) of each
-    other condition. sample_time [s]: default is the plant's, else a whole fraction of the first policy file's, at most
-    2 ms, else 2 ms. sensors: default is what the plant file says, else 4096 counts. jobs: processes.
+    costs. trials: of the conditions "balance" and "swing-up"; small_trials of each other condition (default: a
+    quarter, but 10 if `trials` is no less). sample_time [s]: default is the plant's, else a whole fraction of the first
+    policy file's, at most 2 ms, else 2 ms. sensors: default is what the plant file says, else 4096 counts. jobs: of
+    processes.
     trust: also read policies of stable-baselines3, which runs the code in them. progress(done, of): called after each
     condition. A controller that does not apply to the plant is left out, with the reason. Raises ValueError on an
     unknown name, group or effect, and when nothing is left to compare.
@@ -65,7 +66,7 @@ def compare(
         )
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
-    small = small_trials or max(10, trials // 4)
+    small = small_trials or min(trials, max(10, trials // 4))
     T, sensors = trial_period(plant, sample_time, controllers), choose_sensors(plant, sensors)
     policies, skipped = _build(controllers, design, T, sensors, trust)
     if not policies:

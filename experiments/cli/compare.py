@@ -25,7 +25,12 @@ def compare_command(
     design_plant: Annotated[
         str | None, typer.Option(help="Plant that the controllers are designed from; default: the trials' plant.")
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of the main group; other conditions have a quarter.", min=1)] = 100,
+    trials: Annotated[
+        int,
+        typer.Option(
+            help="Of the main group; other conditions have a quarter, but at least 10 where there are so many.", min=1
+        ),
+    ] = 100,
     duration: Annotated[float, typer.Option(help="Length of a trial in seconds.")] = 10.0,
     groups: Annotated[
         str,

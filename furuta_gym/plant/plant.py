@@ -246,13 +246,14 @@ class Plant:
         effects = [] if data.get("effects") is None else data["effects"]
         if not isinstance(effects, list):
             raise ValueError(f'"effects" must be a list, got {effects!r}')
+        unit = data.get("unit", "V")
         return cls(
             theta=theta_vector(dict(data["theta"])),
             friction_sharpness=tuple(r) if isinstance(r, list) else r,
-            unit=data.get("unit", "V"),
+            unit=unit,
             u_max=data.get("u_max", 10.0),
             sample_time=data.get("sample_time"),
-            effects=tuple(Effect.from_dict(e) for e in effects),
+            effects=tuple(Effect.from_dict(e, unit if unit in UNITS else None) for e in effects),
             covariance=Covariance.from_dict(covariance) if covariance is not None else None,
             sensors=data.get("sensors"),
             provenance={} if data.get("provenance") is None else data["provenance"],

@@ -45,7 +45,7 @@ def with_plant(
         u_max=plant.u_max if u_max is None else float(u_max),
         covariance=Covariance(estimate.names, estimate.covariance),
         sensors=sensors,
-        sample_time=logs[0].sample_time,
+        sample_time=float(f"{logs[0].sample_time:.9g}"),  # stamps differ in their last bits
         provenance=_provenance(estimate, logs, start, u_max),
         checks=consistency.to_dict() | {"identifiability": estimate.identifiability.to_dict()},
     )

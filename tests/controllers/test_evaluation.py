@@ -164,6 +164,9 @@ def test_swing_up_group_takes_those_that_can(monkeypatch):
     rows = result.scores["swing-up"]
     assert set(rows) == set(result.groups) == {"swing-up", "again"}
     assert rows["swing-up"]["success"].value == 1.0
+    told = result.to_dict()["groups"]["swing_up"]["swing-up"]
+    assert set(told) == {"swing-up"}
+    assert {"success", "worst_settling", "worst_largest_q1"} <= set(told["swing-up"])
     assert rows["swing-up"]["worst_settling"].value >= rows["swing-up"]["settling"].value
     assert "worst 5 %" in str(result)
 
@@ -300,12 +303,16 @@ def test_files(comparison, tmp_path):
     }
     assert all(p.stat().st_size > 1000 for p in paths)
     data = json.loads((tmp_path / "comparison.json").read_text())
-    assert data["schema"] == "furuta-comparison/1"
+    assert data["schema"] == "furuta-comparison/2"
     assert data["controllers"]["dlqr"]["balance"]["success"]["n"] == 8
+    assert data["groups"]["balance"]["balance"]["dlqr"]["success"] == data["controllers"]["dlqr"]["balance"]["success"]
+    assert set(data["groups"]["delay"]["delay 16 ms"]) == set(data["controllers"])
     again = Comparison.load(tmp_path / "comparison.json")
     assert again.to_dict() == comparison.to_dict()
-    with pytest.raises(ValueError, match="furuta-comparison/1"):
-        Comparison.from_dict({"schema": "furuta-comparison/2"})
+    earlier = {**data, "schema": "furuta-comparison/1", "groups": dict(comparison.groups)}
+    assert Comparison.from_dict(earlier).to_dict() == comparison.to_dict()
+    with pytest.raises(ValueError, match="furuta-comparison/2"):
+        Comparison.from_dict({"schema": "furuta-comparison/3"})
 
 
 def test_table_shows_everyone(comparison):

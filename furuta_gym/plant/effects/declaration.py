@@ -88,10 +88,11 @@ class EffectType:
     The arguments of a kernel are bound by name. `memory` names the states the effect carries; `changes` names the
     entries of theta (or r1, r2) that its `theta` kernel returns. `linear`, for a search in data, is a function of some
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
-    shapes that have a grid and no span stay as they are. `includes` says which other effects are special cases of this one: a
-    function of the other's parameters and of this one's gives this one's parameters that do what both did. `wider`
-    gives starts of a wider law of the same cause, in which the optional parameters play a part, from the parameters of
-    the plain one. `learned` marks what is no name: no search proposes it, and no descent moves its parameters.
+    shapes that have a grid and no span stay as they are. `includes` says which other effects are special cases of this
+    one: a function of the other's parameters and of this one's gives this one's parameters that do what both did.
+    `wider` gives starts of a wider law of the same cause, in which the optional parameters play a part, from the
+    parameters of the plain one. `learned` marks what is no name: no search proposes it, and no descent moves its
+    parameters.
     """
 
     name: str

@@ -120,8 +120,11 @@ class Effect:
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Effect":
-        """Inverse of `to_dict`; a null value is the neutral one (JSON has no infinity)."""
+    def from_dict(cls, data: Mapping[str, Any], unit: str | None = None) -> "Effect":
+        """Inverse of `to_dict`; a null value is the neutral one (JSON has no infinity). unit: of the plant's command.
+
+        Raises ValueError for what makes no effect, and for a parameter whose unit is another than the plant's asks for.
+        """
         try:
             items = {k: (v if isinstance(v, Mapping) else {"value": v}) for k, v in data["parameters"].items()}
             name = data["name"]
@@ -130,11 +133,20 @@ class Effect:
         for key, entry in items.items():
             if wrong := [v for v in (entry.get("value"), entry.get("std")) if isinstance(v, bool | str)]:
                 raise ValueError(f"effect {name}: {key} must be a number, got {wrong[0]!r}")
-        return cls(
+        read = cls(
             name,
             {k: v["value"] for k, v in items.items() if v.get("value") is not None},
             {k: v["std"] for k, v in items.items() if v.get("std") is not None},
         )
+        expected = {} if unit is None else {p.name: p.unit.format(u=unit) for p in read.type.parameters}
+        for key, entry in items.items():
+            given, wanted = entry.get("unit"), expected.get(_PLAIN.get(key, key))
+            if given is not None and wanted is not None and given != wanted:
+                raise ValueError(
+                    f"effect {name}: {key} is given in {given!r}, but the plant's command is in {unit}: expected "
+                    f"{wanted}; convert the value, or leave the unit out"
+                )
+        return read
 
     def __str__(self) -> str:
         def show(name: str, value: float) -> str:

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from furuta_gym.plant import EFFECTS, LARGE_RIG, TABLE_3, Effect
+from furuta_gym.plant import EFFECTS, LARGE_RIG, TABLE_3, Effect, Plant
 
 every_effect = pytest.mark.parametrize("name", EFFECTS)
 
@@ -173,3 +173,14 @@ def test_an_unknown_effect_is_told_in_whole_sentences() -> None:
         ValueError, match=r"effect 'arm_sprng'; did you mean arm_spring\? Effects that a plant can have: "
     ):
         Effect("arm_sprng")
+
+
+def test_a_unit_that_is_not_the_plant_s_is_refused() -> None:
+    """A stiffness in N·m/rad would be taken for V/rad: 30 times too small on a QUBE."""
+    data = TABLE_3.with_effects(Effect("arm_spring", {"k": 0.2, "q1n": 0.1})).to_dict()
+    assert Plant.from_dict(data).effects
+    data["effects"][0]["parameters"]["k"]["unit"] = "N·m/rad"
+    with pytest.raises(ValueError, match=r"arm_spring: k is given in 'N·m/rad'.*expected V/rad"):
+        Plant.from_dict(data)
+    data["effects"][0]["parameters"]["k"] = {"value": 0.2}
+    assert Plant.from_dict(data).effects[0].parameters["k"] == 0.2
