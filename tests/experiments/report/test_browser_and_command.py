@@ -54,6 +54,36 @@ def test_verdict_size_and_next_step_are_on_the_first_screen(page, checked, exami
     assert len(asked) >= 4
 
 
+def test_a_page_is_dark_where_the_system_is(page, tmp_path):
+    """Words and ticks stand out from what is behind them, before and after a change, and paper stays white."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright")
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("no Chromium on PATH")
+    path = tmp_path / "report.html"
+    path.write_text(page, encoding="utf-8")
+    with playwright.sync_playwright() as p:
+        opened = p.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        tab = opened.new_page(color_scheme="dark")
+        tab.goto(path.as_uri())
+
+        def brightness(selector: str, what: str) -> float:
+            colour = tab.locator(selector).first.evaluate(f"(e) => getComputedStyle(e).{what}")
+            return sum(float(x) for x in re.findall(r"[\d.]+", colour)[:3]) / 3.0
+
+        def tick() -> float:
+            return brightness(".xtick text", "fill")
+
+        assert brightness("body", "backgroundColor") < 40.0
+        assert min(brightness("h1", "color"), tick()) > 180.0
+        tab.emulate_media(color_scheme="light")
+        tab.wait_for_function("getComputedStyle(document.querySelector('.xtick text')).fill === 'rgb(26, 26, 26)'")
+        assert brightness("body", "backgroundColor") == 255.0
+        tab.emulate_media(media="print", color_scheme="dark")
+        assert brightness("body", "backgroundColor") == 255.0
+        opened.close()
+
+
 @pytest.mark.timeout(400)
 def test_a_browser_draws_every_figure(page, checked, tmp_path):
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
