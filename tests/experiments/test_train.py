@@ -14,6 +14,7 @@ import pytest
 
 from controllers import make_controller
 from controllers.recipes import discount, observation_scale, recipe, training_period
+from controllers.training_record import OTHER_SEED
 from controllers.trials import balance_starts, run_trials
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from tests.commands import furuta, refused
@@ -40,6 +41,8 @@ def test_the_record_says_how_it_was_made(trained: Path) -> None:
     assert record["env"]["sample_time"] == 0.02
     assert record["env"]["normalize_action"] is True
     assert record["evaluation"]["trials"] == 200
+    chose = record["seed"] + OTHER_SEED
+    assert record["evaluation"]["seed"] not in (record["seed"], chose), "new trials judge what others chose"
     assert {"torch", "stable-baselines3", "numpy"} <= set(record["versions"])
     assert record["spent"]["cpu_s"] > 0
     assert [f.name for f in trained.parent.iterdir() if "checkpoint" in f.name] == []
