@@ -197,18 +197,18 @@ class PredictionError:
         n = len(z)
         steps = np.array([c.step for c in self.coordinates])
         steps = np.where(z + steps > self.high, -steps, steps)
-        sides = [self._differences(z, steps, exact)]
-        if central and sides[0] is not None:
+        answers = [self._differences(z, steps, exact)]
+        if central and answers[0] is not None:
             back = np.where((z - steps < self.low) | (z - steps > self.high), steps, -steps)
-            sides.append(self._differences(z, back, exact))
+            answers.append(self._differences(z, back, exact))
         value, gradient, information = self._prior(z)
-        found = [side for side in sides if side is not None]
-        if len(found) < len(sides):
+        found = [side for side in answers if side is not None]
+        if len(found) < len(answers):
             return Expansion(math.inf, gradient, information)
         value += found[0].value
-        slopes = [sum(s) / len(found) for s in zip(*(side.scores for side in found), strict=True)]
-        for rows, g in zip(zip(*(side.rows for side in found), strict=True), slopes, strict=True):
-            flat = (sum(rows) / len(found)).reshape(-1, n)
+        slopes = [_mean(sides) for sides in zip(*(side.scores for side in found), strict=True)]
+        for sides, g in zip(zip(*(side.rows for side in found), strict=True), slopes, strict=True):
+            flat = _mean(sides).reshape(-1, n)
             gradient = gradient + g.sum(axis=0)
             information = information + flat.T @ flat
         return Expansion(value, gradient, information, slopes if scores else None)
@@ -297,6 +297,11 @@ class PredictionError:
                 step[i] = 1e-7
                 slopes[:, i] = (lacks(z + step) - lacks(z - step)) / 2e-7
         return [(float(r[k]), slopes[k]) for k in range(2) if r[k] > 0]
+
+
+def _mean(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Of what differences to one side or to both say; a single one is not copied."""
+    return sides[0] if len(sides) == 1 else np.mean(sides, axis=0)
 
 
 def quietest(plant: Plant, records: Sequence[Record]) -> NDArray[np.float64]:

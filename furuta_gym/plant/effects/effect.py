@@ -140,7 +140,7 @@ class Effect:
         )
         expected = {} if unit is None else {p.name: p.unit.format(u=unit) for p in read.type.parameters}
         for key, entry in items.items():
-            given, wanted = entry.get("unit"), expected.get(_PLAIN.get(key, key))
+            given, wanted = entry.get("unit"), expected.get(_PLAIN.get(str(key), str(key)))
             if given is not None and wanted is not None and given != wanted:
                 raise ValueError(
                     f"effect {name}: {key} is given in {given!r}, but the plant's command is in {unit}: expected "
