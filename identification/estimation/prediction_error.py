@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import THETA_NAMES, Plant
+from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.layout import N_BASE
 
@@ -27,6 +27,7 @@ from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_paramet
 from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
+from .beliefs import Beliefs
 from .optimise import Expansion
 from .pool import mapped
 from .steps import LinearEffect
@@ -34,7 +35,6 @@ from .steps import LinearEffect
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
 _BANDWIDTH = 3.0  # rad/s
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
-_STIFF = 1e-4  # relative tolerance of the rigid-body limits
 
 
 class _Differences(NamedTuple):
@@ -72,7 +72,7 @@ class PredictionError:
         self.records, self.coordinates, self.noise = list(records), list(coordinates), noise
         self.coarser, self.zeros = coarser, dict(zeros or {})
         self.sharp = sharpness_rows(plant.layout)
-        self.physical, self.pool = physical, pool
+        self.beliefs, self.pool = Beliefs(tuple(self.coordinates), self.p, physical), pool
         bounds = np.array([c.z_bounds for c in self.coordinates])
         self.low, self.high = bounds[:, 0], bounds[:, 1]
         for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
@@ -177,7 +177,7 @@ class PredictionError:
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""
-        total = self._prior(z)[0]
+        total = self.beliefs.told(z)[0]
         for result in mapped(self.pool, lambda r: self._filter(r, z[None], 1, 1), self.records):
             if result is None:
                 return math.inf
@@ -201,7 +201,7 @@ class PredictionError:
         if central and answers[0] is not None:
             back = np.where((z - steps < self.low) | (z - steps > self.high), steps, -steps)
             answers.append(self._differences(z, back, exact))
-        value, gradient, information = self._prior(z)
+        value, gradient, information = self.beliefs.told(z)
         found = [side for side in answers if side is not None]
         if len(found) < len(answers):
             return Expansion(math.inf, gradient, information)
@@ -241,62 +241,7 @@ class PredictionError:
 
     def prior_cost(self, z: NDArray[np.float64]) -> float:
         """What priors, and the rigid body if asked for, add to V at z."""
-        return self._prior(z)[0]
-
-    def _prior(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-        value, gradient, information = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for r, slopes in self._beliefs(z) + (self._rigid_body(z) if self.physical else []):
-            value += 0.5 * r * r
-            gradient += r * slopes
-            information += np.outer(slopes, slopes)
-        return value, gradient, information
-
-    def _beliefs(self, z: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
-        """Residuals and slopes of the priors, in standard deviations."""
-        found = []
-        for i, (c, zi) in enumerate(zip(self.coordinates, z, strict=True)):
-            if c.prior is not None:
-                found.append(((c.to_value(zi) - c.prior[0]) / c.prior[1], self._one(i, c.slope(zi) / c.prior[1])))
-            if c.weak_prior is not None:
-                centre, std = c.weak_prior
-                slopes = self._one(i, 1.0 / std)
-                if c.relative_to:
-                    theta, of, slope = self._theta(z, c.relative_to)
-                    centre += math.log(max(theta, 1e-12))
-                    if of is not None and theta > 1e-12:
-                        slopes[of] -= slope / theta / std
-                found.append(((zi - centre) / std, slopes))
-        return found
-
-    def _one(self, i: int, slope: float) -> NDArray[np.float64]:
-        slopes = np.zeros(len(self.coordinates))
-        slopes[i] = slope
-        return slopes
-
-    def _theta(self, z: NDArray[np.float64], name: str) -> tuple[float, int | None, float]:
-        """An entry of θ at z, its coordinate where it is free, and the slope in that."""
-        for i, c in enumerate(self.coordinates):
-            if c.name == name:
-                return c.to_value(z[i]), i, c.slope(z[i])
-        return float(self.p[THETA_NAMES.index(name)]), None, 0.0
-
-    def _rigid_body(self, z: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
-        """Residuals and slopes that hold J1 = θ1 − θ3²/θ2 and J2 = θ4 − θ2 above a thousandth of θ1 and θ4."""
-
-        def lacks(z: NDArray[np.float64]) -> NDArray[np.float64]:
-            th = filled_parameters(self.coordinates, z, self.p)
-            return np.array([1.001 * th[2] ** 2 / (th[0] * th[1]) - 1.0, 1.001 * th[1] / th[3] - 1.0]) / _STIFF
-
-        r = lacks(z)
-        if (r <= 0).all():
-            return []
-        slopes = np.zeros((2, len(z)))
-        for i, c in enumerate(self.coordinates):
-            if c.of_plant and c.row < 4:
-                step = np.zeros(len(z))
-                step[i] = 1e-7
-                slopes[:, i] = (lacks(z + step) - lacks(z - step)) / 2e-7
-        return [(float(r[k]), slopes[k]) for k in range(2) if r[k] > 0]
+        return self.beliefs.told(z)[0]
 
 
 def _mean(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
