@@ -1,0 +1,36 @@
+"""Descents on functions whose minimum is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.estimation.optimise import Expansion, minimise
+
+Array = np.ndarray
+
+
+class Valley:
+    """½ zᵀ A z of two coordinates that imitate each other: their sum is known a hundred thousand times worse than their
+    difference."""
+
+    low, high = np.full(2, -10.0), np.full(2, 10.0)
+    noisy = np.zeros(2, dtype=bool)
+    A = np.array([[1.0, -1.0], [-1.0, 1.0]]) * 1e10 + np.ones((2, 2))
+
+    def value(self, z: Array) -> float:
+        return float(0.5 * z @ self.A @ z)
+
+    def expand(self, z: Array, exact: bool = False, scores: bool = False) -> Expansion:
+        return Expansion(self.value(z), self.A @ z, self.A)
+
+    def moved(self, z: Array, step: Array, information: Array) -> Array:
+        return np.clip(z + step, self.low, self.high)
+
+
+def test_a_descent_arrives_along_what_the_data_hardly_see() -> None:
+    """Damping holds back this direction first: two small steps in a row used to end a fit a nat above its optimum."""
+    found = minimise(Valley(), np.array([0.7, 0.7]))
+    assert found.converged
+    assert found.value == pytest.approx(0.0, abs=0.02)
+    assert np.abs(found.z).max() < 0.1
