@@ -27,9 +27,7 @@ def compare_command(
     ] = None,
     trials: Annotated[
         int,
-        typer.Option(
-            help="Of the main group; other conditions have a quarter, but at least 10 where there are so many.", min=1
-        ),
+        typer.Option(help="Of the main group. Other conditions have a quarter: at least 10, at most this.", min=1),
     ] = 100,
     duration: Annotated[float, typer.Option(help="Length of a trial in seconds.")] = 10.0,
     groups: Annotated[

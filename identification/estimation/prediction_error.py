@@ -27,9 +27,9 @@ from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_paramet
 from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
-from .beliefs import Beliefs
 from .optimise import Expansion
 from .pool import mapped
+from .priors import Priors
 from .steps import LinearEffect
 
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
@@ -72,7 +72,7 @@ class PredictionError:
         self.records, self.coordinates, self.noise = list(records), list(coordinates), noise
         self.coarser, self.zeros = coarser, dict(zeros or {})
         self.sharp = sharpness_rows(plant.layout)
-        self.beliefs, self.pool = Beliefs(tuple(self.coordinates), self.p, physical), pool
+        self.priors, self.pool = Priors(tuple(self.coordinates), self.p, physical), pool
         bounds = np.array([c.z_bounds for c in self.coordinates])
         self.low, self.high = bounds[:, 0], bounds[:, 1]
         for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
@@ -177,7 +177,7 @@ class PredictionError:
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""
-        total = self.beliefs.told(z)[0]
+        total = self.priors.at(z)[0]
         for result in mapped(self.pool, lambda r: self._filter(r, z[None], 1, 1), self.records):
             if result is None:
                 return math.inf
@@ -201,7 +201,7 @@ class PredictionError:
         if central and answers[0] is not None:
             back = np.where((z - steps < self.low) | (z - steps > self.high), steps, -steps)
             answers.append(self._differences(z, back, exact))
-        value, gradient, information = self.beliefs.told(z)
+        value, gradient, information = self.priors.at(z)
         found = [side for side in answers if side is not None]
         if len(found) < len(answers):
             return Expansion(math.inf, gradient, information)
@@ -241,7 +241,7 @@ class PredictionError:
 
     def prior_cost(self, z: NDArray[np.float64]) -> float:
         """What priors, and the rigid body if asked for, add to V at z."""
-        return self.beliefs.told(z)[0]
+        return self.priors.at(z)[0]
 
 
 def _mean(sides: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

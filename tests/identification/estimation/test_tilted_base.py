@@ -55,7 +55,7 @@ def test_the_prior_of_the_moment_moves_with_the_pendulum_s() -> None:
         both[names.index(name)] += 1.3
     assert problem.prior_cost(both) == pytest.approx(problem.prior_cost(z))
     assert problem.prior_cost(z) == pytest.approx(0.5 * (math.log(1.0 / (1.5 * TABLE_3.theta[4])) / 0.8) ** 2)
-    value, gradient, _ = problem.beliefs.told(z)
+    value, gradient, _ = problem.priors.at(z)
     for i in range(len(z)):
         moved = z.copy()
         moved[i] += 1e-6

@@ -1,4 +1,4 @@
-"""What a fit believes before it sees a log: priors on its coordinates, and what a rigid body can have."""
+"""Priors on the coordinates of a fit, and the limits of a rigid body."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LEAST = 1e-12  # of an entry of θ that another value is compared with
 
 
 @dataclass(frozen=True, eq=False)
-class Beliefs:
+class Priors:
     """Priors of coordinates, in nats. p: the plant's packed parameters, for what is not free. physical: penalise what
     no rigid body has."""
 
@@ -27,16 +27,16 @@ class Beliefs:
     p: Array
     physical: bool
 
-    def told(self, z: Array) -> tuple[float, Array, Array]:
+    def at(self, z: Array) -> tuple[float, Array, Array]:
         """The cost at z (n,), its gradient (n,) and curvature (n, n)."""
         value, gradient, information = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for r, slopes in self._priors(z) + (self._rigid_body(z) if self.physical else []):
+        for r, slopes in self._residuals(z) + (self._rigid_body(z) if self.physical else []):
             value += 0.5 * r * r
             gradient += r * slopes
             information += np.outer(slopes, slopes)
         return value, gradient, information
 
-    def _priors(self, z: Array) -> list[tuple[float, Array]]:
+    def _residuals(self, z: Array) -> list[tuple[float, Array]]:
         """Residuals in standard deviations, and their slopes."""
         found = []
         for i, (c, zi) in enumerate(zip(self.coordinates, z, strict=True)):
