@@ -103,6 +103,15 @@ class HeldOut:
         low, _ = change.closed.interval
         return low > 0.0 and change.closed.value > self.policy.worth and change.likelier > self.policy.likelier
 
+    def prefers(self, fitted: Fit, other: Fit) -> bool:
+        """Whether they ask for another fit in the place of one, by more than the fitted logs speak against it: then all
+        data together are likelier. The last part of a fitted log is no further data."""
+        if not self.confirms(fitted, other):
+            return False
+        loss = other.value - fitted.value
+        change = self._between(fitted, other) if self.whole else None
+        return loss < self.policy.likelier or (change is not None and change.likelier > loss)
+
     def denies(self, without: Fit, fitted: Fit) -> bool:
         """Whether they speak against one effect beside others. Of what follows the clock of its own log, other logs
         say nothing."""

@@ -33,7 +33,7 @@ class Naming:
     effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
     told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
     same: of the equals, those that predict the same, so that nobody need tell them apart. laws: which of the effects
-    found only describes another law of which.
+    found only describes another law of which. went: of an effect found, those found before in whose place it came.
     """
 
     nominal: Fit = field(repr=False)
@@ -46,6 +46,7 @@ class Naming:
     taken_back: tuple[Suspect, ...] = ()
     same: tuple[tuple[str, ...], ...] = ()
     laws: Mapping[str, str] = field(default_factory=dict)
+    went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
 
     def describes(self, name: str) -> str | None:
         """The effect found of whose law another one is a part; None for an effect of its own."""
@@ -76,6 +77,7 @@ class _Grown:
     absorbed: dict[str, float] = field(default_factory=dict)
     refused: Suspect | None = None
     laws: Mapping[str, str] = field(default_factory=dict)
+    went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
 
 
 def name_effects(
@@ -103,7 +105,15 @@ def name_effects(
     equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal) for r in grown.found)
     rankings = (*grown.found, grown.last) if grown.last else grown.found
     return Naming(
-        grown.nominal, grown.current, accepted, equals, rankings, grown.absorbed, grown.refused, laws=grown.laws
+        grown.nominal,
+        grown.current,
+        accepted,
+        equals,
+        rankings,
+        grown.absorbed,
+        grown.refused,
+        laws=grown.laws,
+        went=grown.went,
     )
 
 
@@ -115,7 +125,8 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     or, if it is small, data that no fit saw must ask for it. What only describes another law of an effect found stays
     where such data ask for it."""
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
-    found, last, refused, laws = list(so_far.found), (), None, dict(so_far.laws)
+    found, last, refused = list(so_far.found), (), None
+    laws, went = dict(so_far.laws), dict(so_far.went)
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
         search.progress(f"scoring the library (step {step + 1})")
@@ -151,7 +162,9 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         else:
             laws.pop(last[0].name, None)  # it may have come back, as an effect of its own
         if leaves_more or small:
-            doubts.append((_Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws)), small))
+            so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws), dict(went))
+            doubts.append((so_far, small))
+        went |= _went(found, together)
         found, last, current = together, (), together[-1][0].fit
         current = widened(current, search)
         found = [*found[:-1], (replace(found[-1][0], fit=current), *found[-1][1:])]
@@ -159,7 +172,19 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         explained = not small and judge.rest.left(current) <= before.last[0].net
         if not (explained or judge.confirmed(before.current, current)):
             return before
-    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws)
+    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went)
+
+
+def _went(found: Sequence[Ranking], together: Sequence[Ranking]) -> dict[str, tuple[Suspect, ...]]:
+    """The effects found that went when another joined, by the one that took their place: a suspect of the same ranking,
+    or else the last to join."""
+    went: dict[str, tuple[Suspect, ...]] = {}
+    for gone, *_ in found:
+        if gone.name not in {ranking[0].name for ranking in together}:
+            ranked = (r[0].name for r in together if any(s.name == gone.name for s in r))
+            by = next(ranked, together[-1][0].name)
+            went[by] = (*went.get(by, ()), gone)
+    return went
 
 
 def _with_law(laws: Mapping[str, str], name: str, of: str) -> dict[str, str]:

@@ -50,6 +50,10 @@ class Witness(Protocol):
         """Whether a further effect brings the prediction nearer for certain, and by a share that matters."""
         ...
 
+    def prefers(self, fitted: Fit, other: Fit) -> bool:
+        """Whether they ask for another fit in the place of one, by more than the fitted logs speak against it."""
+        ...
+
     def denies(self, without: Fit, fitted: Fit) -> bool:
         """Whether they speak against one effect beside others."""
         ...
@@ -65,6 +69,9 @@ class NoWitness:
         return False
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
+        return False
+
+    def prefers(self, fitted: Fit, other: Fit) -> bool:
         return False
 
     def denies(self, without: Fit, fitted: Fit) -> bool:

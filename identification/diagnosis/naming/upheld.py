@@ -47,19 +47,20 @@ def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) ->
 
 
 def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
-    """The names with look-alikes in their place where data which no fit saw ask for it, and the fitted logs do not
-    mind: what one experiment cannot tell apart, another one may. Asked only while predictions are not adequate."""
+    """The names with others in their place where data which no fit saw ask for it by more than the fitted logs speak
+    against it: what one experiment cannot tell apart, another one may. Asked only while predictions are not
+    adequate."""
     refused: set[tuple[str, str]] = set()
     while witness.off(naming.final):
-        pairs = [(i, s) for i, false in enumerate(naming.accepted) for s in _look_alikes(naming, i, search)]
+        pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search)]
         fresh = [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
         for i, s in fresh:
             refused.add((naming.accepted[i].name, s.name))
             before = naming.final
             search.progress(f"asking held-out data about {s.name} in place of {naming.accepted[i].name}")
             fitted = _fitted_in_place(naming.accepted[i], s, before, search)
-            loss = fitted.value - before.value
-            if loss < search.policy.likelier and witness.confirms(before, fitted):
+            if witness.prefers(before, fitted):
+                loss = fitted.value - before.value
                 found = replace(s, gain=naming.accepted[i].gain - loss, net=naming.accepted[i].net - loss, fit=fitted)
                 naming = _in_place(naming, i, found)
                 break
@@ -72,7 +73,7 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
     """The names with a look-alike in the place of one that held-out data speak against: one that explains the fitted
     logs nearly as well, and held-out data besides. None if there is none."""
     false = naming.accepted[gone]
-    for s in _look_alikes(naming, gone, search):
+    for s in _alternatives(naming, gone, search):
         search.progress(f"trying {s.name} in place of {false.name}")
         fitted = _fitted_in_place(false, s, reduced, search)
         gain = reduced.value - fitted.value
@@ -82,15 +83,15 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
     return None
 
 
-def _look_alikes(naming: Naming, i: int, search: Search) -> list[Suspect]:
-    """What may be in the place of a name: explains nearly as much of the fitted logs, and is not there already."""
+def _alternatives(naming: Naming, i: int, search: Search) -> list[Suspect]:
+    """What may be in the place of a name, and is not there already: look-alikes that explain nearly as much of the
+    fitted logs, and what was found before it and went when it joined."""
     own = naming.accepted[i]
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
-    return [
-        s
-        for s in naming.rankings[i]
-        if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain and s.name not in taken
+    look_alikes = [
+        s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain
     ]
+    return [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
 
 
 def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:

@@ -288,12 +288,13 @@ def a_change(
 @dataclass(frozen=True)
 class Told:
     """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against.
-    a_little_off: worse than an adequate plant, though not far off."""
+    a_little_off: worse than an adequate plant, though not far off. by [nats]: how much they gain with what they need."""
 
     far_off: bool = True
     needed: tuple[str, ...] = ()
     false: tuple[str, ...] = ()
     a_little_off: bool = False
+    by: float = 10.0
 
     def far(self, fitted: Any) -> bool:
         return self.far_off
@@ -303,6 +304,9 @@ class Told:
 
     def confirms(self, without: Any, fitted: Any) -> bool:
         return self._newest(without, fitted) in self.needed
+
+    def prefers(self, fitted: Any, other: Any) -> bool:
+        return self.confirms(fitted, other) and other.value - fitted.value < self.by
 
     def denies(self, without: Any, fitted: Any) -> bool:
         return self._newest(without, fitted) in self.false
