@@ -6,8 +6,8 @@ effects. An effect is a name and a dict of parameters: `{"arm_spring": {"k": 0.3
 State of the motion: (q1, q2, v1, v2). Effects with memory add
 * `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 − σ0 |v1| z / θ8,
   relaxing at 1000 1/s at most (by definition of the model: faster cannot be told from settled);
-* `arm_hysteresis`: z and z2, the deflections of two stops in parallel; ż = v1, but 0 where |z| = d and v1 drives
-  outward; relaxed at q1 = 0, from where the arm has come to its first angle in one stroke;
+* `arm_hysteresis`: z and z2, the deflections of two stops in parallel; ż = v1 inward, (1 − ρ |z|/d) v1 outward, and 0
+  where |z| = d and v1 drives outward; relaxed at q1 = 0, from where the arm has come to its first angle in one stroke;
 * `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia 0.1 θ1;
 * `actuator_lag`: τ, which is integrated in closed form over each held command;
 * `input_delay`: nothing, because the record of commands is the memory: τ(t) = u(t − d).
@@ -135,15 +135,18 @@ def integrate(f, a: float, b: float) -> float:
     return half / 9.0 * (5.0 * f(middle - reach) + 8.0 * f(middle) + 5.0 * f(middle + reach))
 
 
-def stop_rate(z: float, v: float, d: float) -> float:
-    """ż of a stop: it follows the motion until |z| = d, slips there, and follows again as soon as v turns inward."""
-    return 0.0 if abs(z) >= d and z * v > 0.0 else v
+def stop_rate(z: float, v: float, d: float, rho: float) -> float:
+    """ż of a stop: it follows the motion until |z| = d, the less the further it is if it yields gradually, slips there,
+    and follows again as soon as v turns inward."""
+    if z * v <= 0.0:
+        return v
+    return 0.0 if abs(z) >= d else v * (1.0 - rho * abs(z) / d)
 
 
-def stop_elements(effects: Effects) -> list[tuple[float, float]]:
-    """(κ, d) of the elements of `arm_hysteresis`."""
+def stop_elements(effects: Effects) -> list[tuple[float, float, float]]:
+    """(κ, d, ρ) of the elements of `arm_hysteresis`."""
     p = effects.get("arm_hysteresis")
-    return [(p["κ"], p["d"]), (p["κ2"], p["d2"])] if p else []
+    return [(p["κ"], p["d"], p.get("ρ", 0.0)), (p["κ2"], p["d2"], p.get("ρ", 0.0))] if p else []
 
 
 def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, tau=0.0) -> tuple[float, float]:
@@ -222,13 +225,13 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
     g = np.array([0.0, -th5 * sin(q2)])
     friction = np.array([th6 * v1 + coulomb1, th7 * v2 + th9 * tanh(r2 * v2)])
     extra = np.array(extra_torques(t, q1, q2, v1, v2, th, r, effects, theta, tau))
-    for (kappa, d), deflection in zip(stop_elements(effects), stops, strict=True):
+    for (kappa, d, _), deflection in zip(stop_elements(effects), stops, strict=True):
         extra[0] -= kappa * min(max(deflection, -d), d)
     right = np.array([into_arm + w[0], w[1]]) + extra - C @ np.array([v1, v2]) - friction - g
     a1, a2 = np.linalg.solve(M, right)
     if s is not None:
         memory_rates += [s_rate, (tau - into_arm) / rotor - a1]
-    memory_rates += [stop_rate(x, v1, d) for (_, d), x in zip(stop_elements(effects), stops, strict=True)]
+    memory_rates += [stop_rate(x, v1, d, rho) for (_, d, rho), x in zip(stop_elements(effects), stops, strict=True)]
     return [v1, v2, float(a1), float(a2), *memory_rates]
 
 
@@ -250,7 +253,7 @@ def energy(t, x, theta, effects: Effects) -> float:
         gap = max(abs(s) - effects["arm_backlash"]["b"], 0.0)
         total += 0.5 * inertia * ((v1 + s_rate) ** 2 - v1**2)
         total += 0.5 * inertia * CONTACT_FREQUENCY**2 * gap**2
-    for (kappa, _), z in zip(stop_elements(effects), memory, strict=True):
+    for (kappa, *_), z in zip(stop_elements(effects), memory, strict=True):
         total += 0.5 * kappa * z**2
     if "arm_cable" in effects:
         p = effects["arm_cable"]
@@ -312,7 +315,7 @@ class Reference:
         x = np.zeros(4 + self.n_memory)
         x[: len(x0)] = x0
         if len(x0) == 4:
-            for i, (_, d) in enumerate(stop_elements(self.effects)):
+            for i, (_, d, _) in enumerate(stop_elements(self.effects)):
                 x[x.size - 2 + i] = min(max(x0[0], -d), d)
         lag = self.effects.get("actuator_lag", {"T": 0.0})["T"]
         tau0 = self.torque_at(times[0], t_u, u) if lag0 is None else lag0

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from ..compiled import compiled
 from .declaration import EffectType, Parameter
 
 
@@ -53,16 +54,29 @@ def _hysteresis(q1, κ, d, κ2, d2, y, y2):
     return -κ * min(max(q1 - y, -d), d) - κ2 * min(max(q1 - y2, -d2), d2), 0.0
 
 
+@compiled(forceinline=True)
+def _creep(v1, z, d, ρ):
+    """How fast the angle moves at which an element hangs, while the deflection z grows."""
+    return ρ * v1 * min(abs(z) / d, 1.0) if v1 * z > 0.0 else 0.0
+
+
+def _hysteresis_rate(q1, v1, d, d2, ρ, y, y2):
+    if ρ == 0.0:
+        return 0.0, 0.0
+    return _creep(v1, q1 - y, d, ρ), _creep(v1, q1 - y2, d2, ρ)
+
+
 def _hysteresis_update(q1, d, d2, y, y2):
     return min(max(y, q1 - d), q1 + d), min(max(y2, q1 - d2), q1 + d2)
 
 
-def _two_elements(own: Mapping[str, float]) -> tuple[dict[str, float], ...]:
-    """A third of the stiffness in a second element, which slips earlier, or later."""
-    if own["κ2"]:
-        return ()
+def _wider_hysteresis(own: Mapping[str, float]) -> tuple[dict[str, float], ...]:
+    """A third of the stiffness in a second element, which slips earlier, or later; and elements that yield
+    gradually."""
     κ, d = own["κ"], own["d"]
-    return tuple({"κ": 0.7 * κ, "d": d, "κ2": 0.3 * κ, "d2": factor * d} for factor in (0.5, 2.0))
+    two = [{"κ": 0.7 * κ, "κ2": 0.3 * κ, "d2": factor * d} for factor in (0.5, 2.0) if not own["κ2"]]
+    gradual = [{"ρ": 0.6, "d": 1.3 * d}] if not own["ρ"] else []
+    return tuple({**own, **change} for change in (*two, *gradual))
 
 
 CABLE_EFFECTS = (
@@ -125,8 +139,12 @@ CABLE_EFFECTS = (
         title="friction of the arm that builds up with its travel",
         place="arm",
         # Prandtl–Ishlinskii. The memory y is the angle at which the element hangs, z = clip(q1 − y, ±d): so the torque
-        # is a function of the state, and a step that does not reverse ends at the exact y whatever its length.
-        equation="arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) (stops; z = z2 = 0 at q1 = 0)",
+        # is a function of the state, and with ρ = 0 a step that does not reverse ends at the exact y whatever its length.
+        # With ρ = 1 the deflection grows as Dahl's does, and springs back as a stop's.
+        equation=(
+            "arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) (stops; z = z2 = 0 at q1 = 0); "
+            "while it grows, a deflection grows by (1 − ρ |z|/d) Δq1"
+        ),
         symptom="after a reversal the arm's friction builds up over some hundredths of a radian, at any speed",
         says=lambda κ, d: f"After a reversal the arm's friction builds up over {d} at {κ}",
         parameters=(
@@ -152,10 +170,20 @@ CABLE_EFFECTS = (
                 role="shape",
                 optional="κ2",
             ),
+            Parameter(
+                "ρ",
+                "1",
+                "how gradually the elements yield: 0 as a stop, 1 from the start",
+                0.0,
+                lower=0.0,
+                upper=1.0,
+                role="shape",
+                optional="ρ",
+            ),
         ),
-        kernels={"torque": _hysteresis, "update": _hysteresis_update},
+        kernels={"torque": _hysteresis, "rate": _hysteresis_rate, "update": _hysteresis_update},
         memory=("y", "y2"),
-        wider=_two_elements,
+        wider=_wider_hysteresis,
         mistaken_for=("arm_presliding", "arm_stribeck"),
     ),
 )

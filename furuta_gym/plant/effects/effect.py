@@ -11,7 +11,8 @@ from .declaration import EffectType
 from .library import CARRIED
 
 # Names as the equations have them; a keyboard without Greek letters may use these.
-_PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "alphax": "αx", "alphay": "αy"}
+_PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "rho": "ρ"}
+_PLAIN |= {"alphax": "αx", "alphay": "αy"}
 
 
 _LARGEST = 1e100  # of any value; an estimate that runs off ends below it

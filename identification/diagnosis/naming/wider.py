@@ -7,8 +7,9 @@ is fitted before another effect is looked for.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from furuta_gym.plant import Effect
+from furuta_gym.plant import Effect, EffectType
 
 from .fits import Fit
 from .search import Search
@@ -18,13 +19,27 @@ def widened(current: Fit, search: Search) -> Fit:
     """The fit with wider laws of its effects, where the logs pay for their parameters; else the fit itself."""
     best = current
     for effect in current.plant.effects:
-        starts = effect.type.wider(effect.parameters) if effect.type.wider else ()
-        if not starts:
-            continue
-        search.progress(f"fitting a wider law of {effect.name}")
-        fits = [search.fitted(best.plant.with_effects(Effect(effect.name, values)), best, "full") for values in starts]
-        wider = min(fits, key=lambda fitted: fitted.value)
-        price = 0.5 * sum(bool(p.optional) for p in effect.type.parameters) * math.log(wider.samples)
-        if best.value - wider.value - price > search.policy.believed:
+        while (wider := _wider(effect.name, best, search)) is not None:
             best = wider
     return best
+
+
+def _wider(name: str, current: Fit, search: Search) -> Fit | None:
+    """The best fit with a wider law of one effect; None if there is none that pays for its parameters."""
+    effect = current.plant.effect(name)
+    assert effect is not None
+    best, most = None, search.policy.believed
+    for values in effect.type.wider(effect.parameters) if effect.type.wider else ():
+        search.progress(f"fitting a wider law of {name}")
+        fitted = search.fitted(current.plant.with_effects(Effect(name, values)), current, "full")
+        more = _in_play(effect.type, values) - _in_play(effect.type, effect.parameters)
+        net = current.value - fitted.value - 0.5 * more * math.log(fitted.samples)
+        if net > most:
+            best, most = fitted, net
+    return best
+
+
+def _in_play(effect: EffectType, values: Mapping[str, float]) -> int:
+    """How many of an effect's optional parameters its law has."""
+    absent = effect.neutral()
+    return sum(bool(p.optional) and values[p.optional] != absent[p.optional] for p in effect.parameters)

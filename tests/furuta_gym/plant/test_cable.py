@@ -90,11 +90,11 @@ def test_look_alikes_know_each_other():
 # ---- hysteresis: an arm that is moved along a path ----------------------------------------------------------------
 
 
-def moved(path, elements, steps: int = 1) -> np.ndarray:
+def moved(path, elements, steps: int = 1, ρ: float = 0.0) -> np.ndarray:
     """Torque of the hysteresis (n,) at the points of a path (n,) of the arm from zero on, each stretch in so many
     Runge–Kutta steps. The arm is so heavy that only its speed moves it."""
     (κ, d), (κ2, d2) = elements
-    effect = Effect("arm_hysteresis", {"κ": κ, "d": d, "κ2": κ2, "d2": d2})
+    effect = Effect("arm_hysteresis", {"κ": κ, "d": d, "κ2": κ2, "d2": d2, "ρ": ρ})
     heavy = TABLE_3.replace(theta=[1e12, 1e-3, 1e-3, 1.0, 1e-9, 0, 0, 0, 0]).with_effects(effect)
     state, torques = np.zeros(6), []
     state[1] = math.pi / 2
@@ -136,6 +136,36 @@ def test_a_wider_excursion_wipes_out_what_came_between(path, inner, d):
     direct, detour = ([*path, low, *way, high, 0.3] for way in ([], between))
     elements = ((1.5, d), (0.2, 2 * d))
     np.testing.assert_allclose(moved(direct, elements)[-2:], moved(detour, elements)[-2:], atol=1e-9)
+
+
+def gradual(path, d, ρ) -> np.ndarray:
+    """z along a path that starts at zero: inward it follows, outward 1 − ρ |z|/d decays as exp(−ρ Δ/d)."""
+    z, found, before = 0.0, [], 0.0
+    for q in path:
+        way, before = q - before, q
+        side = math.copysign(1.0, way)
+        inward = min(abs(way), max(-side * z, 0.0))
+        z += side * inward
+        if (rest := abs(way) - inward) > 0.0:
+            left = (1.0 - ρ * abs(z) / d) * math.exp(-ρ * rest / d)
+            z = side * min((1.0 - left) * d / ρ, d)
+        found.append(z)
+    return np.array(found)
+
+
+@given(path=paths, κ=strengths, d=widths, d2=widths, ρ=st.floats(0.05, 1.0))
+def test_elements_that_yield_gradually_are_the_definitions_for_any_path(path, κ, d, d2, ρ):
+    expected = -κ * gradual(path, d, ρ) - 0.4 * gradual(path, d2, ρ)
+    steps = math.ceil(20.0 * max(np.abs(np.diff([0.0, *path])).max() / min(d, d2), 1.0))
+    np.testing.assert_allclose(moved(path, ((κ, d), (0.4, d2)), steps, ρ), expected, atol=2e-2 * (κ * d + 0.4 * d2))
+
+
+def test_elements_that_yield_gradually_meet_their_definition_as_steps_shrink():
+    path, d = (0.07, -0.02, 0.5, 0.33), 0.1
+    expected = -2.0 * gradual(path, d, 0.6)
+    far, near = (np.abs(moved(path, ((2.0, d), (0.0, 1.0)), n, 0.6) - expected).max() for n in (20, 400))
+    assert near < 0.1 * far
+    assert near < 1e-3 * 2.0 * d
 
 
 @pytest.mark.parametrize(
