@@ -16,12 +16,13 @@ from .policy import DecisionPolicy
 
 def interchangeable(naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> tuple[tuple[str, ...], ...]:
     """Beside each effect found, those of its equals that predict the same as it does 0.3 s ahead, but for so little
-    that nobody would miss it (`DecisionPolicy.negligible`, in counts of the encoders)."""
+    that nobody would miss it: less than rounding hides (`DecisionPolicy.negligible`, in counts of the encoders), or
+    than a small share of what predictions are off anyway (`DecisionPolicy.unnoticed`)."""
     found = []
     for suspect, equals, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
         fits = {s.name: s.fit for s in ranking}
         own = _predicted(fits[suspect.name], logs) if equals and suspect.name in fits else None
-        same = [n for n in equals if own is not None and _apart(own, _predicted(fits[n], logs)) < policy.negligible]
+        same = [n for n in equals if own is not None and _as_well(own, _predicted(fits[n], logs), policy)]
         found.append(tuple(same))
     return tuple(found)
 
@@ -33,8 +34,9 @@ def _predicted(fitted: Fit, logs: Sequence[Log]) -> Gap | None:
         return None
 
 
-def _apart(one: Gap | None, other: Gap | None) -> float:
-    """How far two predictions lie apart: rms of the axis where it is more [counts], inf where nobody can tell."""
-    if one is None or other is None or not one.counts.all():
-        return np.inf
-    return float((np.sqrt(np.mean((one.errors - other.errors) ** 2, axis=0)) / one.counts).max())
+def _as_well(own: Gap, other: Gap | None, policy: DecisionPolicy) -> bool:
+    """Whether two predictions lie so near to each other on both axes; not where nobody can tell."""
+    if other is None or not own.counts.all():
+        return False
+    apart = np.sqrt(np.mean((own.errors - other.errors) ** 2, axis=0))
+    return bool(np.all(apart < np.maximum(policy.negligible * own.counts, policy.unnoticed * own.rms)))

@@ -112,6 +112,9 @@ class DecisionPolicy:
     # whether structure is left
     left: float = _rule(8.0, "evidence from which a torque is said to be left", DEV, "nats")
     negligible: float = _rule(0.5, "change of a prediction 0.3 s ahead that rounding hides", THEORY, "counts")
+    unnoticed: float = _rule(
+        0.05, "of the error of a prediction; two that lie nearer are equal, as it changes the error by 0.1 %", THEORY
+    )
     zero_told: float = _rule(1.0, "a pendulum's zero that is off by more is told", THEORY, "counts")
     constant: float = _rule(1e-3, "level of the test that parameters are the same all along a log", THEORY)
     simpler: float = _rule(10.0, "the simpler family of torques is preferred within so much", DEV, "nats")

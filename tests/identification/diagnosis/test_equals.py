@@ -14,8 +14,9 @@ from tests.factories import loop_log
 from tests.identification.diagnosis.fits import NOISE, ToyFit, naming
 
 
-def _suspect(name: str, **parameters: float) -> Suspect:
-    fitted: Any = ToyFit(TABLE_3.with_effects(Effect(name, parameters)), NOISE, -60.0)
+def _suspect(name: str, friction: float = 1.0, **parameters: float) -> Suspect:
+    plant = TABLE_3.replace(theta=TABLE_3.theta * [1, 1, 1, 1, 1, friction, 1, friction, 1])
+    fitted: Any = ToyFit(plant.with_effects(Effect(name, parameters)), NOISE, -60.0)
     return Suspect(name, 60.0, 56.0, fitted)
 
 
@@ -24,6 +25,15 @@ def test_a_short_lag_and_a_short_delay_predict_the_same_and_long_ones_do_not(
     late: float, same: tuple[str, ...]
 ) -> None:
     lag, delay = _suspect("actuator_lag", T=late), _suspect("input_delay", d=late)
+    found = naming(lag, equals=(("input_delay",),), rankings=((lag, delay),))
+    log, _ = loop_log(duration=6.0)
+    assert interchangeable(found, [log], DecisionPolicy()) == (same,)
+
+
+@pytest.mark.parametrize(("friction", "same"), [(1.0, ()), (2.0, ("input_delay",))])
+def test_what_no_prediction_is_good_enough_to_show_need_not_be_told(friction: float, same: tuple[str, ...]) -> None:
+    """Two thirds of a count lie between the two. With twice the friction predictions are off by 23 counts."""
+    lag, delay = _suspect("actuator_lag", friction, T=0.005), _suspect("input_delay", friction, d=0.005)
     found = naming(lag, equals=(("input_delay",),), rankings=((lag, delay),))
     log, _ = loop_log(duration=6.0)
     assert interchangeable(found, [log], DecisionPolicy()) == (same,)
