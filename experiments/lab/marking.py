@@ -66,9 +66,16 @@ def _is_effect(entry: Any) -> bool:
     if not (isinstance(others, list) and all(isinstance(name, str) for name in others)):
         return False
     return isinstance(parameters, dict) and all(
-        isinstance(p, dict) and _number(p.get("value")) and (p.get("std") is None or _number(p["std"]))
+        isinstance(p, dict)
+        and _number(p.get("value"))
+        and (p.get("std") is None or _number(p["std"]))
+        and _is_interval(p.get("interval"))
         for p in parameters.values()
     )
+
+
+def _is_interval(given: Any) -> bool:
+    return given is None or (isinstance(given, list) and len(given) == 2 and all(_number(x) for x in given))
 
 
 def _number(value: Any) -> bool:

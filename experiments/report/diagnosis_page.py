@@ -60,9 +60,8 @@ def _effect(effect: Effect, d: Diagnosis) -> Text:
 
 def _value(effect: Effect, name: str, unit: str) -> str:
     parameter = next(p for p in effect.type.parameters if p.name == name)
-    std = f" ± {effect.std[name]:.2g}" if effect.std.get(name) else ""
     own = parameter.unit.format(u=unit)
-    return f"{name} = {effect.parameters[name]:.4g}{std}" + ("" if own in ("", "1") else f" {own}")
+    return f"{name} = {effect.shown(name)}" + ("" if own in ("", "1") else f" {own}")
 
 
 def not_available(reason: str) -> Text:

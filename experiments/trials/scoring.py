@@ -160,7 +160,8 @@ def _matched(hidden: list[str], sets: list[tuple[str, ...]]) -> list[tuple[str, 
 
 
 def _covered(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, bool]:
-    """ "effect.parameter" → whether value ± 1.96 std holds the truth; for table forms whose name comes first."""
+    """ "effect.parameter" → whether the stated 95 % interval holds the truth; for table forms whose name comes first.
+    Answers of before state none: value ± 1.96 std, as for what turns."""
     given = {e["name"]: e["parameters"] for e in answer["effects"]}
     found = {}
     for effect in truth["effects"]:
@@ -170,7 +171,9 @@ def _covered(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, b
         true = {key: p["value"] for key, p in effect["parameters"].items()}
         for key, p in _same_branch(given[name], true).items():
             if p.get("std") and key in true:  # fixed parameters and whole numbers have no std
-                found[f"{name}.{key}"] = abs(p["value"] - true[key]) <= _COVERED * p["std"]
+                apart = _COVERED * p["std"]
+                low, high = p.get("interval") or (p["value"] - apart, p["value"] + apart)
+                found[f"{name}.{key}"] = low <= true[key] <= high
     return found
 
 
@@ -182,7 +185,8 @@ def _same_branch(given: Mapping[str, Any], true: Mapping[str, float]) -> dict[st
     flipped = a["value"] * true["A"] < 0.0
     away = phase["value"] + (math.pi if flipped else 0.0) - true["φ"]
     near = true["φ"] + away - _TURN * round(away / _TURN)
-    return {**given, "A": {**a, "value": -a["value"] if flipped else a["value"]}, "φ": {**phase, "value": near}}
+    turned = {"A": a | {"value": -a["value"] if flipped else a["value"]}, "φ": phase | {"value": near}}
+    return {**given, **{key: p | {"interval": None} for key, p in turned.items()}}
 
 
 def _gap_number(answer: Mapping[str, Any], key: str) -> float | None:

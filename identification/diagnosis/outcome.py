@@ -216,7 +216,11 @@ class Diagnosis:
         assert self.after is not None
         found = self.after.plant.effect(suspect.name)
         assert found is not None
-        return found.to_dict(self.after.plant.unit) | {
+        told = found.to_dict(self.after.plant.unit)
+        for name, entry in told["parameters"].items():
+            interval = found.interval(name)
+            entry["interval"] = list(interval) if interval else None
+        return told | {
             "equation": EFFECTS[suspect.name].equation,
             "place": EFFECTS[suspect.name].place,
             "log_likelihood_gain": suspect.gain,

@@ -160,7 +160,7 @@ def _theta_coordinates(plant: Plant, negative_friction: bool) -> list[Coordinate
 
 def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coordinate:
     step = _JUMP_STEP if p.jumps else _STEP
-    if p.role == "shape" and p.lower > 0:
+    if p.logarithmic and not p.spread:
         return Coordinate(name, row, log=True, low=p.lower, high=p.upper, step=step)
     if p.spread and usual > 0:
         of_theta = p.relative_to if p.relative_to and p.relative_to in THETA_NAMES else ""

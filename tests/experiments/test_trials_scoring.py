@@ -189,6 +189,15 @@ def test_intervals_of_parameters():
     assert score(truth, sized("arm_ripple", A=(0.3, 0.01))).covered == {}
 
 
+def test_an_interval_that_is_stated_counts_and_not_a_normal_one():
+    truth = hidden("base_tilt", G1=1.0)
+    answer = sized("base_tilt", G1=(0.33, 0.26))
+    assert score(truth, answer).covered == {"base_tilt.G1": False}
+    for interval, holds in (([0.07, 1.55], True), ([0.07, 0.99], False), (None, False)):
+        answer["effects"][0]["parameters"]["G1"]["interval"] = interval
+        assert score(truth, answer).covered == {"base_tilt.G1": holds}
+
+
 @pytest.mark.parametrize("turns", [-1, 0, 2])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_sine_may_be_written_with_another_sign_and_turn(turns, sign):

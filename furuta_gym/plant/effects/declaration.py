@@ -71,6 +71,11 @@ class Parameter:
         """Whether only positive values make sense (an estimator then works on the logarithm)."""
         return self.lower >= 0.0
 
+    @property
+    def logarithmic(self) -> bool:
+        """Whether its logarithm is what is known about it: a positive shape, or one with a log-normal prior."""
+        return (self.role == "shape" and self.lower > 0.0) or self.spread > 0.0
+
     def grid_on(self, usual: float) -> tuple[float, ...]:
         """The numbers of its grid on a plant where its default is `usual`; none where a log decides."""
         factor = usual / self.default if self.default else 1.0

@@ -16,6 +16,8 @@ _PLAIN |= {"alphax": "αx", "alphay": "αy"}
 
 
 _LARGEST = 1e100  # of any value; an estimate that runs off ends below it
+_NORMAL_95 = 1.96
+_UNEVEN = 1.5  # times as far up as down, from which an interval is shown
 
 
 def _number(what: str, raw: Any) -> float:
@@ -110,6 +112,31 @@ class Effect:
         """What it does to the rig, in words and with its size, without a full stop; unit: of the command."""
         return self.type.sentence(self.parameters, unit)
 
+    def interval(self, name: str) -> tuple[float, float] | None:
+        """95 % interval of a parameter within its bounds, None without a standard deviation. Of one whose logarithm is
+        estimated it is that of the logarithm: a value known to a factor of two is not known to lie near zero."""
+        std = self.std.get(name)
+        if std is None:
+            return None
+        p = next(p for p in self.type.parameters if p.name == name)
+        value = self.parameters[name]
+        if p.logarithmic and value > 0.0:
+            factor = math.exp(min(_NORMAL_95 * std / value, 100.0))
+            low, high = value / factor, value * factor
+        else:
+            low, high = value - _NORMAL_95 * std, value + _NORMAL_95 * std
+        return max(low, p.lower), min(high, p.upper)
+
+    def shown(self, name: str) -> str:
+        """A parameter's value with its standard deviation, or with its interval where that lies unevenly around it."""
+        value, std = self.parameters[name], self.std.get(name)
+        if not std:
+            return f"{value:.4g}"
+        low, high = self.interval(name) or (value, value)
+        if high - value > _UNEVEN * (value - low):
+            return f"{value:.4g} ({low:.2g} … {high:.2g})"
+        return f"{value:.4g} ± {std:.2g}"
+
     def to_dict(self, unit: str) -> dict[str, Any]:
         units = {p.name: p.unit.format(u=unit) for p in self.type.parameters}
         return {
@@ -150,11 +177,8 @@ class Effect:
         return read
 
     def __str__(self) -> str:
-        def show(name: str, value: float) -> str:
-            return f"{name} = {value:.4g}" + (f" ± {self.std[name]:.2g}" if name in self.std else "")
-
         shown = list(self.parameters.items())
         if self.type.learned:
             sizes = [abs(v) for k, v in shown if k.startswith("c")]
             return f"{self.name}({len(sizes)} coefficients up to {max(sizes):.4g})"
-        return f"{self.name}({', '.join(show(k, v) for k, v in shown)})"
+        return f"{self.name}({', '.join(f'{k} = {self.shown(k)}' for k, _ in shown)})"

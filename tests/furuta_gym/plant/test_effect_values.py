@@ -184,3 +184,27 @@ def test_a_unit_that_is_not_the_plant_s_is_refused() -> None:
         Plant.from_dict(data)
     data["effects"][0]["parameters"]["k"] = {"value": 0.2}
     assert Plant.from_dict(data).effects[0].parameters["k"] == 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "std", "expected", "text"),
+    [
+        ("base_tilt", "G1", 0.33, 0.26, (0.0705, 1.546), "0.33 (0.07 … 1.5)"),  # known to a factor, never negative
+        ("base_tilt", "G1", 0.33, 0.01, (0.311, 0.3502), "0.33 ± 0.01"),
+        ("base_tilt", "αx", 0.01, 0.02, (-0.0292, 0.0492), "0.01 ± 0.02"),  # of either sign
+        ("arm_spring", "k", 0.1, 0.02, (0.0608, 0.1392), "0.1 ± 0.02"),
+        ("arm_spring", "k", 0.1, 0.2, (0.0, 0.492), "0.1 (0 … 0.49)"),  # as far down as its bound
+        ("arm_hysteresis", "d", 9.0, 4.0, (3.767, 10.0), "9 ± 4"),
+    ],
+)
+def test_an_interval_is_of_what_is_estimated_and_within_bounds(name, parameter, value, std, expected, text):
+    effect = Effect(name, {parameter: value}, {parameter: std})
+    assert effect.interval(parameter) == pytest.approx(expected, rel=1e-3, abs=1e-4)
+    assert effect.shown(parameter) == text
+    assert f"{parameter} = {text}" in str(effect)
+
+
+@every_effect
+def test_what_was_not_estimated_has_no_interval(name):
+    effect = LARGE_RIG.default_effect(name)
+    assert all(effect.interval(p) is None and "±" not in effect.shown(p) for p in effect.parameters)
