@@ -158,6 +158,7 @@ CABLE_EFFECTS = (
                 upper=10.0,
                 role="shape",
                 grid=(0.02, 0.05, 0.1, 0.3),
+                travel=True,
             ),
             Parameter("κ2", "{u}/rad", "stiffness of a second element", 0.0, "theta8", lower=0.0, optional="κ2"),
             Parameter(
@@ -169,6 +170,7 @@ CABLE_EFFECTS = (
                 upper=10.0,
                 role="shape",
                 optional="κ2",
+                travel=True,
             ),
             Parameter(
                 "ρ",

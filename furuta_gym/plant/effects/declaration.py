@@ -45,7 +45,8 @@ class Parameter:
     what follows different throughout (a stop is hit or just missed), so that only trying leads to the best value;
     `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does; `jumps`
     that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so that
-    derivatives need a longer step.
+    derivatives need a longer step; `travel` that it is a way of the arm [rad], and that a law with a longer one than
+    the arm goes is none of this effect.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Parameter:
     rough: bool = False
     abrupt: bool = False
     jumps: bool = False
+    travel: bool = False
 
     @property
     def positive(self) -> bool:

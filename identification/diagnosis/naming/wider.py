@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from furuta_gym.plant import Effect, EffectType
 
 from .fits import Fit
@@ -34,9 +36,21 @@ def _wider(name: str, current: Fit, search: Search) -> Fit | None:
         fitted = search.fitted(current.plant.with_effects(Effect(name, values)), current, "full")
         more = _in_play(effect.type, values) - _in_play(effect.type, effect.parameters)
         net = current.value - fitted.value - 0.5 * more * math.log(fitted.samples)
-        if net > most:
+        if net > most and not _too_far(name, fitted):
             best, most = fitted, net
     return best
+
+
+def _too_far(name: str, fitted: Fit) -> bool:
+    """Whether a wider law has become another effect's: a stop that slips later than the arm turns is a spring."""
+    effect = fitted.plant.effect(name)
+    assert effect is not None
+    furthest, absent = max(float(np.ptp(record.y[:, 0])) for record in fitted.records), effect.type.neutral()
+    return any(
+        p.travel and effect.parameters[p.name] > furthest
+        for p in effect.type.parameters
+        if not p.optional or effect.parameters[p.optional] != absent[p.optional]
+    )
 
 
 def _in_play(effect: EffectType, values: Mapping[str, float]) -> int:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 import pytest
 
 from experiments.bench import HiddenEffect, Rig
-from furuta_gym.plant import EFFECTS, TABLE_3, Effect
+from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
 from identification import Log, diagnose
 from identification.diagnosis.naming.fits import Fit, fit
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.wider import widened
+from identification.diagnosis.policy import DecisionPolicy
 from identification.estimation.identify import identify
 from identification.estimation.start import Noise
 from identification.kalman.record import stretches
 from tests.factories import bench_log
+from tests.identification.diagnosis.fits import NOISE, ToyFit
 
 
 def recorded(form: str) -> Log:
@@ -54,6 +61,25 @@ def test_a_search_widens_the_law_before_it_looks_for_more() -> None:
 def test_one_element_stays_one() -> None:
     plain, search = fitted_to("table")
     assert widened(plain, search) is plain
+
+
+@pytest.mark.parametrize(("d2", "kept"), [(0.9, True), (1.5, False)])
+def test_a_wider_law_is_no_spring(d2: float, kept: bool) -> None:
+    """A second stop that the arm never makes slip would hide a spring, which has a name of its own."""
+    t = np.arange(200) * 5e-3
+    log = Log(t, 0.5 * np.sin(7.0 * t), np.sin(t), np.sin(t))  # the arm turns by 1 rad
+    records = tuple(stretch.record for stretch in stretches([log]))
+    plant = TABLE_3.with_effects(Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1}))
+    plain: Any = ToyFit(plant, NOISE, 0.0, records=records)
+
+    def fitted(tried: Plant, start: Any, effort: str) -> Any:
+        values = {**tried.effects[0].parameters, "d2": d2}
+        two = tried.with_effects(Effect("arm_hysteresis", values))
+        return replace(plain, plant=two, value=-100.0 if values["κ2"] and not values["ρ"] else 0.0)
+
+    search: Any = SimpleNamespace(fitted=fitted, progress=lambda text: None, policy=DecisionPolicy())
+    values = widened(plain, search).plant.effects[0].parameters
+    assert (values["κ2"] > 0.0) == kept
 
 
 def test_wider_laws_have_the_effects_parameters_in_play() -> None:
