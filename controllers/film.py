@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from furuta_gym.extras import install
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
@@ -19,7 +20,7 @@ LEAN = (0.5, 0.1, 0.0, 0.0)  # q1, q2, q̇1, q̇2; where a balancing film starts
 def require_film() -> None:
     """Raises ValueError without the libraries that a film is made with, to be called before long work."""
     if lacking := [name for name in ("imageio", "pygame", "PIL") if find_spec(name) is None]:
-        raise ValueError(f"a film needs {' and '.join(lacking)}: pip install 'furuta-gym[report]'")
+        raise ValueError(f"a film needs {' and '.join(lacking)}: {install('report')}")
 
 
 def film(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.extras import install
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import acceleration
 from furuta_gym.plant.parameters import pendulum_frequency
@@ -83,7 +84,7 @@ def require_casadi() -> Any:
     try:
         import casadi
     except ImportError:
-        raise DesignError("planning a swing-up needs CasADi; install it with: pip install 'furuta-gym[plan]'") from None
+        raise DesignError(f"planning a swing-up needs CasADi: {install('plan')}") from None
     return casadi
 
 

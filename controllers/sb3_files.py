@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from furuta_gym.envs.options import SPEED_LIMIT
+from furuta_gym.extras import install
 
 from .layers import Network, network_of
 
@@ -24,9 +25,7 @@ def algorithm_class(name: str) -> Any:
 
         return getattr(sb3_contrib, name)
     except ImportError as error:
-        raise ValueError(
-            f"this needs stable-baselines3 ({error}); install it with `pip install 'furuta-gym[rl]'`"
-        ) from error
+        raise ValueError(f"this needs stable-baselines3 ({error}); {install('rl')}") from error
     except AttributeError:
         raise ValueError(f"no algorithm {name!r} in stable-baselines3 or sb3-contrib") from None
 

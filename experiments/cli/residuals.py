@@ -97,7 +97,7 @@ def show(where: Where) -> None:
     for torque, spans in zip(where.torques, where.intervals_s, strict=True):
         when = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in spans) or "nowhere"
         typer.echo(f"stands out in {torque.source}: {when}")
-    typer.echo("What pushes so? Guess, then compare: furuta effects, furuta diagnose")
+    typer.echo("Name a suspect first. Then compare: furuta effects, furuta diagnose")
 
 
 def _rms(where: Where) -> tuple[float, float]:

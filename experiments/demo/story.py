@@ -239,13 +239,13 @@ def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, 
 
 CAVEATS = (
     "The logs are from a simulated bench. It shares no code with the plant model, but what it hides is in the library "
-    "of effects, in the library's own form; a real rig is not so kind, and its error bars are then too small.",
+    "of effects, in the library's own form. A real rig may follow another law, and its error bars are then too small.",
     "This rig was chosen because the effect matters for its control. Where it matters less, controllers made with it "
     "and without it hardly differ.",
-    "u_max in plant.json is guessed from the largest command in the log; set it to your amplifier's limit. The "
+    "u_max in plant.json is the largest command in the log, with a margin. Set it to your amplifier's limit. The "
     "policies and LQRs of step 5 know the rig's own.",
-    "Each policy learned once, for a short time: another seed gives another policy, and these differ by more than ten "
-    "runs tell.",
+    "Each policy was trained once, for a short time. Another seed gives another policy, and the difference may exceed "
+    "that of ten runs.",
 )
 
 

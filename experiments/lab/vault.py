@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from furuta_gym.extras import install
 from furuta_gym.files import read_json
 
 SCHEMA = "furuta-sealed/1"
@@ -24,7 +25,7 @@ _LARGEST = 1 << 22  # bytes of a sealed file that is read
 def require_extra() -> None:
     """Raises ValueError, which says what to install, where the library that encrypts is not there."""
     if find_spec("cryptography") is None:
-        raise ValueError("sealed rigs need cryptography: pip install 'furuta-gym[lab]'")
+        raise ValueError(f"sealed rigs need cryptography: {install('lab')}")
 
 
 def passphrase_in(file: Path) -> str:

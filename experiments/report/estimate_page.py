@@ -67,6 +67,6 @@ def _parameters(estimate: Estimate) -> Section:
     said = [*estimate.identifiability.advice, *estimate.warnings]
     if estimate.u_max_guessed:
         limit = f"{estimate.plant.u_max:g} {estimate.plant.unit}"
-        said.append(f"u_max = {limit} is guessed from the largest command; set it with `--u-max`")
+        said.append(f"u_max = {limit} is the largest command, with a margin; set it with `--u-max`")
     blocks += [Text(f"{opening(text)}.", "note") for text in said]
     return Section("parameters", "Parameters", tuple(blocks))

@@ -8,6 +8,8 @@ from importlib.resources import files
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from furuta_gym.extras import install
+
 from .contents import Block, Details, Figure, Grid, Page
 
 if TYPE_CHECKING:
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 def extra_lacking(page: str = "report.html") -> str:
     """What to install before a page can be made, in a sentence; empty where nothing is lacking."""
     lacking = [name for name in ("jinja2", "plotly") if find_spec(name) is None]
-    return f"{page} needs {' and '.join(lacking)}: pip install 'furuta-gym[report]'" if lacking else ""
+    return f"{page} needs {' and '.join(lacking)}: {install('report')}" if lacking else ""
 
 
 def require_extra(page: str = "report.html") -> None:

@@ -23,9 +23,9 @@ _PLACES = {
 _AGAINST = {
     "constant": "is constant",
     "frequency": "repeats in time",
-    "command": "goes with the command",
+    "command": "depends on the command",
     "change of the command": "follows the changes of the command",
-    "memory of the motion": "remembers the motion before",
+    "memory of the motion": "depends on the motion before",
     "time (friction)": "is friction that changes in time",
     "time (masses)": "is a mass that changes in time",
     "time (zero of the arm)": "is a zero of the arm that moves",
@@ -80,7 +80,7 @@ def data(gap: GapChange) -> str:
 
 
 def place(where: Where) -> str:
-    """What the model misses and what it goes with, in words."""
+    """What the model misses and what it depends on, in words."""
     what = _PLACES.get(where.channel or "", "something")
     return f"{what} that {_AGAINST.get(where.variable or '', f'depends on the {where.variable}')}"
 

@@ -20,7 +20,7 @@ NEXT = {
         "`furuta validate plant.json` on it: the error should stay near the noise floor."
     ),
     "ambiguous": (
-        "Record a log that tells the look-alikes apart, and diagnose all logs together: "
+        "Record a log that separates the look-alikes, and diagnose all logs together: "
         "`furuta excite --plant plant.json --between {pair} -o u.csv` designs the command. A slow, wide sweep of the "
         "arm does it for most pairs, because the arm then spends time near zero speed at many angles."
     ),
@@ -53,12 +53,12 @@ TOGETHER = "Diagnose all logs together, and hold out a new one: `furuta diagnose
 
 
 TELL_APART = (
-    "To tell {titles}, run the experiment {what} for {seconds} s: it is predicted to leave {nats} nats between them. "
+    "To tell {titles}, run the experiment {what} for {seconds} s. Expected separation: {nats} nats. "
     "{file} holds it ({use}). Then diagnose all logs together."
 )
 """What to do where a designed experiment tells look-alikes apart."""
 
-ALIKE = "No experiment of the menu would tell {titles} apart, so either will do. "
+ALIKE = "No experiment tried would tell {titles} apart, so either will do. "
 """The same where none does: before what else there is to do."""
 
 

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+from furuta_gym.extras import install
+
 LARGEST_FILE = 200_000_000  # bytes of a dropped file
 MOST_FILES = 8
-EXTRA = 'furuta studio needs NiceGUI: pip install "furuta-gym[studio]"'
+EXTRA = f"furuta studio needs NiceGUI: {install('studio')}"
 
 
 def require_extra() -> None:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from furuta_gym.extras import install
+
 LONGEST_WAIT = 180_000  # ms, for a computation that a click starts
 
 
@@ -68,7 +70,7 @@ def browser() -> Iterator[Any]:
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
-        raise ValueError('no Playwright is installed: pip install "furuta-gym[dev]"') from None
+        raise ValueError(f"no Playwright is installed: {install('dev')}") from None
     with sync_playwright() as playwright:
         window = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
         try:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..extras import install
 from . import kernels as k
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class Viewer:
         except ImportError as error:
             from gymnasium.error import DependencyNotInstalled
 
-            raise DependencyNotInstalled('rendering needs pygame: pip install "furuta-gym[report]"') from error
+            raise DependencyNotInstalled(f"rendering needs pygame: {install('report')}") from error
         self._pygame: Any = pygame
         pygame.font.init()
         self._fonts = {size: pygame.font.Font(None, size * _FINE) for size in (20, 26, 34)}

@@ -123,12 +123,12 @@ class Separation:
         suspects = " and ".join(self.names)
         if self.nats < CLEAR:
             return (
-                f"no experiment of the menu tells {suspects} apart: the best ({entry.name}, {duration:g} s) leaves "
+                f"no experiment tried separates {suspects}: the best ({entry.name}, {duration:g} s) separates them by "
                 f"{self.nats:.1f} nats; run it longer, or change the rig"
             )
         return (
-            f"to tell {suspects} apart, run the experiment “{entry.name}” ({entry.advice}) for {duration:g} s: it is "
-            f"predicted to leave {self.nats:.3g} nats between them"
+            f"to separate {suspects}, run the experiment “{entry.name}” ({entry.advice}) for {duration:g} s; expected "
+            f"separation: {self.nats:.3g} nats"
         )
 
     @property

@@ -61,7 +61,7 @@ def diagnose(
     say("predicting data that no fit saw")
     found = verified(found, held)
     if found.still_off > 1.0 or found.floor_in_doubt:
-        say("asking a second witness: multiple shooting")
+        say("fitting the parameters a second way: multiple shooting")
         found = with_second_witness(found, held)
     if found.leftover:
         say("learning what no name explains")

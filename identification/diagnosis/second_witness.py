@@ -41,7 +41,10 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     summary = diagnosis.summary
     if second.disagreeing:
         told = ", ".join(second.disagreeing)
-        summary += f" A second fit, by multiple shooting, disagrees about {told}: torque noise hides structure here."
+        summary += (
+            f" A second fit, by multiple shooting, disagrees about {told}: the first may have taken a missing torque "
+            "for noise."
+        )
     if second.better:
         summary += " The plant written is that of multiple shooting, which predicts held-out data better for certain."
         if plant.effects:

@@ -69,7 +69,7 @@ def left(rest: Where) -> str:
     what = capital(_PLACES.get(rest.channel or "", "something"))
     counts = f"{rest.counts.max():.2g}"
     return (
-        f"{what} remains that goes with {rest.variable}, and no effect of the library explains it. It changes a "
+        f"{what} remains. It depends on {rest.variable}, and no effect of the library explains it. It changes a "
         f"prediction 0.3 s ahead by {counts} count{'' if counts == '1' else 's'} ({rest.evidence:.0f} nats)."
     )
 
@@ -85,8 +85,8 @@ def zero(counts: float) -> str:
 def refused(name: str, gain: float) -> str:
     """That some structure remains, which another effect takes up a little of."""
     return (
-        f"Some structure remains: {effects([name])} explains a little more ({gain:.0f} nats), too little to be told "
-        "from another form of what was found."
+        f"Some structure remains: {effects([name])} explains a little more ({gain:.0f} nats). That is too little to "
+        "separate it from another law of what was found."
     )
 
 

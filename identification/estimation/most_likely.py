@@ -215,7 +215,8 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
                 f"{cause} (`furuta diagnose` looks for it)"
             )
         elif name in SHARPNESS_NAMES:
-            yield f"{name} ends at its bound {value_of(plant, name):.3g} s/rad: friction near rest is not told; fix r"
+            value = value_of(plant, name)
+            yield f"{name} ends at its bound {value:.3g} s/rad: the logs do not show friction near rest; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
     for source, found in signs.items():

@@ -11,6 +11,8 @@ from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
+from furuta_gym.extras import install
+
 from .apart import Apart
 from .checks import LogError
 from .table import Table
@@ -18,7 +20,7 @@ from .table import Table
 BAG = Apart(
     script=Path(__file__).with_name("bag_child.py"),
     what="bag",
-    missing="bags need the package {package}. Install it: pip install 'furuta-gym[ros]'",
+    missing=f"bags need the package {{package}}: {install('ros')}",
     longest=60,
     for_size=4e-6,  # an hour of two topics at 1 kHz has some 500 MB
     unpacks=True,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from furuta_gym.extras import install
 from furuta_gym.files import in_short
 
 from .checks import LogError
@@ -19,7 +20,7 @@ def read_tdms(path: Path) -> Table:
     try:
         from nptdms import TdmsFile
     except ImportError:
-        message = f"{path.name}: TDMS files need the package npTDMS. Install it: pip install 'furuta-gym[labview]'"
+        message = f"{path.name}: TDMS files need the package npTDMS: {install('labview')}"
         raise LogError(message) from None
     try:
         with TdmsFile.open(path) as file:

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from furuta_gym.extras import install
+
 from .apart import Apart
 
 MAT = Apart(
     script=Path(__file__).with_name("mat_child.py"),
     what="MAT file",
-    missing="a MAT file of version 7.3, which needs the package pymatreader. Install it: "
-    "pip install 'furuta-gym[matlab]', or save the file with save(..., '-v7').",
+    missing="a MAT file of version 7.3, which needs the package pymatreader: "
+    f"{install('matlab')}, or save the file with save(..., '-v7').",
     longest=60,  # a log of an hour at 1 kHz takes two
 )
 

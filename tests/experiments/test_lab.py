@@ -197,7 +197,7 @@ def test_sealing_refuses_before_any_work(group: Path, tmp_path: Path, monkeypatc
     refused(furuta("bench", "seal", "-o", new, "--key-file", key, "--effects", "cable"), "unknown effects: cable")
     monkeypatch.setitem(sys.modules, "cryptography", None)
     monkeypatch.setattr("experiments.lab.vault.find_spec", lambda name: None)
-    refused(furuta("bench", "seal", "-o", new, "--key-file", key), "furuta-gym[lab]")
+    refused(furuta("bench", "seal", "-o", new, "--key-file", key), "pip install '.[lab]'")
     assert not new.exists()
 
 

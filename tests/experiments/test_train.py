@@ -333,7 +333,7 @@ def test_an_early_stop_leaves_nothing(tmp_path: Path) -> None:
 def test_without_stable_baselines3_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     monkeypatch.setitem(sys.modules, "sb3_contrib", None)
-    refused(furuta("train", "--plant", "large", "-o", tmp_path / "policy.zip"), "pip install 'furuta-gym[rl]'")
+    refused(furuta("train", "--plant", "large", "-o", tmp_path / "policy.zip"), "pip install '.[rl]'")
     assert list(tmp_path.iterdir()) == []
 
 

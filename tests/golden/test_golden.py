@@ -23,7 +23,7 @@ CASES = sorted(path.stem for path in EXPECTED.glob("*.json") if path.stem != "en
 QUICK = ("lag-faint-desk", "lag-servo", "none-servo", "still-pendulum", "still-rig")
 """Those that are quick. The others take minutes: FURUTA_GOLDEN=all, or `python -m tests.golden.results`."""
 SHARE = 0.01  # of a standard deviation
-GAP = 1e-3  # of a ratio to the noise floor
+GAP = 5e-3  # of a ratio to the noise floor, which follows a torque noise that a log determines to a few percent
 FLOAT32 = 2.0**-23  # observations are stored so: their last bit may turn
 
 

@@ -178,7 +178,7 @@ def _released(hand: Any, loop: Loop, playing: Playing) -> None:
 
 
 def _sliders(frame: Frame, playing: Playing) -> None:
-    heading("What the controller was not told of")
+    heading("What the controller does not know")
     _slider(frame, "Delay of the command [ms]", 1e3 * LATEST, 0.5, 1e3 * playing.delay, partial(_delay, playing))
     _slider(frame, "Noise of the readings [mrad]", 1e3 * NOISIEST, 0.1, 1e3 * playing.noise, partial(_noise, playing))
     choice = playing.choice

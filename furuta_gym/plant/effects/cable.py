@@ -139,7 +139,7 @@ CABLE_EFFECTS = (
         title="friction of the arm that builds up with its travel",
         place="arm",
         # Prandtl–Ishlinskii. The memory y is the angle at which the element hangs, z = clip(q1 − y, ±d): so the torque
-        # is a function of the state, and with ρ = 0 a step that does not reverse ends at the exact y whatever its length.
+        # is a function of the state, and with ρ = 0 a step that does not reverse ends at the exact y however long.
         # With ρ = 1 the deflection grows as Dahl's does, and springs back as a stop's.
         equation=(
             "arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) (stops; z = z2 = 0 at q1 = 0); "

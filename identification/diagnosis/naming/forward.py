@@ -5,7 +5,7 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 

@@ -68,7 +68,7 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
     from tests.commands import furuta, refused
 
     monkeypatch.setattr("experiments.studio.find_spec", lambda name: None)
-    refused(furuta("studio"), "NiceGUI", 'pip install "furuta-gym[studio]"')
+    refused(furuta("studio"), "NiceGUI", "pip install '.[studio]'")
 
 
 def test_a_log_that_is_not_there_is_refused() -> None:

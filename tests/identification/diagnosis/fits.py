@@ -288,7 +288,7 @@ def a_change(
 @dataclass(frozen=True)
 class Told:
     """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against.
-    a_little_off: worse than an adequate plant, though not far off. by [nats]: how much they gain with what they need."""
+    a_little_off: worse than an adequate plant, though not far off. by [nats]: what they gain with what they need."""
 
     far_off: bool = True
     needed: tuple[str, ...] = ()
