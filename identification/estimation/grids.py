@@ -47,7 +47,7 @@ def from_grids(
     spectrum. pool: where the fits run side by side, each in one thread. further: the plant with other start values.
     """
     duration = max(float(r.t[-1]) for r in records)
-    waiting = {e.name: _tried(e, plant, known, duration) for e in plant.effects if e.name in names}
+    waiting = {e.name: at_grid_points(e, plant, known, duration) for e in plant.effects if e.name in names}
     if not further and len(waiting) < 2 and all(len(points) == 1 for points in waiting.values()):
         return plant
     thin = [reduced(r, math.inf, THINNED, clock=True) for r in records]
@@ -72,8 +72,9 @@ def from_grids(
     return current
 
 
-def _tried(effect: Effect, plant: Plant, known: Container[str], duration: float) -> list[Effect]:
-    """The effect at every combination of the values worth starting from."""
+def at_grid_points(effect: Effect, plant: Plant, known: Container[str], duration: float) -> list[Effect]:
+    """The effect at every combination of the values worth starting from. plant: for values that are relative to it.
+    known: "effect.parameter" of what is not tried. duration [s]: of the longest log."""
     usual = plant.default_effect(effect.name).parameters
     grids: dict[str, tuple[float, ...]] = {}
     for p in effect.type.parameters:

@@ -14,14 +14,18 @@ from typing import Protocol
 
 import numpy as np
 
-from furuta_gym.plant import Effect, Plant
+from furuta_gym.plant import EFFECTS, Effect, Plant
 
+from ...estimation.grids import at_grid_points
 from ...estimation.pool import shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
 from .fits import Effort, Fit, Fitter, without
 from .suspects import alike
+
+
+_SAME = 1.0  # nats
 
 
 class Setting(Protocol):
@@ -156,8 +160,19 @@ def from_best(
     noise = between(fits[best], current)
     plant = without(fits[best], current)
     zeros = fits[best].zeros
-    starts = [Start((name,), plant.with_effects(effect), noise, zeros) for name, effect in rivals.items()]
+    duration = max(record.duration for record in current.records)
+    starts = []
+    for name, effect in rivals.items():
+        tried = [effect, *(at_grid_points(effect, plant, (), duration) if _degenerate(name, fits) else ())]
+        starts += [Start((name,), plant.with_effects(e), noise, zeros) for e in tried]
     return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
+
+
+def _degenerate(name: str, fits: Mapping[str, Fit]) -> bool:
+    """Whether a fit has become that of a special case, as a cable that comes taut where the arm never is: a spring.
+    No descent comes back from there."""
+    special = [fits[n].value for n in EFFECTS[name].includes if n in fits]
+    return name in fits and any(fits[name].value > value - _SAME for value in special)
 
 
 def best_and_look_alike(fits: Mapping[str, Fit]) -> list[str]:

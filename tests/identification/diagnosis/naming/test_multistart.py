@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furuta_gym.plant import EFFECTS, TABLE_3, Effect
+from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
 from identification.diagnosis.naming.fits import added
 from identification.diagnosis.naming.multistart import (
     Start,
@@ -147,6 +147,26 @@ def test_rivals_find_from_the_bests_parameters_what_they_missed_from_their_own()
     assert found["input_delay"] is fits["input_delay"]
     worse = search({"arm_backlash": 100.0, "arm_backlash actuator_lag": Bowl(12.0, x=-1.5)})
     assert from_best("input_delay", rivals, fits, a_fit("arm_backlash"), worse)["actuator_lag"].value == 9.0
+
+
+@pytest.mark.parametrize(("spring", "arrives"), [(60.0, True), (90.0, False)])
+def test_a_rival_that_has_become_a_special_case_starts_again_from_its_grid(spring: float, arrives: bool) -> None:
+    """A cable that comes taut where the arm never is: a spring, and nothing draws it back. One that explains more than
+    a spring does goes on where it is."""
+
+    def plateau(plant: Plant) -> float:
+        taut = plant.effect("arm_taut_cable")
+        return 60.0 if taut is not None and abs(taut.parameters["qt"]) > 0.5 else 0.0
+
+    setting = search({"": 1000.0, "arm_ripple": 20.0, "arm_taut_cable": 0.0, "arm_spring": spring}, still=plateau)
+    lost = Effect("arm_taut_cable", {"k1": 0.1, "k2": 0.1, "q1n": 0.0, "qt": 3.0})
+    fits = {
+        "arm_ripple": a_fit("arm_ripple", value=20.0),
+        "arm_taut_cable": a_fit(lost, value=60.0),
+        "arm_spring": a_fit("arm_spring", value=spring),
+    }
+    found = from_best("arm_ripple", {"arm_taut_cable": lost}, fits, CURRENT, setting)["arm_taut_cable"]
+    assert (found.value < 1.0) == arrives
 
 
 def resizing(bowls: Sequence[Bowl], name: str, *before: str) -> float:
