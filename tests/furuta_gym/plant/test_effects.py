@@ -91,7 +91,7 @@ def test_library_is_the_contract_and_every_effect_has_an_oracle():
     assert set(EFFECTS) <= reference.KNOWN
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/decisions/002-effects-as-declarations.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/decisions/002-effects-as-declarations.md"])
 def test_pages_count_the_library(page):
     counts = re.findall(r"(\d+) effects", (Path(__file__).parents[3] / page).read_text(encoding="utf-8"))
     assert set(counts) == {str(len(EFFECTS))}

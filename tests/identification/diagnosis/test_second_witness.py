@@ -48,7 +48,7 @@ def test_the_plant_that_predicts_better_for_certain_is_used_and_marked(
     found = _asked(monkeypatch, closed)
     assert found.second.better is better
     assert found.second.disagreeing == ("theta5",)
-    assert "torque noise hides structure" in found.summary
+    assert "may have taken a missing torque for noise" in found.summary
     assert bool(found.plant.theta[4] == SHOT.theta[4]) is better
     assert (found.plant.provenance.get("method") == "multiple shooting") is better
     assert found.second.to_dict()["better"] is better
