@@ -24,7 +24,6 @@ from ..policy import DecisionPolicy
 from .fits import Effort, Fit, Fitter, without
 from .suspects import alike
 
-
 _SAME = 1.0  # nats
 
 
