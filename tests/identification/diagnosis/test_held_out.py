@@ -61,6 +61,30 @@ def test_an_effect_that_helps_at_times_and_harms_at_times_is_not_confirmed() -> 
 
 
 @pytest.mark.parametrize(
+    ("lost", "gained", "whole", "preferred"),
+    [
+        (5.0, 20.0, True, True),
+        (50.0, 60.0, True, True),  # all data together are likelier
+        (50.0, 40.0, True, False),
+        (50.0, 60.0, False, False),  # the last part of a log is no further data
+        (5.0, 20.0, False, True),
+        (-30.0, 5.0, True, False),  # likelier on the fitted logs alone
+    ],
+)
+def test_another_fit_is_preferred_where_all_data_together_are_likelier(
+    lost: float, gained: float, whole: bool, preferred: bool
+) -> None:
+    other = a_fit("arm_hysteresis", value=lost)
+    held = _held((CABLE, _steady(5.0, gained)), (other, _steady(2.0)), whole=whole)
+    assert held.prefers(CABLE, other) is preferred
+
+
+def test_a_fit_that_predicts_no_better_is_not_preferred() -> None:
+    other = a_fit("arm_hysteresis", value=-200.0)
+    assert not _held((CABLE, _steady(5.0, 200.0)), (other, _steady(5.5))).prefers(CABLE, other)
+
+
+@pytest.mark.parametrize(
     ("after", "likelier", "denied"), [(2.0, 200.0, False), (6.0, 200.0, True), (5.0, 200.0, True), (4.0, -50.0, False)]
 )
 def test_an_effect_is_denied_where_the_error_grows_or_nothing_closes(
