@@ -289,5 +289,5 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path: Path, monkeypatch, 
         f"{package}.highlevel",
     ]:
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(LogError, match=rf"furuta-gym\[{extra}\]"):
+    with pytest.raises(LogError, match=rf"pip install .\.\[{extra}\]"):
         read_log(tmp_path / file)
