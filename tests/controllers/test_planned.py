@@ -111,7 +111,7 @@ class TestRefusals:
 
     def test_without_casadi(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "casadi", None)
-        with pytest.raises(DesignError, match=r"furuta-gym\[plan\]"):
+        with pytest.raises(DesignError, match=r"pip install .\.\[plan\]"):
             make_controller("planned", QUBE.replace(u_max=9.0))
 
     def test_no_c(self, casadi) -> None:
