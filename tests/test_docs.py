@@ -102,7 +102,9 @@ def test_a_tutorial_runs_as_it_stands_and_prints_what_it_shows(name: str, tmp_pa
         assert NUMBER.sub("#", said) == NUMBER.sub("#", shown)
         if not trains:
             numbers, kept = ([float(number) for number in NUMBER.findall(text)] for text in (said, shown))
-            assert numbers == pytest.approx(kept, rel=0.05, abs=0.02)
+            # a designed experiment goes with the last bits: other processors choose another one of the same worth
+            rel = 0.15 if name == "design_an_experiment" else 0.05
+            assert numbers == pytest.approx(kept, rel=rel, abs=0.02)
 
 
 def test_masses_and_lengths_have_the_error_bars_that_the_page_shows(tmp_path: Path) -> None:
