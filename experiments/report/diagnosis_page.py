@@ -51,7 +51,8 @@ def _effect(effect: Effect, d: Diagnosis) -> Text:
     assert d.naming is not None
     of = d.naming.describes(effect.name)
     told = "" if of is None else f"; describes only what the law of {of} misses"
-    values = ", ".join(_value(effect, name, d.after.plant.unit) for name in effect.parameters)
+    unit = d.after.plant.unit
+    values = ", ".join(_value(effect, p.name, unit) for p in effect.type.in_play(effect.parameters))
     line = Markup('<code>{}</code> <span class="equation">{}</span> {}{}').format(
         effect.name, effect.type.equation, values, told
     )

@@ -161,7 +161,7 @@ def _matched(hidden: list[str], sets: list[tuple[str, ...]]) -> list[tuple[str, 
 
 def _covered(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, bool]:
     """ "effect.parameter" → whether the stated 95 % interval holds the truth; for table forms whose name comes first.
-    Answers of before state none: value ± 1.96 std, as for what turns."""
+    Where none is stated, and for what turns: value ± 1.96 std."""
     given = {e["name"]: e["parameters"] for e in answer["effects"]}
     found = {}
     for effect in truth["effects"]:

@@ -120,6 +120,9 @@ class DecisionPolicy:
         3.0, "a fit must be able to reach the best within so many rounds at its last pace", DEV, "rounds"
     )
     rivals: int = _rule(2, "fits, besides the look-alikes, that restart from the best fit's parameters", COST, "fits")
+    special: float = _rule(
+        1.0, "a fit that is better than its special case by less than this starts from its grid as well", DEV, "nats"
+    )
     plain: float = _rule(
         100.0,
         "the model without an effect need not be fitted to the nat if the effect gains more than this",

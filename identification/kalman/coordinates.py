@@ -114,10 +114,9 @@ def plant_coordinates(
         if effect.type.learned:
             continue
         defaults = plant.default_effect(effect.name).parameters
-        for p in effect.type.parameters:
+        for p in effect.type.in_play(effect.parameters):
             value = effect.parameters[p.name]
-            absent = p.optional and effect.parameters[p.optional] == effect.type.neutral()[p.optional]
-            if not (p.integer or absent) and math.isfinite(value):
+            if not p.integer and math.isfinite(value):
                 usual = max(abs(defaults[p.name]), abs(value)) if p.role == "size" else abs(defaults[p.name])
                 name = f"{effect.name}.{p.name}"
                 coordinates.append(_effect_coordinate(name, p, usual, plant.layout.row(name)))

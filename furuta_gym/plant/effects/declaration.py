@@ -153,6 +153,11 @@ class EffectType:
         spoken = {p.name: Quantity(values[p.name], p.unit.format(u=unit)) for p in self.parameters}
         return self.says(**{name: spoken[name] for name in inspect.signature(self.says).parameters})
 
+    def in_play(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
+        """The parameters that the law has at `values`: all but those whose optional size is neutral."""
+        absent = self.neutral()
+        return tuple(p for p in self.parameters if not p.optional or values[p.optional] != absent[p.optional])
+
     def neutral(self) -> dict[str, float]:
         """Parameter values at which the effect is absent (shape parameters at their defaults)."""
         return {p.name: p.neutral if p.role == "size" else p.default for p in self.parameters}

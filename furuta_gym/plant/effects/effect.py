@@ -177,8 +177,9 @@ class Effect:
         return read
 
     def __str__(self) -> str:
-        shown = list(self.parameters.items())
         if self.type.learned:
-            sizes = [abs(v) for k, v in shown if k.startswith("c")]
+            sizes = [abs(v) for k, v in self.parameters.items() if k.startswith("c")]
             return f"{self.name}({len(sizes)} coefficients up to {max(sizes):.4g})"
-        return f"{self.name}({', '.join(f'{k} = {self.shown(k)}' for k, _ in shown)})"
+        return (
+            f"{self.name}({', '.join(f'{p.name} = {self.shown(p.name)}' for p in self.type.in_play(self.parameters))})"
+        )

@@ -24,8 +24,6 @@ from ..policy import DecisionPolicy
 from .fits import Effort, Fit, Fitter, without
 from .suspects import alike
 
-_SAME = 1.0  # nats
-
 
 class Setting(Protocol):
     """What stays the same in a search: the anchor of the weak prior, the thresholds, and what fits."""
@@ -162,16 +160,19 @@ def from_best(
     duration = max(record.duration for record in current.records)
     starts = []
     for name, effect in rivals.items():
-        tried = [effect, *(at_grid_points(effect, plant, (), duration) if _degenerate(name, fits) else ())]
+        tried = [
+            effect,
+            *(at_grid_points(effect, plant, (), duration) if _degenerate(name, fits, setting.policy) else ()),
+        ]
         starts += [Start((name,), plant.with_effects(e), noise, zeros) for e in tried]
     return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
 
 
-def _degenerate(name: str, fits: Mapping[str, Fit]) -> bool:
+def _degenerate(name: str, fits: Mapping[str, Fit], policy: DecisionPolicy) -> bool:
     """Whether a fit has become that of a special case, as a cable that comes taut where the arm never is: a spring.
     No descent comes back from there."""
     special = [fits[n].value for n in EFFECTS[name].includes if n in fits]
-    return name in fits and any(fits[name].value > value - _SAME for value in special)
+    return name in fits and any(fits[name].value > value - policy.special for value in special)
 
 
 def best_and_look_alike(fits: Mapping[str, Fit]) -> list[str]:

@@ -7,11 +7,10 @@ is fitted before another effect is looked for.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from furuta_gym.plant import Effect, EffectType
+from furuta_gym.plant import Effect
 
 from .fits import Fit
 from .search import Search
@@ -34,7 +33,7 @@ def _wider(name: str, current: Fit, search: Search) -> Fit | None:
     for values in effect.type.wider(effect.parameters) if effect.type.wider else ():
         search.progress(f"fitting a wider law of {name}")
         fitted = search.fitted(current.plant.with_effects(Effect(name, values)), current, "full")
-        more = _in_play(effect.type, values) - _in_play(effect.type, effect.parameters)
+        more = len(effect.type.in_play(values)) - len(effect.type.in_play(effect.parameters))
         net = current.value - fitted.value - 0.5 * more * math.log(fitted.samples)
         if net > most and not _too_far(name, fitted):
             best, most = fitted, net
@@ -45,15 +44,6 @@ def _too_far(name: str, fitted: Fit) -> bool:
     """Whether a wider law has become another effect's: a stop that slips later than the arm turns is a spring."""
     effect = fitted.plant.effect(name)
     assert effect is not None
-    furthest, absent = max(float(np.ptp(record.y[:, 0])) for record in fitted.records), effect.type.neutral()
-    return any(
-        p.travel and effect.parameters[p.name] > furthest
-        for p in effect.type.parameters
-        if not p.optional or effect.parameters[p.optional] != absent[p.optional]
-    )
-
-
-def _in_play(effect: EffectType, values: Mapping[str, float]) -> int:
-    """How many of an effect's optional parameters its law has."""
-    absent = effect.neutral()
-    return sum(bool(p.optional) and values[p.optional] != absent[p.optional] for p in effect.parameters)
+    furthest = max(float(np.ptp(record.y[:, 0])) for record in fitted.records)
+    in_play = effect.type.in_play(effect.parameters)
+    return any(p.travel and effect.parameters[p.name] > furthest for p in in_play)

@@ -204,6 +204,13 @@ def test_an_interval_is_of_what_is_estimated_and_within_bounds(name, parameter, 
     assert f"{parameter} = {text}" in str(effect)
 
 
+def test_what_a_law_does_not_have_is_not_shown():
+    stop = Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1, "d2": 10.0})
+    assert str(stop) == "arm_hysteresis(κ = 1, d = 0.1)"
+    two = Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1, "κ2": 0.5, "d2": 0.2, "ρ": 0.7})
+    assert str(two) == "arm_hysteresis(κ = 1, d = 0.1, κ2 = 0.5, d2 = 0.2, ρ = 0.7)"
+
+
 @every_effect
 def test_what_was_not_estimated_has_no_interval(name):
     effect = LARGE_RIG.default_effect(name)
