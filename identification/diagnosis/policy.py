@@ -72,7 +72,10 @@ class DecisionPolicy:
         0.05, "a doubtful effect is kept until the end if it explains this share of the smallest other gain", DEV
     )
     alike_share: float = _rule(
-        0.5, "a further effect must explain at least this share of its look-alike's gain by itself", DEV
+        0.5,
+        "a further effect must explain at least this share of its look-alike's gain by itself; with less, in the same "
+        "variables, it gets no name",
+        DEV,
     )
     another_law: float = _rule(
         0.45, "an effect gets no name if an earlier effect's variables explain this share of its net gain too", DEV

@@ -39,7 +39,7 @@ def misses(naming: Naming) -> str:
         if (of := naming.describes(suspect.name)) is not None:
             text += (
                 f" The law of {of} is not quite the library's: {effects([suspect.name])} describes the difference, "
-                "and is part of the plant for that only."
+                "and is part of the plant for that. Whether it acts on its own, these logs do not show."
             )
     if naming.taken_back:
         back = capital(effects([suspect.name for suspect in naming.taken_back]))

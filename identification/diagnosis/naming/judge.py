@@ -10,7 +10,7 @@ from typing import Protocol
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, periods, price, slight
+from .suspects import RIPPLE, Ranking, Suspect, alike, periods, price, slight
 
 
 class Rest(Protocol):
@@ -141,6 +141,24 @@ class Judge:
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
             return None
         return best if laws[best] >= self.rest.another_law(before, newest.name) else None
+
+    def look_alike_law_of(self, together: Sequence[Ranking]) -> str | None:
+        """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
+        in the same variables that explains less than half as much. Held-out data cannot say which it is, as both
+        predict the same. A ripple of a whole period and more is no law of what pulls otherwise, nor the reverse."""
+        *others, (newest, *_) = together
+        own = own_variables(newest.name)
+        for other, *_ in others:
+            of = own_variables(other.name)
+            rippled = RIPPLE in (newest.name, other.name) and periods(newest.fit) >= self.policy.whole_period
+            if (
+                alike(newest.name, other.name)
+                and (own <= of or of <= own)
+                and newest.gain < self.policy.alike_share * other.gain
+                and not rippled
+            ):
+                return other.name
+        return None
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.

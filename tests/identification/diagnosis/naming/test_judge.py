@@ -66,3 +66,29 @@ def test_a_spring_beside_whole_periods_of_a_ripple_is_an_effect(n: float, newest
         ranked((newest, 500.0), fit=a_fit(ripple, newest, value=-500.0)),
     ]
     assert Judge(DecisionPolicy(), Laws({"arm_ripple": 400.0}), NoWitness()).law_of(together, before) == law_of
+
+
+@pytest.mark.parametrize(
+    ("first", "newest", "gain", "law_of"),
+    [
+        ("actuator_lag", "input_delay", 700.0, "actuator_lag"),
+        ("input_saturation", "input_cubic_gain", 240.0, "input_saturation"),
+        ("friction_sharpness", "arm_stribeck", 90.0, "friction_sharpness"),  # of both speeds, and of one
+        ("actuator_lag", "input_delay", 1300.0, None),  # more than half as much
+        ("input_dead_zone", "input_saturation", 300.0, None),  # seen at other commands: no look-alikes
+        ("arm_cable", "base_tilt", 300.0, None),  # look-alikes in other variables
+    ],
+)
+def test_a_lesser_look_alike_in_the_same_variables_may_as_well_be_another_law(
+    first: str, newest: str, gain: float, law_of: str | None
+) -> None:
+    both = a_fit(first, newest, value=-gain)
+    together = [ranked((first, 2000.0), fit=a_fit(first)), ranked((newest, gain), fit=both)]
+    assert JUDGE.look_alike_law_of(together) == law_of
+
+
+@pytest.mark.parametrize(("n", "law_of"), [(8.0, None), (7.0, "arm_cable")])
+def test_a_ripple_of_whole_periods_is_no_law_of_a_cable(n: float, law_of: str | None) -> None:
+    both = a_fit("arm_cable", Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}), value=-300.0)
+    together = [ranked(("arm_cable", 2000.0), fit=a_fit("arm_cable")), ranked(("arm_ripple", 300.0), fit=both)]
+    assert JUDGE.look_alike_law_of(together) == law_of

@@ -238,6 +238,16 @@ def test_a_small_effect_stays_when_another_small_one_joins(law: float, kept: boo
     assert accepted(found) == (names if kept else names[:1])
 
 
+@pytest.mark.parametrize(("gain", "own"), [(760.0, ["actuator_lag"]), (1300.0, ["actuator_lag", "input_delay"])])
+def test_a_lesser_look_alike_in_the_same_variables_is_in_the_plant_without_a_name(gain: float, own: list[str]) -> None:
+    """A motor of two lags was called a lag and a delay: held-out data ask for the delay, and cannot say what it is."""
+    both = ["actuator_lag", "input_delay"]
+    values = {"actuator_lag": -2000.0, " ".join(both): -2000.0 - gain}
+    found = named(values, *both, witness=Told(needed=tuple(both)))
+    assert accepted(found) == both
+    assert [s.name for s in found.own] == own
+
+
 def test_what_a_law_describes_is_an_effect_of_its_own() -> None:
     assert _with_law({}, "b", "a") == {"b": "a"}
     assert _with_law({"b": "a"}, "c", "b") == {"b": "a", "c": "a"}
