@@ -161,7 +161,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
             break
         else:
             laws.pop(last[0].name, None)  # it may have come back, as an effect of its own
-            if not exchanged and (law_of := judge.look_alike_law_of(together)) is not None:
+            if (law_of := judge.look_alike_law_of(together)) is not None:
                 laws = _with_law(laws, last[0].name, law_of)
         if leaves_more or small:
             so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws), dict(went))
