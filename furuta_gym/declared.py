@@ -14,6 +14,7 @@ import msgspec
 T = TypeVar("T")
 
 _STEP = re.compile(r"\.(\w+)|\[(\d+)\]|\[(\.\.\.)\]")
+_ATOMS = frozenset((str, int, float, bool, type(None)))
 _KINDS = {"StrType": "a text", "BoolType": "true or false", "NoneType": "null", "VarTupleType": "a list"}
 
 
@@ -32,11 +33,13 @@ def checked(data: Any, declared: type[T], name: str = "") -> T:
 
 def plain(value: Any) -> Any:
     """The same in mappings, lists and numbers of Python alone."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
+    if type(value) in _ATOMS:
+        return value
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
     if isinstance(value, Mapping):
         return {key: plain(inner) for key, inner in value.items()}
-    return [plain(inner) for inner in value] if isinstance(value, list | tuple) else value
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _in_words(said: str, data: Any, declared: Any, name: str) -> str:
@@ -57,7 +60,7 @@ def _in_words(said: str, data: Any, declared: Any, name: str) -> str:
     if missing := re.fullmatch(r"Object missing required field `(.*)`", reason):
         return f'{place} needs "{missing[1]}", and has {", ".join(map(str, value)) or "nothing"}'
     alternatives = dict.fromkeys(text for node in nodes for text in _wanted(node))
-    wanted = " or ".join(sorted(alternatives, key=lambda text: text.startswith("a list")))
+    wanted = " or ".join(sorted(alternatives, key=lambda text: (text == "null", text.startswith("a list"))))
     meaning = "".join(f" ({text})" for text in _meanings(nodes))
     return f"{place} must be {wanted}{meaning}, got {value!r:.80}"
 

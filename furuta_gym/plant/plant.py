@@ -26,6 +26,7 @@ from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from .parameters import THETA_NAMES, physical_consistency, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
 
+_OWN = ("friction_sharpness", "unit", "u_max", "sample_time")
 _AS_IT_IS: Any = lambda value: value  # noqa: E731
 _MAPPINGS = {"sensors": _AS_IT_IS, "provenance": _AS_IT_IS, "checks": _AS_IT_IS, "limits": float, "randomize": str}
 """Fields that are mappings, and what becomes of their values."""
@@ -79,7 +80,7 @@ class Plant:
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("theta", theta_vector(self.theta))
-        for name in ("friction_sharpness", "unit", "u_max", "sample_time", *_MAPPINGS):
+        for name in (*_OWN, *_MAPPINGS):
             put(name, value := plain(getattr(self, name)))
             checked(value, FIELDS[name], name)
         r = np.atleast_1d(self.friction_sharpness)
@@ -98,6 +99,7 @@ class Plant:
         for name, of in _MAPPINGS.items():
             if (value := getattr(self, name)) is not None:
                 put(name, MappingProxyType({key: of(inner) for key, inner in value.items()}))
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
 
@@ -206,12 +208,11 @@ class Plant:
                 + ("; write that line into a plant file made by hand" if schema is None else "")
             )
         read = checked(data, PlantFile)
-        own = ("unit", "friction_sharpness", "u_max", "sample_time", *_MAPPINGS)
         return cls(
             theta=theta_vector(astuple(read.theta)),
             effects=tuple(Effect.from_dict(effect, read.unit) for effect in data.get("effects") or ()),
             covariance=Covariance.from_dict(data["covariance"]) if read.covariance is not None else None,
-            **{name: data[name] for name in own if name in data},
+            **{name: data[name] for name in (*_OWN, *_MAPPINGS) if name in data},
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
