@@ -14,6 +14,7 @@ from .plant.compiled import compiled
 from .plant.effects.dispatch import read_sensors
 from .plant.plant_file import SensorsEntry
 
+
 @dataclass(frozen=True)
 class Sensors:
     """Two encoders.

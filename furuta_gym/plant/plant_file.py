@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 from msgspec import UNSET, Meta, Struct, UnsetType
 from msgspec.structs import fields
 
+from .parameters import THETA_MEANING
+
 SCHEMA = "furuta-plant/1"
 DESCRIPTION = (
     "A Furuta pendulum as `furuta identify` writes it. Nested at most 64 levels; every number is finite. The program "
@@ -27,16 +29,20 @@ Limit = Annotated[float, Meta(gt=0, le=1e9)]
 Matrix = list[list[float]]
 
 
+def _meaning(name: str) -> Meta:
+    return Meta(description=THETA_MEANING[name][0])
+
+
 class ThetaEntry(Struct, forbid_unknown_fields=True):
-    theta1: Theta
-    theta2: Theta
-    theta3: Theta
-    theta4: Theta
-    theta5: Theta
-    theta6: Theta
-    theta7: Theta
-    theta8: Theta
-    theta9: Theta
+    theta1: Annotated[Theta, _meaning("theta1")]
+    theta2: Annotated[Theta, _meaning("theta2")]
+    theta3: Annotated[Theta, _meaning("theta3")]
+    theta4: Annotated[Theta, _meaning("theta4")]
+    theta5: Annotated[Theta, _meaning("theta5")]
+    theta6: Annotated[Theta, _meaning("theta6")]
+    theta7: Annotated[Theta, _meaning("theta7")]
+    theta8: Annotated[Theta, _meaning("theta8")]
+    theta9: Annotated[Theta, _meaning("theta9")]
 
 
 class CovarianceEntry(Struct):
@@ -59,9 +65,9 @@ class EffectEntry(Struct):
 
 
 class SensorsEntry(Struct):
-    encoder_counts: Annotated[
-        Pair | None, Meta(description="Counts per revolution, of q1 and q2; 0 reads exactly")
-    ] = None
+    encoder_counts: Annotated[Pair | None, Meta(description="Counts per revolution, of q1 and q2; 0 reads exactly")] = (
+        None
+    )
     noise_std: Annotated[Pair | None, Meta(description="Of the readings, in rad")] = None
     offset: Annotated[
         Annotated[list[Offset], Meta(min_length=2, max_length=2)] | None,
@@ -90,19 +96,15 @@ class LimitsEntry(Struct, forbid_unknown_fields=True):
         Limit | UnsetType, Meta(description="Largest angle of the arm to either side of zero, in rad")
     ] = UNSET
     arm_speed: Annotated[Limit | UnsetType, Meta(description="Largest speed of the arm, in rad/s")] = UNSET
-    slew: Annotated[
-        Limit | UnsetType, Meta(description="Largest change of the command, in its unit a second")
-    ] = UNSET
-    supply: Annotated[
-        Limit | UnsetType, Meta(description="Largest command that the amplifier gives, in its unit")
-    ] = UNSET
+    slew: Annotated[Limit | UnsetType, Meta(description="Largest change of the command, in its unit a second")] = UNSET
+    supply: Annotated[Limit | UnsetType, Meta(description="Largest command that the amplifier gives, in its unit")] = (
+        UNSET
+    )
 
 
 class PlantFile(Struct):
     schema: Annotated[Literal["furuta-plant/1"], Meta(description="Kind and version of the file")]
-    theta: Annotated[
-        ThetaEntry, Meta(description="theta1 to theta9, the parameters of model (5), in command units")
-    ]
+    theta: Annotated[ThetaEntry, Meta(description="theta1 to theta9, the parameters of model (5), in command units")]
     unit: Annotated[Unit, Meta(description="Of the command. A file without it is read in V, with a warning")] = "V"
     friction_sharpness: Annotated[
         Annotated[list[Sharpness], Meta(min_length=1, max_length=2)] | Sharpness,
@@ -116,9 +118,7 @@ class PlantFile(Struct):
     sensors: Annotated[
         SensorsEntry | None, Meta(description="What the encoders are like; further entries are ignored")
     ] = None
-    sample_time: Annotated[
-        Annotated[float, Meta(ge=1e-6, le=1)] | None, Meta(description="Control period in s")
-    ] = None
+    sample_time: Annotated[Annotated[float, Meta(ge=1e-6, le=1)] | None, Meta(description="Control period in s")] = None
     u_max: Annotated[float, Meta(ge=1e-9, le=1e9, description="Largest command")] = 10.0
     provenance: Annotated[
         ProvenanceEntry | None,
