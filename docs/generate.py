@@ -1,6 +1,6 @@
 """Writes what follows from the program: the pages of docs/reference, and the schemas of docs/schema.
 
-    python docs/generate.py               # effects, commands, files and their schemas, Python; with the effects' pictures
+    python docs/generate.py               # effects, commands, files, schemas, Python; with the effects' pictures
     python docs/generate.py --check       # exit code 1 where a page is not what the program says
 
 `tests/test_docs.py` holds the pages to the program.

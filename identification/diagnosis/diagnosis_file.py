@@ -33,8 +33,8 @@ class EffectFound(Struct, kw_only=True):
     parameters: Annotated[
         dict[str, ParameterFound],
         Meta(
-            description="By name: value, standard deviation, 95 % interval (uneven where the logarithm is estimated) and "
-            "unit"
+            description="By name: value, standard deviation, 95 % interval (uneven where the logarithm is "
+            "estimated) and unit"
         ),
     ]
     equation: Annotated[str, Meta(description="What the effect adds to model (5)")]
@@ -88,7 +88,7 @@ class GapEntry(Struct, kw_only=True):
         Number | UnsetType, Meta(description="Share of each fitted log that was held out; null where whole logs were")
     ] = UNSET
     own_tail: Annotated[
-        GapEntry | None | UnsetType,
+        GapEntry | UnsetType | None,
         Meta(description="The same on ends of fitted logs, for effects that follow a clock"),
     ] = UNSET
     horizon_s: Annotated[float, Meta(description="How far ahead predictions run, in s")]
@@ -123,7 +123,7 @@ class DiagnosisFile(Struct, kw_only=True):
     absorbed: Annotated[dict[str, str], Meta(description="What θ imitates in every log, each with the reason")]
     leftover: Annotated[bool, Meta(description="Whether unexplained structure remains")]
     rest: Annotated[
-        dict[str, Any] | None | UnsetType,
+        dict[str, Any] | UnsetType | None,
         Meta(description="What remains after the named effects, in the layout of `where`"),
     ] = UNSET
     left_over_torque: Annotated[Number | UnsetType, Meta(description="Unexplained torque, rms, in command units")] = (
@@ -146,11 +146,11 @@ class DiagnosisFile(Struct, kw_only=True):
         ),
     ] = UNSET
     second_witness: Annotated[
-        dict[str, Any] | None | UnsetType,
+        dict[str, Any] | UnsetType | None,
         Meta(description="A check by multiple shooting, where structure remains"),
     ] = UNSET
     learned: Annotated[
-        dict[str, Any] | None | UnsetType,
+        dict[str, Any] | UnsetType | None,
         Meta(description="A torque without a name, learned from what is left, and whether it was added"),
     ] = UNSET
     stretches_s: Annotated[
@@ -160,18 +160,18 @@ class DiagnosisFile(Struct, kw_only=True):
     policy: Annotated[dict[str, Number] | UnsetType, Meta(description="Every threshold that was used")] = UNSET
     runtime_s: Annotated[Positive | UnsetType, Meta(description="Duration of the search in s")] = UNSET
     where: Annotated[
-        dict[str, Any] | None | UnsetType,
+        dict[str, Any] | UnsetType | None,
         Meta(
             description="Where model (5) fails before any effect is added; null where that could not be measured, see "
             "remarks"
         ),
     ] = UNSET
     where_after: Annotated[
-        dict[str, Any] | None | UnsetType, Meta(description="Where the plant with the effects fails")
+        dict[str, Any] | UnsetType | None, Meta(description="Where the plant with the effects fails")
     ] = UNSET
-    next_experiment: Annotated[str | None | UnsetType, Meta(description="What to do next, in a sentence")] = UNSET
+    next_experiment: Annotated[str | UnsetType | None, Meta(description="What to do next, in a sentence")] = UNSET
     design: Annotated[
-        dict[str, Any] | None | UnsetType,
+        dict[str, Any] | UnsetType | None,
         Meta(description="The experiment that separates equals, where there are any"),
     ] = UNSET
     remarks: Annotated[

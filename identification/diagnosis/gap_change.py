@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from ..logs.kind import kind_of
@@ -44,8 +45,8 @@ class Part:
         return PartEntry(
             self.name,
             self.logs,
-            Errors(*map(float, self.rms_before)),
-            Errors(*map(float, self.rms_after)),
+            _errors(self.rms_before),
+            _errors(self.rms_after),
             list(self.over_floor),
             self.closed.value,
             list(self.closed.interval),
@@ -119,9 +120,9 @@ class GapChange:
     def entry(self) -> GapEntry:
         """As the "gap" of diagnosis.json."""
         return GapEntry(
-            before=Errors(*map(float, self.before.rms), self.over_floor(self.before)),
-            after=Errors(*map(float, self.after.rms), self.over_floor(self.after)),
-            noise_floor=Errors(*map(float, self.floor)),
+            before=_errors(self.before.rms, self.over_floor(self.before)),
+            after=_errors(self.after.rms, self.over_floor(self.after)),
+            noise_floor=_errors(self.floor),
             closed_fraction=self.closed.value,
             closed_interval=list(self.closed.interval),
             log_likelihood_gain=self.likelier,
@@ -137,6 +138,10 @@ class GapChange:
     def to_dict(self) -> dict[str, Any]:
         """`entry` as JSON has it."""
         return msgspec.to_builtins(self.entry())
+
+
+def _errors(rms: Array, over_floor: float | UnsetType = UNSET) -> Errors:
+    return Errors(float(rms[0]), float(rms[1]), over_floor)
 
 
 def speaks_against(gap: GapChange, policy: DecisionPolicy) -> bool:
