@@ -42,6 +42,11 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
+def written(structure: msgspec.Struct) -> dict[str, Any]:
+    """A structure as mappings, lists and numbers for JSON, in the order of its declaration; `UNSET` is left out."""
+    return msgspec.to_builtins(structure, enc_hook=plain)
+
+
 def _in_words(said: str, data: Any, declared: Any, name: str) -> str:
     """What msgspec says, with the bounds and the meaning that are declared there, and with the value."""
     from msgspec import inspect  # needed for messages only

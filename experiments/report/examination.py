@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 from msgspec import structs
 
+from furuta_gym.declared import written
 from furuta_gym.plant import EFFECTS
 from identification.design.discriminate import CLEAR, Separation
 from identification.diagnosis.gap_change import GapChange
@@ -99,7 +99,7 @@ class Examination:
             remarks=self.remarks,
             runtime_s=self.diagnosis.runtime_s + self.seconds,
         )
-        return plain(msgspec.to_builtins(found))
+        return plain(written(found))
 
 
 def examine(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
+
+from furuta_gym.declared import written
 
 from ..logs.kind import kind_of
 from ..logs.log import Log
@@ -137,7 +138,7 @@ class GapChange:
 
     def to_dict(self) -> dict[str, Any]:
         """`entry` as JSON has it."""
-        return msgspec.to_builtins(self.entry())
+        return written(self.entry())
 
 
 def _errors(rms: Array, over_floor: float | UnsetType = UNSET) -> Errors:

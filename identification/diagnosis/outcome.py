@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import msgspec
 from msgspec import structs
 
+from furuta_gym.declared import written
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
@@ -220,7 +220,7 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """`entry` as JSON has it."""
-        return msgspec.to_builtins(self.entry())
+        return written(self.entry())
 
     def _effect(self, i: int, suspect: Suspect) -> EffectFound:
         assert self.naming is not None
