@@ -55,8 +55,9 @@ def _in_words(said: str, data: Any, declared: Any, name: str) -> str:
     place, value, nodes = name, data, [inspect.type_info(declared)]
     for field, index, any_key in _STEP.findall(at):
         key = _wrong_key(data, value, declared, said) if any_key else int(index) if index else field
-        place = f"{place}[{key}]" if index else f"{place}.{key}".removeprefix(".")
         value, nodes = value[key], [below for node in nodes for below in _below(node, field)]
+        named = value.get("name") if index and isinstance(value, dict) else None
+        place = f"{place}[{named or key!s:.40}]" if index else f"{place}.{key}".removeprefix(".")
     place = place or "the file"
     if at.startswith("`key`"):
         return f"{place} must have texts as keys, got {value!r:.80}"
@@ -120,8 +121,9 @@ def _wanted(node: Any) -> Iterator[str]:
         if hasattr(one, "multiple_of"):
             yield ("a whole number" if type(one).__name__ == "IntType" else "a number") + _interval(one)
         elif hasattr(one, "item_type") and one.max_length is not None:
-            sizes = " or ".join(map(str, range(one.min_length or 0, one.max_length + 1)))
-            yield f"a list of {sizes}, each " + " or ".join(_wanted(one.item_type))
+            low, high = one.min_length or 0, one.max_length
+            size = f"{low}" if low == high else f"{low} or {high}" if high == low + 1 else f"{low} to {high}"
+            yield f"a list of {size}, each " + " or ".join(_wanted(one.item_type))
         elif hasattr(one, "values"):
             yield " or ".join(f'"{value}"' for value in one.values)
         else:

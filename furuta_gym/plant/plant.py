@@ -27,9 +27,7 @@ from .parameters import THETA_NAMES, physical_consistency, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
 
 _OWN = ("friction_sharpness", "unit", "u_max", "sample_time")
-_AS_IT_IS: Any = lambda value: value  # noqa: E731
-_MAPPINGS = {"sensors": _AS_IT_IS, "provenance": _AS_IT_IS, "checks": _AS_IT_IS, "limits": float, "randomize": str}
-"""Fields that are mappings, and what becomes of their values."""
+_MAPPINGS = ("sensors", "provenance", "checks", "limits", "randomize")
 
 
 class Packed(NamedTuple):
@@ -96,9 +94,11 @@ class Plant:
         put("checks", self.checks or {})
         if len(self.provenance.get("torque_noise") or ()) == 1:
             raise ValueError("provenance.torque_noise must be two numbers, got one")
-        for name, of in _MAPPINGS.items():
+        put("limits", self.limits and {name: float(value) for name, value in self.limits.items()})
+        put("randomize", self.randomize and {name: str(value) for name, value in self.randomize.items()})
+        for name in _MAPPINGS:
             if (value := getattr(self, name)) is not None:
-                put(name, MappingProxyType({key: of(inner) for key, inner in value.items()}))
+                put(name, MappingProxyType(value))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)

@@ -133,7 +133,7 @@ class PlantFile(Struct):
         Meta(description="What the rig can do; envelope, environments and controllers keep to it"),
     ] = None
     randomize: Annotated[
-        dict[str, str | float] | None,
+        dict[str, Annotated[str | float, Meta(description="such as uniform:0,0.03")]] | None,
         Meta(description="Ranges to train over by name, such as input_delay: uniform:0,0.03"),
     ] = None
 

@@ -32,7 +32,7 @@ SAID: dict[str, tuple[dict[str, Any], str]] = {
     "unknown": ({"limits": {"arm": 1}}, "limits has no 'arm'; it takes arm_travel (largest angle of the arm"),
     "in a mapping": (
         {"effects": [SPRING]},
-        "effects[0].parameters.q1n must be a mapping or a number in [-1e+100, 1e+100] or null, got 'x'",
+        "effects[arm_spring].parameters.q1n must be a mapping or a number in [-1e+100, 1e+100] or null, got 'x'",
     ),
     "in a list": (
         {"provenance": {"logs": [{}, {"sha256": 1}]}},

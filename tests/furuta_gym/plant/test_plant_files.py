@@ -54,7 +54,7 @@ REFUSED = {
     "no such limit": ({"limits": {"arm": 1}}, r"limits has no 'arm'; it takes arm_travel \(.* rad\), "),
     "range": (
         {"randomize": {"input_delay": [0, 0.03]}},
-        r"randomize\.input_delay must be a text or a number, got \[0, 0.03\]",
+        r"randomize\.input_delay must be a text or a number \(such as uniform:0,0.03\), got \[0, 0.03\]",
     ),
     "noise": ({"provenance": {"torque_noise": ["a", 1]}}, "torque_noise"),
 }
