@@ -24,7 +24,10 @@ def checked(data: Any, declared: type[T], name: str = "") -> T:
     name: of the whole in messages; "" for a file, whose keys then stand alone. Raises ValueError that says where,
     what was expected and what it means, and what was got.
     """
-    data = plain(data)
+    try:
+        return msgspec.convert(data, declared)
+    except msgspec.ValidationError:
+        data = plain(data)  # msgspec does not know NumPy's numbers; they are rare, and this takes time
     try:
         return msgspec.convert(data, declared)
     except msgspec.ValidationError as error:

@@ -78,9 +78,10 @@ class Plant:
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("theta", theta_vector(self.theta))
+        for name in _OWN:
+            put(name, plain(getattr(self, name)))
         for name in (*_OWN, *_MAPPINGS):
-            put(name, value := plain(getattr(self, name)))
-            checked(value, FIELDS[name], name)
+            checked(getattr(self, name), FIELDS[name], name)
         r = np.atleast_1d(self.friction_sharpness)
         put("friction_sharpness", float(r[0]) if r.size == 1 else (float(r[0]), float(r[1])))
         if not all(isinstance(effect, Effect) for effect in self.effects):
@@ -98,7 +99,7 @@ class Plant:
         put("randomize", self.randomize and {name: str(value) for name, value in self.randomize.items()})
         for name in _MAPPINGS:
             if (value := getattr(self, name)) is not None:
-                put(name, MappingProxyType(value))
+                put(name, MappingProxyType(dict(value)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
