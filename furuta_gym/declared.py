@@ -13,6 +13,7 @@ import msgspec
 
 T = TypeVar("T")
 
+_PLACE = re.compile(r" - at (`key` in )?`\$((?:\.\w+|\[\d+\]|\[\.\.\.\])*)`\Z")  # a key of a stranger may look like it
 _STEP = re.compile(r"\.(\w+)|\[(\d+)\]|\[(\.\.\.)\]")
 _ATOMS = frozenset((str, int, float, bool, type(None)))
 _KINDS = {"StrType": "a text", "BoolType": "true or false", "NoneType": "null", "VarTupleType": "a list"}
@@ -26,12 +27,15 @@ def checked(data: Any, declared: type[T], name: str = "") -> T:
     """
     try:
         return msgspec.convert(data, declared)
-    except msgspec.ValidationError:
+    except (msgspec.ValidationError, UnicodeEncodeError):
         data = plain(data)  # msgspec does not know NumPy's numbers; they are rare, and this takes time
     try:
         return msgspec.convert(data, declared)
     except msgspec.ValidationError as error:
-        raise ValueError(_in_words(str(error), data, declared, name)) from None
+        said = _in_words(str(error), data, declared, name)
+    except UnicodeEncodeError as error:  # half of a pair of UTF-16, such as "\ud800"
+        said = f"{name or 'the file'} must have texts as keys, got {error.object!r:.80}"
+    raise ValueError(said)
 
 
 def plain(value: Any) -> Any:
@@ -54,24 +58,32 @@ def _in_words(said: str, data: Any, declared: Any, name: str) -> str:
     """What msgspec says, with the bounds and the meaning that are declared there, and with the value."""
     from msgspec import inspect  # needed for messages only
 
-    reason, _, at = said.partition(" - at ")
+    found = _PLACE.search(said)
+    reason, at = (said[: found.start()], found[2]) if found else (said, "")
     place, value, nodes = name, data, [inspect.type_info(declared)]
     for field, index, any_key in _STEP.findall(at):
+        if field and field not in value:  # it was no place, but what the unknown key looks like
+            return f"{place or 'the file'} has no {field!r}; it takes {', '.join(_fields(nodes))}"
         key = _wrong_key(data, value, declared, said) if any_key else int(index) if index else field
         value, nodes = value[key], [below for node in nodes for below in _below(node, field)]
         named = value.get("name") if index and isinstance(value, dict) else None
-        place = f"{place}[{named or key!s:.40}]" if index else f"{place}.{key}".removeprefix(".")
+        place = f"{place}[{_shown(named or key)}]" if index else f"{place}.{_shown(key)}".removeprefix(".")
     place = place or "the file"
-    if at.startswith("`key`"):
+    if found and found[1]:
         return f"{place} must have texts as keys, got {value!r:.80}"
     if unknown := re.fullmatch(r"Object contains unknown field `(.*)`", reason, re.DOTALL):
-        return f"{place} has no {unknown[1]!r}; it takes {', '.join(_fields(nodes))}"
+        return f"{place} has no {unknown[1]!r:.80}; it takes {', '.join(_fields(nodes))}"
     if missing := re.fullmatch(r"Object missing required field `(.*)`", reason):
-        return f'{place} needs "{missing[1]}", and has {", ".join(map(str, value)) or "nothing"}'
+        return f'{place} needs "{missing[1]}", and has {", ".join(map(_shown, value)) or "nothing"}'
     alternatives = dict.fromkeys(text for node in nodes for text in _wanted(node))
     wanted = " or ".join(sorted(alternatives, key=lambda text: (text == "null", text.startswith("a list"))))
     meaning = "".join(f" ({text})" for text in _meanings(nodes))
     return f"{place} must be {wanted}{meaning}, got {value!r:.80}"
+
+
+def _shown(key: Any) -> str:
+    text = str(key)[:40]
+    return text if text.isprintable() else ascii(text)
 
 
 def _wrong_key(data: Any, value: Mapping[Any, Any], declared: Any, said: str) -> Any:

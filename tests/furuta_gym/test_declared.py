@@ -64,6 +64,25 @@ def test_a_part_is_named_as_the_whole_is() -> None:
         checked([1], PlantFile)
 
 
+@pytest.mark.parametrize(
+    "key", ["a - at `$.b`", "a - at `$.b", "`", "\n", "\x1b[31m", "\ud800", "x" * 1000, "", "a.b[0]"]
+)
+def test_keys_of_strangers_break_no_message(key: str) -> None:
+    for part in (
+        {"limits": {key: 1}},
+        {"checks": {key: 1}, "unit": key},
+        {"effects": [{"name": "arm_spring", "parameters": {"k": 1, key: "x"}}]},
+        {"effects": [{"name": key, "parameters": {"k": "x"}}]},
+        {"effects": [{key: 1}]},
+    ):
+        with pytest.raises(ValueError, match=r"(?s).") as found:
+            checked(WHOLE | part, PlantFile)
+        assert len(str(found.value).encode()) < 500
+        assert str(found.value).isprintable()
+    with pytest.raises(ValueError, match=r"^limits (has no|must have texts as keys)"):
+        checked({key: 1}, FIELDS["limits"], "limits")
+
+
 def test_numbers_of_numpy_are_numbers_and_texts_are_none() -> None:
     data = WHOLE | {"u_max": np.float32(2.0), "friction_sharpness": np.array([1.0, 2.0]), "sensors": {"offset": (0, 1)}}
     read = checked(data, PlantFile)
