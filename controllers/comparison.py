@@ -6,18 +6,21 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from furuta_gym.files import write_whole
+from msgspec import Struct
+
+from furuta_gym.declared import checked
+from furuta_gym.files import in_short, read_json, write_whole
 from furuta_gym.plant import Plant
 
 from .conditions import map_name
-from .statistics import Interval
+from .statistics import Interval, IntervalEntry
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-SCHEMA, FIRST_SCHEMA = "furuta-comparison/2", "furuta-comparison/1"
+SCHEMA = "furuta-comparison/2"
 Scores = Mapping[str, Mapping[str, Mapping[str, Interval]]]
 
 UNITS = {
@@ -31,6 +34,17 @@ UNITS = {
     "largest_push": "rad/s",
 }
 UNITS |= {f"worst_{figure}": UNITS[figure] for figure in ("settling", "largest_q1", "roughness", "energy")}
+
+
+class ComparisonFile(Struct):
+    """comparison.json. groups: by condition its group, as the first schema had it, or by group its conditions."""
+
+    schema: Literal["furuta-comparison/1", "furuta-comparison/2"]
+    plant: dict[str, Any]
+    settings: dict[str, Any]
+    groups: dict[str, str | dict[str, Any]]
+    controllers: dict[str, dict[str, dict[str, IntervalEntry]]]
+    skipped: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -82,25 +96,27 @@ class Comparison:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Comparison":
-        """Inverse of `to_dict`; also reads the first schema. Raises ValueError on any other."""
-        if data.get("schema") == FIRST_SCHEMA:
-            groups = data["groups"]
-        elif data.get("schema") == SCHEMA:
-            groups = {condition: group for group, rows in data["groups"].items() for condition in rows}
-        else:
-            raise ValueError(f'not a comparison: expected "schema": "{SCHEMA}", got {data.get("schema")!r}')
+        """Inverse of `to_dict`; also reads the first schema. Raises ValueError for anything else."""
+        read = checked(data, ComparisonFile)
+        groups: dict[str, str] = {}
+        for name, of in read.groups.items():
+            groups |= {name: of} if isinstance(of, str) else dict.fromkeys(of, name)
         scores = {
             controller: {
-                condition: {figure: Interval.from_dict(interval) for figure, interval in figures.items()}
+                condition: {figure: entry.interval() for figure, entry in figures.items()}
                 for condition, figures in rows.items()
             }
-            for controller, rows in data["controllers"].items()
+            for controller, rows in read.controllers.items()
         }
-        return cls(Plant.from_dict(data["plant"]), data["settings"], groups, scores, data["skipped"])
+        return cls(Plant.from_dict(read.plant), read.settings, groups, scores, read.skipped)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Comparison":
-        return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))
+        """Read comparison.json. Raises FileNotFoundError, or ValueError with the file's name."""
+        try:
+            return cls.from_dict(read_json(Path(path).read_bytes()))
+        except ValueError as error:
+            raise ValueError(f"{path}: no comparison, as `furuta compare` writes it: {in_short(error)}") from error
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write `comparison.json` into a folder, made if need be; its path. `plots.draw_comparison` draws it."""

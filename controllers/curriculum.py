@@ -32,14 +32,6 @@ class Evaluation:
     def to_dict(self) -> dict[str, float | int]:
         return asdict(self)
 
-    @classmethod
-    def from_dict(cls, data: Any) -> "Evaluation":
-        """Inverse of `to_dict`. Raises ValueError for anything else."""
-        try:
-            return cls(int(data["steps"]), *(float(data[name]) for name in ("level", "mean", "worst", "success")))
-        except (KeyError, TypeError, ValueError):
-            raise ValueError(f"expected an evaluation with steps, level, mean, worst, success, got {data!r}") from None
-
 
 @dataclass(frozen=True)
 class Curriculum:

@@ -14,11 +14,13 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec import UNSET, Meta, Struct, UnsetType
 from numpy.typing import NDArray
 
+from furuta_gym.declared import checked, written
 from furuta_gym.files import in_short, read_json, write_whole
 
 from . import tensors
@@ -29,9 +31,29 @@ SCHEMA = "furuta-policy/1"
 RECORD, WEIGHTS, LEARNING = "policy.json", "weights.safetensors", "learning.safetensors"
 
 _LARGEST = 1 << 26  # bytes of one member
-_MOST_LAYERS, _MOST_CELLS = 32, 1024
 _BROKEN = (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError, zlib.error)
 """What zipfile raises for one that is damaged; OSError where it is led to a place before the file's start."""
+
+
+class LayerEntry(Struct):
+    inputs: int
+    outputs: int
+    activation: str
+
+
+class CellsEntry(Struct):
+    count: Annotated[int, Meta(ge=1, le=1024)]
+    beside: Annotated[bool, Meta(description="Whether the observation goes beside the cells too")]
+
+
+class NetworkEntry(Struct):
+    """The "network" of policy.json."""
+
+    observation_size: int
+    layers: Annotated[list[LayerEntry], Meta(min_length=1, max_length=32)]
+    squash: Literal["tanh", "clip"]
+    limit: Annotated[float, Meta(gt=0)]
+    cells: CellsEntry | UnsetType = UNSET
 
 
 def write_policy(
@@ -48,7 +70,7 @@ def write_policy(
         arrays |= {f"weight{i}": layer.weight, f"bias{i}": layer.bias}
     if (cells := network.cells) is not None:
         arrays |= {"cells_w": cells.w, "cells_r": cells.r, "cells_bias": cells.bias}
-    about = dict(record) | {"schema": SCHEMA, "network": _described(network)}
+    about = dict(record) | {"schema": SCHEMA, "network": written(_described(network))}
     _network(about["network"], arrays)
     members = {
         RECORD: (json.dumps(about, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
@@ -170,58 +192,44 @@ def _record(raw: bytes) -> dict[str, Any]:
     return record
 
 
-def _described(network: Network) -> dict[str, Any]:
+def _described(network: Network) -> NetworkEntry:
     cells = network.cells
-    return {
-        "observation_size": network.size,
-        "layers": [
-            {"inputs": layer.weight.shape[1], "outputs": layer.weight.shape[0], "activation": layer.activation}
-            for layer in network.layers
-        ],
-        "squash": "tanh" if network.squashed else "clip",
-        "limit": network.limit,
-    } | ({} if cells is None else {"cells": {"count": cells.size, "beside": cells.beside}})
+    return NetworkEntry(
+        network.size,
+        [LayerEntry(layer.weight.shape[1], layer.weight.shape[0], layer.activation) for layer in network.layers],
+        "tanh" if network.squashed else "clip",
+        network.limit,
+        UNSET if cells is None else CellsEntry(cells.size, cells.beside),
+    )
 
 
 def _network(said: Any, arrays: Mapping[str, NDArray[Any]]) -> Network:
     """The network that a file says it has, held against the arrays that are there."""
-    layers = said.get("layers") if isinstance(said, dict) else None
-    if not isinstance(layers, list) or not 1 <= len(layers) <= _MOST_LAYERS:
-        raise ValueError(f'"network" must be a mapping with 1 to {_MOST_LAYERS} "layers"')
-    size, squash, limit = said.get("observation_size"), said.get("squash"), said.get("limit")
-    if squash not in ("tanh", "clip"):
-        raise ValueError(f'"squash" must be "tanh" or "clip", got {squash!r}')
-    if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit > 0:
-        raise ValueError(f'"limit" must be a positive number, got {limit!r}')
+    read = checked(said, NetworkEntry, "network")
+    size = read.observation_size
     scale = _array(arrays, "scale", (size,))
-    cells = None if "cells" not in said else _cells(said["cells"], size, arrays)
+    cells = None if read.cells is UNSET else _cells(read.cells, size, arrays)
     made = []
     width = size if cells is None else cells.outputs
-    for i, layer in enumerate(layers):
-        activation = layer.get("activation") if isinstance(layer, dict) else None
-        if activation != "" and not (isinstance(activation, str) and activation in ACTIVATIONS):
+    for i, layer in enumerate(read.layers):
+        if layer.activation != "" and layer.activation not in ACTIVATIONS:
             raise ValueError(f'the activation of layer {i} must be "" or one of {", ".join(ACTIVATIONS)}')
-        if layer.get("inputs") != width:
-            raise ValueError(f"layer {i} takes {layer.get('inputs')!r} numbers, and {width!r} come in")
-        width = layer.get("outputs")
-        weight, bias = _array(arrays, f"weight{i}", (width, layer["inputs"])), _array(arrays, f"bias{i}", (width,))
-        made.append(Layer(weight, bias, activation))
+        if layer.inputs != width:
+            raise ValueError(f"layer {i} takes {layer.inputs} numbers, and {width} come in")
+        width = layer.outputs
+        weight, bias = _array(arrays, f"weight{i}", (width, layer.inputs)), _array(arrays, f"bias{i}", (width,))
+        made.append(Layer(weight, bias, layer.activation))
     if width != 1:
-        raise ValueError(f"the last layer must have one output, got {width!r}")
-    return Network(scale, tuple(made), squash == "tanh", float(limit), cells)
+        raise ValueError(f"the last layer must have one output, got {width}")
+    return Network(scale, tuple(made), read.squash == "tanh", read.limit, cells)
 
 
-def _cells(said: Any, inputs: Any, arrays: Mapping[str, NDArray[Any]]) -> Cells:
-    count, beside = (said.get("count"), said.get("beside")) if isinstance(said, dict) else (None, None)
-    if type(count) is not int or not 1 <= count <= _MOST_CELLS or type(beside) is not bool:
-        raise ValueError(
-            f'"cells" must be a mapping with "count", 1 to {_MOST_CELLS}, and "beside", true or false; got {said!r}'
-        )
+def _cells(said: CellsEntry, inputs: int, arrays: Mapping[str, NDArray[Any]]) -> Cells:
     return Cells(
-        _array(arrays, "cells_w", (4 * count, inputs)),
-        _array(arrays, "cells_r", (4 * count, count)),
-        _array(arrays, "cells_bias", (4 * count,)),
-        beside,
+        _array(arrays, "cells_w", (4 * said.count, inputs)),
+        _array(arrays, "cells_r", (4 * said.count, said.count)),
+        _array(arrays, "cells_bias", (4 * said.count,)),
+        said.beside,
     )
 
 

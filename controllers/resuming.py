@@ -5,11 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
+
+from furuta_gym.declared import checked
 
 from .checkpoint import only_remains
 from .curriculum import Evaluation
 from .training_setup import Training
+
+Steps = Annotated[int, Meta(ge=0)]
+
+
+class Progress(Struct):
+    """What the record of a run says of how far it is."""
+
+    steps: Steps
+    best_return: float | None = None
+    resumed_at: list[Steps] | None = None
+    evaluations: list[Evaluation] | None = None
+
 
 _BEFORE_IT_WAS_KEPT = {"recipe": "plain", "reward_weights": {}, "arm_margin": 0.0}  # of records that do not say it
 
@@ -32,18 +48,12 @@ def check_same(training: Training, known: Mapping[str, Any], source: Path) -> No
 
 def progress_of(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int], list[Evaluation]]:
     """Steps done, the best return so far, the steps at which earlier sittings ended, and all evaluations."""
-    done, best, earlier = known.get("steps"), known.get("best_return"), known.get("resumed_at") or []
-    number = best is None or (isinstance(best, int | float) and not isinstance(best, bool))
-    if not number or not isinstance(earlier, list) or not all(type(n) is int and n >= 0 for n in [done, *earlier]):
-        raise ValueError(
-            f"--resume: {source}: its record does not say how far it is (steps, best_return, resumed_at); train anew "
-            "under another name"
-        )
     try:
-        evaluations = [Evaluation.from_dict(one) for one in known.get("evaluations") or []]
-    except (ValueError, TypeError) as error:
+        read = checked(known, Progress, "its record")
+    except ValueError as error:
         raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
-    return int(done), -math.inf if best is None else float(best), earlier, evaluations  # type: ignore[arg-type]
+    best = -math.inf if read.best_return is None else read.best_return
+    return read.steps, best, read.resumed_at or [], read.evaluations or []
 
 
 def check_output(path: Path, checkpoint: Path, resume: bool) -> None:

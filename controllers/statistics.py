@@ -3,9 +3,23 @@
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import ArrayLike
 
 _Z = 1.959963984540054  # 95 % of a normal distribution lie within
+
+
+class IntervalEntry(Struct):
+    """An interval in a file: null for NaN, which JSON has not."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+    def interval(self) -> "Interval":
+        value, low, high = (np.nan if x is None else x for x in (self.value, self.low, self.high))
+        return Interval(value, low, high, self.n)
 
 
 @dataclass(frozen=True)
@@ -20,13 +34,6 @@ class Interval:
     def to_dict(self) -> dict[str, float | int | None]:
         number = lambda x: None if np.isnan(x) else float(x)  # noqa: E731  (JSON has no NaN)
         return {"value": number(self.value), "low": number(self.low), "high": number(self.high), "n": self.n}
-
-    @classmethod
-    def from_dict(cls, data: dict[str, float | int | None]) -> "Interval":
-        value, low, high = (
-            float("nan") if data[k] is None else float(data[k] or 0.0) for k in ("value", "low", "high")
-        )
-        return cls(value, low, high, int(data["n"] or 0))
 
     def __str__(self) -> str:
         if np.isnan(self.value):

@@ -1,6 +1,6 @@
-"""Writes the pages of the reference that follow from the program, into docs/reference.
+"""Writes what follows from the program: the pages of docs/reference, and the schemas of docs/schema.
 
-    python docs/generate.py               # effects, commands, files, Python; with the effects' pictures
+    python docs/generate.py               # effects, commands, files, schemas, Python; with the effects' pictures
     python docs/generate.py --check       # exit code 1 where a page is not what the program says
 
 `tests/test_docs.py` holds the pages to the program.
@@ -39,6 +39,8 @@ def pages() -> dict[str, str]:
         "reference/plant_file.md": file_page("plant", PLANT_WORDS),
         "reference/diagnosis_file.md": file_page("diagnosis", DIAGNOSIS_WORDS),
     }
+    for kind in DECLARED:
+        made[f"schema/furuta-{kind}-1.schema.json"] = json.dumps(schema_of(kind), indent=2, ensure_ascii=False) + "\n"
     return made | {f"reference/{package}.md": python_page(package) for package in PACKAGES}
 
 
@@ -244,10 +246,31 @@ and `next_experiment` what to record. With another verdict, `gap` or `where` may
 why."""
 
 
+DECLARED = {
+    "plant": ("furuta_gym.plant.plant_file", "PlantFile"),
+    "diagnosis": ("identification.diagnosis.diagnosis_file", "DiagnosisFile"),
+}
+
+
+def schema_of(kind: str) -> dict[str, Any]:
+    """The JSON Schema of a file, from its declaration."""
+    import msgspec
+
+    where, name = DECLARED[kind]
+    module = importlib.import_module(where)
+    _, parts = msgspec.json.schema_components([getattr(module, name)], ref_template="#/$defs/{name}")
+    top = parts.pop(name)
+    about = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": module.SCHEMA,
+        "description": module.DESCRIPTION,
+    }
+    return about | {key: value for key, value in top.items() if key not in about} | {"$defs": parts}
+
+
 def file_page(kind: str, words: str) -> str:
     """A file's keys, from its JSON Schema."""
-    name = f"furuta-{kind}-1.schema.json"
-    schema = json.loads((DOCS / "schema" / name).read_text(encoding="utf-8"))
+    name, schema = f"furuta-{kind}-1.schema.json", schema_of(kind)
     lines = [
         NOTE,
         f"# {kind.capitalize()} file\n",
@@ -263,32 +286,31 @@ def file_page(kind: str, words: str) -> str:
 def _keys(schema: Any, whole: Any, before: str) -> list[str]:
     rows = []
     for key, inner in schema.get("properties", {}).items():
-        inner = _resolved(inner, whole)
         needed = " Required." if key in schema.get("required", ()) else ""
         said = inner.get("description", "")
         said = f"{said}.{needed}" if said else needed.strip()
         rows.append(f"| `{before}{key}` | {_cell(_type(inner, whole))} | {_cell(said).replace('..', '.')} |")
-        rows += _keys(inner, whole, f"{before}{key}.")
-        items = _resolved(inner.get("items", {}), whole)
-        rows += _keys(items, whole, f"{before}{key}[].")
+        for one in _alternatives(inner, whole):
+            if one is not schema:  # a part that may hold its own kind is shown once
+                rows += _keys(one, whole, f"{before}{key}.")
+            for item in _alternatives(one.get("items", {}), whole):
+                rows += _keys(item, whole, f"{before}{key}[].")
     return rows
 
 
-def _resolved(inner: Any, whole: Any) -> Any:
-    if "$ref" in inner:
-        return whole["$defs"][inner["$ref"].rpartition("/")[2]] | {k: v for k, v in inner.items() if k != "$ref"}
-    return inner
+def _alternatives(inner: Any, whole: Any) -> list[Any]:
+    found = []
+    for one in inner.get("anyOf", [inner]):
+        found.append(whole["$defs"][one["$ref"].rpartition("/")[2]] if "$ref" in one else one)
+    return found
 
 
 def _type(inner: Any, whole: Any) -> str:
-    if "const" in inner:
-        return f'"{inner["const"]}"'
+    if "anyOf" in inner:
+        return " or ".join(dict.fromkeys(_type(one, whole) for one in inner["anyOf"]))
     if "enum" in inner:
         return " or ".join(f'"{value}"' for value in inner["enum"])
-    if "anyOf" in inner:
-        return " or ".join(dict.fromkeys(_type(_resolved(one, whole), whole) for one in inner["anyOf"]))
-    kind = inner.get("type", "any")
-    return " or ".join(kind) if isinstance(kind, list) else kind
+    return "object" if "$ref" in inner else inner.get("type", "any")
 
 
 # ------------------------------------------------------------------------------------------------------- Python

@@ -6,29 +6,13 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
+from .declared import checked, plain
 from .plant.compiled import compiled
 from .plant.effects.dispatch import read_sensors
-from .plant.parameters import plain_numbers
-
-_LARGEST = 1e12  # of a count, an angle or a cutoff
-
-
-def _array(value: Any) -> NDArray[np.float64]:
-    """Numbers of any shape; NaN for what is none, so that the check after it finds it."""
-    try:
-        return plain_numbers(value)
-    except (TypeError, ValueError, OverflowError):
-        return np.array(np.nan)
-
-
-def _pair(value: Any, name: str) -> tuple[float, float]:
-    pair = _array(value)
-    pair = np.broadcast_to(pair, (2,)) if pair.shape in ((), (1,), (2,)) else np.full(2, np.nan)
-    if not ((pair >= 0) & (pair <= _LARGEST)).all():
-        raise ValueError(f"{name} must be one or two numbers that are not negative, got {value!r}")
-    return float(pair[0]), float(pair[1])
+from .plant.plant_file import SensorsEntry
 
 
 @dataclass(frozen=True)
@@ -48,17 +32,16 @@ class Sensors:
     velocity_cutoff: float = 100.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "encoder_counts", _pair(0.0 if self.encoder_counts is None else self.encoder_counts, "encoder_counts")
-        )
-        object.__setattr__(self, "noise_std", _pair(self.noise_std, "noise_std"))
-        offset = _array(self.offset)
-        if offset.shape != (2,) or not (np.abs(offset) <= _LARGEST).all():
-            raise ValueError(f"offset must be two finite numbers [rad], got {self.offset!r}")
-        object.__setattr__(self, "offset", (float(offset[0]), float(offset[1])))
-        cutoff = _array(self.velocity_cutoff)
-        if cutoff.shape != () or not 0 < cutoff <= _LARGEST:
-            raise ValueError(f"velocity_cutoff must be a positive number [rad/s], got {self.velocity_cutoff!r}")
+        for field in structs.fields(SensorsEntry):
+            value = getattr(self, field.name)
+            if value is None and field.name != "encoder_counts":
+                raise ValueError(f"{field.name} must be given, got None; leave it out for its default")
+            checked(value, field.type, field.name)
+            value = plain(value)
+            if field.name != "velocity_cutoff":
+                pair = np.broadcast_to(0.0 if value is None else value, (2,))
+                value = (float(pair[0]), float(pair[1]))
+            object.__setattr__(self, field.name, value)
 
     @property
     def resolution(self) -> NDArray[np.float64]:

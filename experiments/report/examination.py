@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from msgspec import structs
+
+from furuta_gym.declared import written
 from furuta_gym.plant import EFFECTS
 from identification.design.discriminate import CLEAR, Separation
 from identification.diagnosis.gap_change import GapChange
@@ -87,15 +90,16 @@ class Examination:
 
     def to_dict(self) -> dict[str, Any]:
         """The whole of diagnosis.json; what is not a finite number is null there."""
-        found = self.diagnosis.to_dict()
-        found |= {
-            "where": self.where.to_dict() if self.where else None,
-            "where_after": self.where_after.to_dict() if self.where_after else None,
-            "next_experiment": self.next_experiment,
-            "design": self.design.to_dict() if self.design else None,
-            "remarks": self.remarks,
-        }
-        return plain(found | {"runtime_s": self.diagnosis.runtime_s + self.seconds})
+        found = structs.replace(
+            self.diagnosis.entry(),
+            where=self.where.to_dict() if self.where else None,
+            where_after=self.where_after.to_dict() if self.where_after else None,
+            next_experiment=self.next_experiment,
+            design=self.design.to_dict() if self.design else None,
+            remarks=self.remarks,
+            runtime_s=self.diagnosis.runtime_s + self.seconds,
+        )
+        return plain(written(found))
 
 
 def examine(

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.declared import checked
+
 from .parameters import THETA_NAMES, plain_numbers
+from .plant_file import FIELDS, CovarianceEntry
 
 _LARGEST = 1e100  # of a variance; beyond it products of two overflow
 
@@ -53,9 +56,7 @@ class Covariance:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any] | list[list[float]]) -> "Covariance":
-        """Names and matrix, or a bare 9×9 list over θ."""
-        if isinstance(data, Mapping):
-            if "names" not in data or "matrix" not in data:
-                raise ValueError('a covariance needs "names" and "matrix"')
-            return cls(data["names"], data["matrix"])
-        return cls(THETA_NAMES, data)  # type: ignore[arg-type]
+        """Names and matrix, or a bare 9×9 list over θ. Raises ValueError for anything else."""
+        read: CovarianceEntry | list[list[float]] = checked(data, FIELDS["covariance"], "covariance")
+        names, matrix = (read.names, read.matrix) if isinstance(read, CovarianceEntry) else (THETA_NAMES, read)
+        return cls(tuple(names), matrix)  # type: ignore[arg-type]

@@ -13,20 +13,21 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec.structs import astuple
 from numpy.typing import NDArray
 
+from furuta_gym.declared import checked, plain
 from furuta_gym.files import in_short, read_json, write_whole
 
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
-from .limits import checked_limits, checked_ranges
-from .parameters import THETA_NAMES, physical_consistency, plain_numbers, theta_vector
+from .parameters import THETA_NAMES, physical_consistency, theta_vector
+from .plant_file import FIELDS, SCHEMA, PlantFile
 
-SCHEMA = "furuta-plant/1"
-UNITS = ("V", "N·m")
-SHARPEST = 1e6  # s/rad; friction that turns within 1 µrad/s is a step to every measurement
+_OWN = ("friction_sharpness", "unit", "u_max", "sample_time")
+_MAPPINGS = ("sensors", "provenance", "checks", "limits", "randomize")
 
 
 class Packed(NamedTuple):
@@ -35,29 +36,6 @@ class Packed(NamedTuple):
     p: NDArray[np.float64]
     codes: NDArray[np.int64]
     rows: int
-
-
-def _numbers(name: str, value: Any) -> NDArray[np.float64]:
-    try:
-        return plain_numbers(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name} must be a number, got {value!r}") from None
-
-
-def _check_logs(provenance: Mapping[str, Any]) -> None:
-    """The two entries of a provenance that are read again. Raises ValueError."""
-    logs = provenance.get("logs")
-    if logs is not None and not (
-        isinstance(logs, list | tuple)
-        and all(isinstance(log, Mapping) and isinstance(log.get("sha256"), str | None) for log in logs)
-    ):
-        raise ValueError('the provenance\'s "logs" must be a list of mappings with a text "sha256"')
-    noise = provenance.get("torque_noise")
-    if noise is None or np.size(noise) == 0:
-        return
-    numbers = _numbers("torque_noise", noise)
-    if numbers.shape != (2,) or not (np.isfinite(numbers) & (numbers >= 0)).all():
-        raise ValueError(f'the provenance\'s "torque_noise" must be two numbers that are not negative, got {noise!r}')
 
 
 def _assumed(plant: "Plant", data: Mapping[str, Any]) -> Iterator[str]:
@@ -80,7 +58,7 @@ class Plant:
     unit: the command's unit {u}, "V" or "N·m". u_max [{u}]: largest command. sample_time [s]: if known.
     effects: what acts besides model (5). covariance: over θ and effect parameters, as estimated.
     sensors, provenance, checks: free mappings that go to the file with it.
-    limits: of the rig, see `limits.LIMITS`. randomize: ranges to train over, see `envs.ranges`; both optional.
+    limits: of the rig, see `plant_file.LimitsEntry`. randomize: ranges to train over, see `envs.ranges`; both optional.
     Raises ValueError for numbers that no plant can have, as a mass matrix that is not positive definite.
     """
 
@@ -100,21 +78,12 @@ class Plant:
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
         put("theta", theta_vector(self.theta))
-        r = np.atleast_1d(_numbers("friction_sharpness", self.friction_sharpness))
-        if r.shape not in ((1,), (2,)) or not np.all((r > 0) & (r <= SHARPEST)):
-            raise ValueError(
-                f"friction_sharpness must be one or two positive numbers up to {SHARPEST:g} s/rad, got "
-                f"{self.friction_sharpness}"
-            )
+        for name in _OWN:
+            put(name, plain(getattr(self, name)))
+        for name in (*_OWN, *_MAPPINGS):
+            checked(getattr(self, name), FIELDS[name], name)
+        r = np.atleast_1d(self.friction_sharpness)
         put("friction_sharpness", float(r[0]) if r.size == 1 else (float(r[0]), float(r[1])))
-        if self.unit not in UNITS:
-            raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
-        u_max = _numbers("u_max", self.u_max)
-        if u_max.shape != () or not 1e-9 <= u_max <= 1e9:
-            raise ValueError(f"u_max must be a positive number in [1e-9, 1e9], got {self.u_max!r}")
-        T = _numbers("sample_time", 1.0 if self.sample_time is None else self.sample_time)
-        if T.shape != () or not 1e-6 <= T <= 1:
-            raise ValueError(f"sample_time must lie in [1e-6, 1] s, got {self.sample_time!r}")
         if not all(isinstance(effect, Effect) for effect in self.effects):
             raise ValueError(f"effects must be Effect values, got {self.effects!r}")
         names = [effect.name for effect in self.effects]
@@ -122,15 +91,15 @@ class Plant:
         put("effects", tuple(sorted(self.effects, key=lambda effect: NUMBERS[effect.name])))
         if twice := sorted({n for n in names if names.count(n) > 1}):
             raise ValueError(f"effect {', '.join(twice)} is given twice; an effect can act once")
-        for name in ("sensors", "provenance", "checks"):
-            value = getattr(self, name)
-            if not (isinstance(value, Mapping) or (name == "sensors" and value is None)):
-                raise ValueError(f"{name} must be a mapping, got {value!r}")
-            if value is not None:
+        put("provenance", self.provenance or {})
+        put("checks", self.checks or {})
+        if len(self.provenance.get("torque_noise") or ()) == 1:
+            raise ValueError("provenance.torque_noise must be two numbers, got one")
+        put("limits", self.limits and {name: float(value) for name, value in self.limits.items()})
+        put("randomize", self.randomize and {name: str(value) for name, value in self.randomize.items()})
+        for name in _MAPPINGS:
+            if (value := getattr(self, name)) is not None:
                 put(name, MappingProxyType(dict(value)))
-        _check_logs(self.provenance)
-        put("limits", checked_limits(self.limits))
-        put("randomize", checked_ranges(self.randomize))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
@@ -154,7 +123,7 @@ class Plant:
         return next((e for e in self.effects if e.name == name), None)
 
     def limit(self, name: str, otherwise: float) -> float:
-        """The rig's limit `name` (see `limits.LIMITS`), or what to take where the file has none."""
+        """The rig's limit `name` (see `plant_file.LimitsEntry`), or what to take where the file has none."""
         return float((self.limits or {}).get(name, otherwise))
 
     @property
@@ -239,27 +208,12 @@ class Plant:
                 + ("; a newer furuta-gym wrote it" if str(schema).startswith("furuta-plant/") else "")
                 + ("; write that line into a plant file made by hand" if schema is None else "")
             )
-        if not isinstance(data.get("theta"), Mapping):
-            raise ValueError('a plant file needs "theta": {"theta1": …, …, "theta9": …}')
-        r = data.get("friction_sharpness", 100.0)
-        covariance = data.get("covariance")
-        effects = [] if data.get("effects") is None else data["effects"]
-        if not isinstance(effects, list):
-            raise ValueError(f'"effects" must be a list, got {effects!r}')
-        unit = data.get("unit", "V")
+        read = checked(data, PlantFile)
         return cls(
-            theta=theta_vector(dict(data["theta"])),
-            friction_sharpness=tuple(r) if isinstance(r, list) else r,
-            unit=unit,
-            u_max=data.get("u_max", 10.0),
-            sample_time=data.get("sample_time"),
-            effects=tuple(Effect.from_dict(e, unit if unit in UNITS else None) for e in effects),
-            covariance=Covariance.from_dict(covariance) if covariance is not None else None,
-            sensors=data.get("sensors"),
-            provenance={} if data.get("provenance") is None else data["provenance"],
-            checks={} if data.get("checks") is None else data["checks"],
-            limits=data.get("limits"),
-            randomize=data.get("randomize"),
+            theta=theta_vector(astuple(read.theta)),
+            effects=tuple(Effect.from_dict(effect, read.unit) for effect in data.get("effects") or ()),
+            covariance=Covariance.from_dict(data["covariance"]) if read.covariance is not None else None,
+            **{name: data[name] for name in (*_OWN, *_MAPPINGS) if name in data},
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -6,11 +6,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
+
+from furuta_gym.declared import written
 
 from ..logs.kind import kind_of
 from ..logs.log import Log
 from ..validation.gap import ClosedFraction, Gap, closed_fraction
+from .diagnosis_file import Errors, GapEntry, PartEntry
 from .policy import DecisionPolicy
 
 AXES = ("arm q1", "pendulum q2")
@@ -38,16 +42,16 @@ class Part:
         """Whether the error grows for certain."""
         return self.closed.interval[1] < 0.0
 
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "name": self.name,
-            "logs": self.logs,
-            "before": {"rms_q1": float(self.rms_before[0]), "rms_q2": float(self.rms_before[1])},
-            "after": {"rms_q1": float(self.rms_after[0]), "rms_q2": float(self.rms_after[1])},
-            "ratio_to_floor": list(self.over_floor),
-            "closed_fraction": self.closed.value,
-            "closed_interval": list(self.closed.interval),
-        }
+    def entry(self) -> PartEntry:
+        return PartEntry(
+            self.name,
+            self.logs,
+            _errors(self.rms_before),
+            _errors(self.rms_after),
+            list(self.over_floor),
+            self.closed.value,
+            list(self.closed.interval),
+        )
 
 
 @dataclass(frozen=True)
@@ -114,25 +118,31 @@ class GapChange:
         closed = closed_fraction(sides[0], sides[1]) if self.changed else self.closed
         return Part(name, len(which), sides[0].rms, sides[1].rms, (ratios[0], ratios[1]), closed)
 
+    def entry(self) -> GapEntry:
+        """As the "gap" of diagnosis.json."""
+        return GapEntry(
+            before=_errors(self.before.rms, self.over_floor(self.before)),
+            after=_errors(self.after.rms, self.over_floor(self.after)),
+            noise_floor=_errors(self.floor),
+            closed_fraction=self.closed.value,
+            closed_interval=list(self.closed.interval),
+            log_likelihood_gain=self.likelier,
+            held_out=self.tail is None,
+            tail=self.tail,
+            own_tail=self.own_tail.entry() if self.own_tail else None,
+            horizon_s=self.before.horizon,
+            logs=[log.source for log in self.logs],
+            by_log=[part.entry() for part in self.by_log],
+            by_kind=[part.entry() for part in self.by_kind],
+        )
+
     def to_dict(self) -> dict[str, Any]:
-        """As the "gap" of diagnosis.json, and more."""
-        sides = {
-            side: {"rms_q1": float(gap.rms[0]), "rms_q2": float(gap.rms[1]), "ratio_to_floor": self.over_floor(gap)}
-            for side, gap in (("before", self.before), ("after", self.after))
-        }
-        return sides | {
-            "noise_floor": {"rms_q1": float(self.floor[0]), "rms_q2": float(self.floor[1])},
-            "closed_fraction": self.closed.value,
-            "closed_interval": list(self.closed.interval),
-            "log_likelihood_gain": self.likelier,
-            "held_out": self.tail is None,
-            "tail": self.tail,
-            "own_tail": self.own_tail.to_dict() if self.own_tail else None,
-            "horizon_s": self.before.horizon,
-            "logs": [log.source for log in self.logs],
-            "by_log": [part.to_dict() for part in self.by_log],
-            "by_kind": [part.to_dict() for part in self.by_kind],
-        }
+        """`entry` as JSON has it."""
+        return written(self.entry())
+
+
+def _errors(rms: Array, over_floor: float | UnsetType = UNSET) -> Errors:
+    return Errors(float(rms[0]), float(rms[1]), over_floor)
 
 
 def speaks_against(gap: GapChange, policy: DecisionPolicy) -> bool:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from msgspec import structs
+
+from furuta_gym.declared import written
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
 from ..estimation.informative import spans_text
 from ..validation.adequacy import ADEQUATE_BELOW
 from . import sentences
+from .diagnosis_file import SCHEMA, DiagnosisFile, EffectFound, OtherLaw, ParameterFound, Ranked, Verdict
 from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
@@ -18,7 +22,6 @@ from .naming.forward import Naming
 from .naming.suspects import Suspect, follows_clock
 from .policy import DecisionPolicy
 
-SCHEMA = "furuta-diagnosis/1"
 ABSORBED = {
     "back_emf": "adds to θ6",
     "amplifier_gain": "scales every θ",
@@ -68,7 +71,7 @@ class Diagnosis:
     (from, to) that were searched; empty where all were.
     """
 
-    verdict: str
+    verdict: Verdict
     summary: str
     before: Estimate | None = field(repr=False)
     after: Estimate | None = field(repr=False)
@@ -182,51 +185,62 @@ class Diagnosis:
         where = "on data that no fit saw alone" if self.still_off > 1.0 else "in other tests"
         return f"no torque stands out of the noise on the searched logs; what remains shows {where}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """As diagnosis.json has it."""
+    def entry(self) -> DiagnosisFile:
+        """What diagnosis.json holds of it."""
         naming = self.naming
         effects = [self._effect(i, suspect) for i, suspect in enumerate(naming.accepted)] if naming else []
         describes = [naming.describes(suspect.name) for suspect in naming.accepted] if naming else []
         first = naming.rankings[0] if naming and naming.rankings else ()
-        return {
-            "schema": SCHEMA,
-            "verdict": self.verdict,
-            "summary": self.summary,
-            "effects": [e for e, of in zip(effects, describes, strict=True) if of is None],
-            "other_laws": [e | {"law_of": of} for e, of in zip(effects, describes, strict=True) if of is not None],
-            "ranking": [{"name": s.name, "log_likelihood_gain": s.gain, "score": s.score} for s in first],
-            "not_visible": self.not_visible,
-            "absorbed": dict(ABSORBED),
-            "leftover": self.leftover,
-            "rest": self.rest.to_dict() if self.rest else None,
-            "left_over_torque": self.left_over,
-            "command_rms": self.command_rms,
-            "zeros": self.after.zeros_by_log if self.after else {},
-            "gap": self.gap.to_dict() if self.gap else None,
-            "together_over_floor": self.together,
-            "second_witness": self.second.to_dict() if self.second else None,
-            "learned": self.learned.to_dict() if self.learned else None,
-            "stretches_s": [[list(span) for span in spans] for spans in self.stretches],
-            "policy": self.policy.to_dict(),
-            "runtime_s": self.runtime_s,
-        }
+        return DiagnosisFile(
+            schema=SCHEMA,
+            verdict=self.verdict,
+            summary=self.summary,
+            effects=[e for e, of in zip(effects, describes, strict=True) if of is None],
+            other_laws=[
+                OtherLaw(**structs.asdict(e), law_of=of)
+                for e, of in zip(effects, describes, strict=True)
+                if of is not None
+            ],
+            ranking=[Ranked(s.name, s.gain, s.score) for s in first],
+            not_visible=self.not_visible,
+            absorbed=dict(ABSORBED),
+            leftover=self.leftover,
+            rest=self.rest.to_dict() if self.rest else None,
+            left_over_torque=self.left_over,
+            command_rms=self.command_rms,
+            zeros=self.after.zeros_by_log if self.after else {},
+            gap=self.gap.entry() if self.gap else None,
+            together_over_floor=self.together,
+            second_witness=self.second.to_dict() if self.second else None,
+            learned=self.learned.to_dict() if self.learned else None,
+            stretches_s=[[list(span) for span in spans] for spans in self.stretches],
+            policy=self.policy.to_dict(),
+            runtime_s=self.runtime_s,
+        )
 
-    def _effect(self, i: int, suspect: Suspect) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
+        """`entry` as JSON has it."""
+        return written(self.entry())
+
+    def _effect(self, i: int, suspect: Suspect) -> EffectFound:
         assert self.naming is not None
         assert self.after is not None
         found = self.after.plant.effect(suspect.name)
         assert found is not None
-        told = found.to_dict(self.after.plant.unit)
-        for name, entry in told["parameters"].items():
-            interval = found.interval(name)
-            entry["interval"] = list(interval) if interval else None
-        return told | {
-            "equation": EFFECTS[suspect.name].equation,
-            "place": EFFECTS[suspect.name].place,
-            "log_likelihood_gain": suspect.gain,
-            "confused_with": list(self.naming.equals[i]),
-            "predict_the_same": list(self.naming.same[i]) if self.naming.same else [],
-        }
+        parameters = found.to_dict(self.after.plant.unit)["parameters"]
+        intervals = {name: found.interval(name) for name in parameters}
+        return EffectFound(
+            name=found.name,
+            parameters={
+                name: ParameterFound(**entry, interval=list(between) if (between := intervals[name]) else None)
+                for name, entry in parameters.items()
+            },
+            equation=EFFECTS[suspect.name].equation,
+            place=EFFECTS[suspect.name].place,
+            log_likelihood_gain=suspect.gain,
+            confused_with=list(self.naming.equals[i]),
+            predict_the_same=list(self.naming.same[i]) if self.naming.same else [],
+        )
 
     def __str__(self) -> str:
         lines = [f"{self.verdict.upper()}: {self.summary}"]

@@ -195,7 +195,7 @@ class DecisionPolicy:
             for f in fields(self)
         )
 
-    def to_dict(self) -> dict[str, float]:
+    def to_dict(self) -> dict[str, float | None]:
         """name → value, as diagnosis.json has it."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 

@@ -20,6 +20,7 @@ from ..estimation.zeros import moved
 from ..kalman.record import stretches
 from ..logs.log import Log
 from . import sentences
+from .diagnosis_file import Verdict
 from .equals import interchangeable
 from .held_out import HeldOut
 from .leftovers import Leftovers
@@ -191,7 +192,7 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
     )
 
 
-def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[str, str]:
+def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdict, str]:
     """The verdict, and what it says in sentences."""
     names = [suspect.name for suspect in naming.own]
     remains = []

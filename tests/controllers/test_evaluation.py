@@ -313,6 +313,12 @@ def test_files(comparison, tmp_path):
     assert Comparison.from_dict(earlier).to_dict() == comparison.to_dict()
     with pytest.raises(ValueError, match="furuta-comparison/2"):
         Comparison.from_dict({"schema": "furuta-comparison/3"})
+    data["controllers"]["dlqr"]["balance"]["success"]["n"] = "8"
+    (tmp_path / "comparison.json").write_text(json.dumps(data))
+    with pytest.raises(
+        ValueError, match=r"json: .*controllers\.dlqr\.balance\.success\.n must be a whole number, got '8'"
+    ):
+        Comparison.load(tmp_path / "comparison.json")
 
 
 def test_table_shows_everyone(comparison):

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.statistics import Interval, interquartile_mean, success_rate, typical, worst
+from controllers.statistics import IntervalEntry, interquartile_mean, success_rate, typical, worst
+from furuta_gym.declared import checked
 
 
 def test_wilson_interval_against_published_values():
@@ -39,7 +40,7 @@ def test_no_trials_give_no_number():
     for x in (typical([]), success_rate([])):
         assert np.isnan(x.value)
         assert x.to_dict()["value"] is None
-        assert np.isnan(Interval.from_dict(x.to_dict()).low)
+        assert np.isnan(checked(x.to_dict(), IntervalEntry).interval().low)
 
 
 @pytest.mark.parametrize("mean", [typical, worst])

@@ -16,6 +16,7 @@ from controllers import make_controller
 from controllers.recipes import discount, observation_scale, recipe, training_period
 from controllers.training_record import OTHER_SEED
 from controllers.trials import balance_starts, run_trials
+from furuta_gym.declared import checked
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from tests.commands import furuta, refused
 from tests.controllers.chance import recurrent_network
@@ -174,7 +175,7 @@ def test_levels_follow_success() -> None:
         levels.append(past[-1].level)
     assert levels == [0.2, 0.2, 0.2, 0.2, 0.7, 0.7, 1.0, 1.0]
     assert (rule.level(past), reached(None, past)) == (1.0, 1.0)
-    assert Evaluation.from_dict(past[0].to_dict()) == past[0]
+    assert checked(past[0].to_dict(), Evaluation) == past[0]
 
 
 def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:

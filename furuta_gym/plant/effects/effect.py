@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from furuta_gym.declared import checked
+
+from ..plant_file import EffectEntry, ParameterEntry
 from .declaration import EffectType
 from .library import CARRIED
 
@@ -153,25 +156,19 @@ class Effect:
 
         Raises ValueError for what makes no effect, and for a parameter whose unit is another than the plant's asks for.
         """
-        try:
-            items = {k: (v if isinstance(v, Mapping) else {"value": v}) for k, v in data["parameters"].items()}
-            name = data["name"]
-        except (KeyError, AttributeError, TypeError):
-            raise ValueError(f'an effect needs "name" and "parameters", got {data!r}') from None
-        for key, entry in items.items():
-            if wrong := [v for v in (entry.get("value"), entry.get("std")) if isinstance(v, bool | str)]:
-                raise ValueError(f"effect {name}: {key} must be a number, got {wrong[0]!r}")
+        entry = checked(data, EffectEntry, "effect")
+        items = {k: p if isinstance(p, ParameterEntry) else ParameterEntry(p) for k, p in entry.parameters.items()}
         read = cls(
-            name,
-            {k: v["value"] for k, v in items.items() if v.get("value") is not None},
-            {k: v["std"] for k, v in items.items() if v.get("std") is not None},
+            entry.name,
+            {k: p.value for k, p in items.items() if p.value is not None},
+            {k: p.std for k, p in items.items() if p.std is not None},
         )
         expected = {} if unit is None else {p.name: p.unit.format(u=unit) for p in read.type.parameters}
-        for key, entry in items.items():
-            given, wanted = entry.get("unit"), expected.get(_PLAIN.get(str(key), str(key)))
+        for key, parameter in items.items():
+            given, wanted = parameter.unit, expected.get(_PLAIN.get(key, key))
             if given is not None and wanted is not None and given != wanted:
                 raise ValueError(
-                    f"effect {name}: {key} is given in {given!r}, but the plant's command is in {unit}: expected "
+                    f"effect {read.name}: {key} is given in {given!r}, but the plant's command is in {unit}: expected "
                     f"{wanted}; convert the value, or leave the unit out"
                 )
         return read
