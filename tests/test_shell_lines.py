@@ -155,5 +155,5 @@ def test_a_line_that_no_command_reads_is_found() -> None:
     command, arguments = command_of("furuta identify log.csv")
     with pytest.raises(Exception, match="output"):
         command.make_context(command.name, arguments)
-    text = "```\nfuruta a \\\n  -o b   # why\n```\n\n```text\nfuruta c\n```\n\n```\n# e\nmake f\n```\n\n```python\ng\n```\n"
+    text = "```\nfuruta a \\\n  -o b   # why\n```\n\n```text\nfuruta c\n```\n\n```\n# e\nmake f\n```\n"
     assert run_pages.commands(text) == ["furuta a    -o b", "make f"]
