@@ -40,7 +40,10 @@ def identify_command(
     ] = None,
     prior: Annotated[list[str] | None, typer.Option(help="Roughly known: theta2=0.012±0.001 (or +-).")] = None,
     effects: Annotated[
-        str, typer.Option(help="Fit these effects too: arm_spring,input_delay (names: furuta effects).")
+        str,
+        typer.Option(
+            help="Fit these effects too, with all their parameters: arm_spring,input_delay (names: furuta effects)."
+        ),
     ] = "",
     physical: Annotated[
         bool, typer.Option("--physical", help="Keep to what a rigid arm and pendulum can have.")

@@ -142,6 +142,11 @@ def read(
         if origin and not mapping.empty and message not in reading.told:
             typer.echo(message, err=True)
             reading.told.add(message)
+    for source in sources:
+        message = _unlike_the_plants(source, reading, plant)
+        if message and message not in reading.told:
+            typer.echo(f"Warning: {message}", err=True)
+            reading.told.add(message)
     if not reading.as_given:
         refuse_wrong(sources, constant_command)
     mappings, tables = [s.mapping for s in sources], [s.table for s in sources]
@@ -169,6 +174,45 @@ def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = No
             base, origin = RigMapping(), ""
         sources.append(_Source(path, table, reading.said.over(base), origin))
     return sources
+
+
+def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -> str:
+    """What a rig.toml says otherwise than the plant file does of the logs that the plant was fitted to; "" if nothing.
+
+    What an option says, and what one of the two leaves open, is no difference; other names of columns are one only
+    where the log has both. Seconds left out at the start change no reading."""
+    from identification.logs.mapping import COLUMNS
+    from identification.logs.rig_mapping import RigMapping
+
+    stored = plant.provenance.get("mapping") if plant is not None else None
+    if not stored or not source.origin or source.origin == "the plant file":
+        return ""
+    fitted, here = (RigMapping.from_dict(stored), source.mapping)
+    usual = {"unit_q1": "rad", "unit_q2": "rad", "time_unit": "s", "pendulum_zero": "upright", "input_scale": 1.0}
+    usual |= {"flip": (), **{name: name for name in COLUMNS}}
+    theirs, ours = ({name: value for name, value in vars(m).items() if name != "skip"} for m in (fitted, here))
+    there = {name: usual.get(name) if value is None else value for name, value in theirs.items()}
+    now = {name: usual.get(name) if value is None else value for name, value in ours.items()}
+    other = [
+        name
+        for name, value in there.items()
+        if None not in (value, now[name])
+        and value != now[name]
+        and getattr(reading.said, name) is None
+        and (name not in COLUMNS or _has(source.table, str(value)))
+    ]
+    if not other:
+        return ""
+
+    def options(said: dict[str, Any]) -> str:
+        units = {"unit_q1", "unit_q2"} if {"unit_q1", "unit_q2"} & set(other) else set()
+        only = RigMapping(**{name: said[name] for name in {*other, *units}})
+        return " ".join(part for part in (only.options(), "--flip none" if only.flip == () else "") if part)
+
+    return (
+        f"{source.path.name} is read with {options(now)}, as {source.origin} says. The plant's own logs were read with "
+        f"{options(there)}. If one logger wrote them all, add {options(there)}, or identify the plant again."
+    )
 
 
 def _has(table: Table, name: str) -> bool:

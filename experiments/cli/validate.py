@@ -42,6 +42,12 @@ def validate_command(
 
     rig = Plant.resolve(plant)
     read = read_logs(logs, reading, rig, "ignore")
+    if still := [log.source for log in read if not log.u.any()]:
+        typer.echo(
+            f"Warning: the command is 0 in every sample of {', '.join(still)}. A free decay says nothing of what the "
+            "command does, such as its gain or a delay. If it is none, name the column: --columns u=NAME.",
+            err=True,
+        )
     from experiments.report.by_part import parts_of
     from identification.validation.gap import HORIZON, validate
 
