@@ -84,11 +84,28 @@ class Reading:
         **said: Any,
     ) -> Reading:
         """From the values of the options. Raises LogError."""
+        from identification.logs.checks import LogError
         from identification.logs.rig_mapping import RigMapping
 
         turned = None if flip is None else ",".join(f for f in flip if f != "none")
         named, units = (",".join(texts) if texts else None for texts in (columns, unit))
-        return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
+        try:
+            return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
+        except LogError as error:
+            raise LogError(_as_options(str(error))) from None
+
+
+def _as_options(message: str) -> str:
+    """A message about an argument of Python, as one about the option of the command line."""
+    name, _, rest = message.partition(" ")
+    if name.rstrip(":") not in _OPTIONS:
+        return message
+    if name == "input_unit":  # the scale is an option too, and currents have a section of their own
+        rest = (
+            rest.partition(" (scale")[0] + ". For a current or PWM give the unit of the scaled command, and its scale"
+        )
+        rest += " by --input-scale"
+    return f"--{name.replace('_', '-')} {rest}"
 
 
 def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
