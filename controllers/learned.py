@@ -153,8 +153,9 @@ def load_policy(
         every = 1
     elif abs(every * T - trained) > 1e-9:
         raise ValueError(
-            f"{path} was trained with a sample time of {trained:g} s and is asked to play at {T:g} s; "
-            f"pass sample_time={trained:g} or a whole fraction of it, or train it again at {T:g} s"
+            f"{path} was trained with a sample time of {trained:g} s and cannot play at {T:g} s. "
+            f"Give --sample-time {trained:g} (sample_time in Python) or a whole fraction of it, or train it again at "
+            f"{T:g} s"
         )
     observe_command = bool(env.get("observe_command", False))
     frame = FRAME + observe_command
@@ -166,8 +167,8 @@ def load_policy(
         )
     if env.get("scale_observation") or env.get("action_time") is not None:
         raise ValueError(
-            f"{path} was trained on scaled observations with speeds from faster samples, as FurutaBalance-v0 and "
-            "FurutaSwingUp-v0 give them, which only those environments can play; train it with `furuta train`"
+            f"{path} was trained on scaled observations with speeds from faster samples. Only FurutaBalance-v0 and "
+            "FurutaSwingUp-v0 give them. Train a policy for other uses with `furuta train`"
         )
     shares = abs(network.limit - 1.0) < 1e-6 and abs(plant.u_max - 1.0) > 1e-6
     settings = {

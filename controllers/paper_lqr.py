@@ -31,7 +31,8 @@ def design_paper_lqr(
     controller = build_state_feedback("paper-lqr", gain, model, plant, choose_sensors(plant, sensors), **options)
     if not printed_sign and (largest := np.abs(controller.closed_loop_poles()).max()) >= 1:
         raise DesignError(
-            f"paper-lqr does not apply: the paper's gain is for its own rig (Table 3, in volts), and on this plant the "
-            f"closed loop is unstable (largest |z| = {largest:.4f}); use lqr, dlqr or lqg, which are designed for it"
+            f"paper-lqr does not apply: with the paper's gain the closed loop is unstable on this plant (largest |z| = "
+            f"{largest:.4f}). The gain is for the paper's own rig (Table 3, in volts). Use lqr, dlqr or lqg, which are "
+            "designed for this plant"
         )
     return controller

@@ -1,5 +1,7 @@
 """Runs the Python blocks of the tutorials, and keeps what they print in the ```text block that follows each.
 
+`commands` gives the shell lines of any page, which `tests/test_shell_lines.py` runs.
+
     python docs/run_pages.py              # runs every tutorial and renews its output
     python docs/run_pages.py first_log    # only this one
 
@@ -25,6 +27,13 @@ def kept(page: Path) -> list[tuple[str, str]]:
     """The code blocks of a page, each with the output that the page shows (empty: none)."""
     text = page.read_text(encoding="utf-8")
     return [(match[2], match[5] or "") for match in BLOCK.finditer(text)]
+
+
+def commands(text: str) -> list[str]:
+    """The shell lines of a page, or of a part of one: comments off, lines that end in \\ joined with the next."""
+    fences = re.findall(r"^```([^\n]*)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    lines = "".join(block for language, block in fences if not language).replace("\\\n", " ").splitlines()
+    return [line for raw in lines if (line := re.sub(r"(?:^|\s+)# .*", "", raw).rstrip())]
 
 
 def run(codes: list[str], folder: Path, name: str) -> list[str]:

@@ -28,7 +28,7 @@ def integration_step(sharpest: float, longest_step: float, sample_time: float) -
     if not sample_time <= MOST_STEPS * h_max:
         raise ValueError(
             f"a sample of {sample_time:g} s would take {sample_time / h_max:.3g} steps of integration, at most "
-            f"{MOST_STEPS} are allowed: friction_sharpness {sharpest:g} s/rad is too sharp for it; lower one of them"
+            f"{MOST_STEPS} are allowed. Lower friction_sharpness ({sharpest:g} s/rad) or the sample time"
         )
     return h_max
 
@@ -85,7 +85,7 @@ def check_clock(policy: Any, sample_time: float) -> None:
     if own is not None and abs(own - sample_time) > 1e-3 * sample_time:
         raise ValueError(
             f"{getattr(policy, 'name', 'the controller')} is made for a sample time of {own:g} s and is to be played "
-            f"at {sample_time:g} s; make it for {sample_time:g} s, or play it at its own"
+            f"at {sample_time:g} s. Make it for {sample_time:g} s, or play it at its own"
         )
 
 

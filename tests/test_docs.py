@@ -230,9 +230,50 @@ def test_the_readme_is_short() -> None:
 
 def test_the_pages_are_short_sentences_in_the_fields_words(capsys: pytest.CaptureFixture[str]) -> None:
     assert readability.main([]) == 0, capsys.readouterr().out
-    assert readability.figures(["One two three four. Then " + "word " * 30 + "end."])[1:] == (18.0, 0.5)
+    found = readability.sentences("One two three four. Then " + "word " * 30 + "end.")
+    assert readability.figures(found)[1:] == (18.0, 0.5)
     assert readability.workshop_words("Torque that passes\nfor noise, and a name that brings nothing.")
     assert readability.sentences("# A title\n\n| a | table |\n\n```\ncode is left out\n```\n") == []
+
+
+LONG_ONE = "The plant file that was " + "very " * 40 + "carefully written is not there."
+GOOD = {
+    "README.md": "# A title\n\nA short sentence.\n\n| what | means |\n|---|---|\n| a cell | a cell of words |\n",
+    "docs/page.md": "Another short sentence of words.\n",
+    "controllers/code.py": '"""A docstring: no message."""\nraise ValueError(f"expected one number or two, got {2}")\n',
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "file", "text"),
+    [
+        ("prose", "README.md", f"{LONG_ONE}\n"),
+        ("tables", "docs/page.md", f"| what | means |\n|---|---|\n| a file | {LONG_ONE} |\n"),
+        ("messages", "controllers/code.py", f'raise ValueError(f"{{1}}: {LONG_ONE}")\n'),
+        ("messages", "controllers/code.py", f'print("Done."\n    " {LONG_ONE}")\n'),
+    ],
+)
+def test_a_long_sentence_is_found_wherever_it_stands(
+    kind: str, file: str, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, good in GOOD.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(good, encoding="utf-8")
+    assert readability.main([], tmp_path) == 0
+    assert "beyond" not in capsys.readouterr().out
+    (tmp_path / file).write_text(text, encoding="utf-8")
+    assert readability.main([], tmp_path) == 1
+    assert [row.split()[0] for row in capsys.readouterr().out.splitlines() if "beyond" in row] == [kind]
+
+
+def test_what_is_no_message_is_not_measured() -> None:
+    code = f'''"""{LONG_ONE}"""\nTEMPLATE = "static inline {{real}} of many words that are code"\nNAME = "theta1"\n'''
+    assert readability.messages(code) == []
+    assert readability.messages('warn(f"{a} of {b} rows are empty. Delete the rows that are empty.")') == [
+        "X of X rows are empty.",
+        "Delete the rows that are empty.",
+    ]
+    assert readability.cells("| a | one \\| two three |\n|---|---|\n\nNo cell of a table.\n") == ["one \\| two three"]
 
 
 SHELL = re.compile(r"^```\n(.*?)^```\n\n```text\n(.*?)^```", re.DOTALL | re.MULTILINE)

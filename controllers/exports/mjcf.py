@@ -4,8 +4,10 @@ import math
 import os
 from pathlib import Path
 
+import numpy as np
+
 from furuta_gym.files import write_whole
-from furuta_gym.plant import Plant
+from furuta_gym.plant import TABLE_3, Plant
 from furuta_gym.plant.parameters import physical_consistency
 
 GRAVITY = 9.81
@@ -66,9 +68,14 @@ def mjcf(plant: Plant) -> str:
     """
     check = physical_consistency(plant.theta)
     if not check.consistent:
+        way = "Identify the plant with `furuta identify … --physical`, best from logs that also hang"
+        if np.array_equal(plant.theta, TABLE_3.theta):
+            way = (
+                "The set table3 holds the paper's numbers as printed. Export qube, large or an identified plant instead"
+            )
         raise ValueError(
-            f"no rigid body has these parameters: {'; '.join(check.failures)}. MuJoCo needs one; identify the plant "
-            "with `furuta identify … --physical`, best from logs that also hang, or simulate it with FurutaID-v0"
+            f"no rigid body has these parameters: {'; '.join(check.failures)}. In a rigid body no mass, inertia or "
+            f"friction is negative, and MuJoCo needs one. {way}, or simulate this plant with FurutaID-v0"
         )
     strange = [effect.name for effect in plant.effects if effect.name not in CARRIED]
     if strange:

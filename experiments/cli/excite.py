@@ -44,6 +44,11 @@ def excite_command(
     if sample_time is not None and not 0 < sample_time <= 1:
         raise ValueError(f"--sample-time {sample_time}: expected seconds, above 0 and at most 1")
     given = _limits(limits)
+    if between is not None:
+        suspects = opt.names(between)
+        opt.library_effects("--between", suspects)
+        if len(suspects) < 2:
+            raise ValueError(f"--between {between}: expected two effects or more, such as input_delay,actuator_lag")
     from furuta_gym import Plant
     from identification import excite
 

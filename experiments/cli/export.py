@@ -60,7 +60,10 @@ def export_command(
         export_mjcf(rig, output)
     elif kind is Format.onnx:
         if chosen is None or not chosen.endswith(".zip"):
-            raise ValueError(f"ONNX is for learned policies; expected a file *.zip, got {chosen or 'none'}")
+            got = f", not for {chosen}" if chosen else ""
+            raise ValueError(
+                f"ONNX is for learned policies{got}: furuta export {plant} policy.zip -o {output}. Expected a *.zip"
+            )
         from controllers.exports.onnx import export_onnx
 
         export_onnx(chosen, rig, output, sample_time, trust=trust)

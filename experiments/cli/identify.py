@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from identification.estimation.methods import DEFAULT, METHODS, method_named
+from identification.estimation.methods import DEFAULT, METHODS
 
 from . import options as opt
 from .output import busy, print_json
@@ -19,6 +19,7 @@ from .reading import Reading, reads_logs
 from .reading import read as read_logs
 
 if TYPE_CHECKING:
+    from furuta_gym.plant import Plant
     from identification.estimation.estimate import Estimate
     from identification.logs.log import Log
     from identification.validation.gap import Gap
@@ -40,7 +41,10 @@ def identify_command(
     ] = None,
     prior: Annotated[list[str] | None, typer.Option(help="Roughly known: theta2=0.012±0.001 (or +-).")] = None,
     effects: Annotated[
-        str, typer.Option(help="Fit these effects too: arm_spring,input_delay (names: furuta effects).")
+        str,
+        typer.Option(
+            help="Fit these effects too, with all their parameters: arm_spring,input_delay (names: furuta effects)."
+        ),
     ] = "",
     physical: Annotated[
         bool, typer.Option("--physical", help="Keep to what a rigid arm and pendulum can have.")
@@ -76,16 +80,20 @@ def identify_command(
         opt.output_file(plot, [".png"], logs)
     fixed, priors = opt.fixed_values(fix), opt.prior_values(prior)
     profiled = [n.strip() for text in profile or () for n in text.split(",") if n.strip()]
-    method_named(method)
+    if method not in METHODS:
+        raise ValueError(f"--method {method!r}: expected one of {', '.join(METHODS)}")
+    if u_max is not None and not 0 < u_max < math.inf:
+        raise ValueError(f"--u-max {u_max:g}: expected the largest command that the amplifier gives, above 0")
     named = opt.names(effects)
     if method != DEFAULT and (fixed or priors or named or physical or profiled):
         only = "--fix, --prior, --effects, --physical and --profile"
         raise ValueError(f"{only} work with --method {DEFAULT}, not with {method}")
-    _check_effects(named)
+    opt.library_effects("--effects", named)
     _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
 
     known = None if start is None else Plant.resolve(start)  # a wrong name is told before the logs are read
+    _check_known([*fixed, *priors], named, known)
     read = read_logs(logs, reading, known)
     from identification.estimation.identify import identify
 
@@ -179,18 +187,15 @@ def _draw(gap: Gap, logs: Sequence[Log], plot: Path) -> None:
     write_whole(plot, drawn.getvalue())
 
 
-def _check_effects(names: Sequence[str]) -> None:
-    """Before the fit: an effect that is not in the library, or stands there twice. Raises ValueError."""
-    import difflib
+def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | None) -> None:
+    """Before the fit: a name in --fix or --prior that no parameter has. Raises ValueError."""
+    from furuta_gym.plant import EFFECTS, THETA_NAMES
 
-    from furuta_gym.plant import EFFECTS
-
-    if strange := [name for name in names if name not in EFFECTS]:
-        near = dict.fromkeys(n for name in strange for n in difflib.get_close_matches(name, EFFECTS, n=1))
-        hint = f"did you mean {', '.join(near)}? " if near else ""
-        raise ValueError(f"--effects {', '.join(strange)}: no such effect; {hint}the library has {', '.join(EFFECTS)}")
-    if len(set(names)) < len(names):
-        raise ValueError(f"--effects {', '.join(names)}: an effect stands there twice; name each once")
+    own = [EFFECTS[name] for name in effects] + [effect.type for effect in (start.effects if start else ())]
+    known = [*THETA_NAMES, "r", *(f"{kind.name}.{p.name}" for kind in own for p in kind.parameters)]
+    if strange := [name for name in names if name not in known]:
+        more = "" if own else ", and NAME.PARAMETER of the effects in --effects"
+        raise ValueError(f"--fix or --prior {', '.join(strange)}: expected one of {', '.join(known)}{more}")
 
 
 def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:

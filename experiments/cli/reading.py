@@ -84,11 +84,28 @@ class Reading:
         **said: Any,
     ) -> Reading:
         """From the values of the options. Raises LogError."""
+        from identification.logs.checks import LogError
         from identification.logs.rig_mapping import RigMapping
 
         turned = None if flip is None else ",".join(f for f in flip if f != "none")
         named, units = (",".join(texts) if texts else None for texts in (columns, unit))
-        return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
+        try:
+            return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
+        except LogError as error:
+            raise LogError(_as_options(str(error))) from None
+
+
+def _as_options(message: str) -> str:
+    """A message about an argument of Python, as one about the option of the command line."""
+    name, _, rest = message.partition(" ")
+    if name.rstrip(":") not in _OPTIONS:
+        return message
+    if name == "input_unit":  # the scale is an option too, and currents have a section of their own
+        rest = (
+            rest.partition(" (scale")[0] + ". For a current or PWM give the unit of the scaled command, and its scale"
+        )
+        rest += " by --input-scale"
+    return f"--{name.replace('_', '-')} {rest}"
 
 
 def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -142,6 +159,11 @@ def read(
         if origin and not mapping.empty and message not in reading.told:
             typer.echo(message, err=True)
             reading.told.add(message)
+    for source in sources:
+        message = _unlike_the_plants(source, reading, plant)
+        if message and message not in reading.told:
+            typer.echo(f"Warning: {message}", err=True)
+            reading.told.add(message)
     if not reading.as_given:
         refuse_wrong(sources, constant_command)
     mappings, tables = [s.mapping for s in sources], [s.table for s in sources]
@@ -169,6 +191,45 @@ def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = No
             base, origin = RigMapping(), ""
         sources.append(_Source(path, table, reading.said.over(base), origin))
     return sources
+
+
+def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -> str:
+    """What a rig.toml says otherwise than the plant file does of the logs that the plant was fitted to; "" if nothing.
+
+    What an option says, and what one of the two leaves open, is no difference; other names of columns are one only
+    where the log has both. Seconds left out at the start change no reading."""
+    from identification.logs.mapping import COLUMNS
+    from identification.logs.rig_mapping import RigMapping
+
+    stored = plant.provenance.get("mapping") if plant is not None else None
+    if not stored or not source.origin or source.origin == "the plant file":
+        return ""
+    fitted, here = (RigMapping.from_dict(stored), source.mapping)
+    usual = {"unit_q1": "rad", "unit_q2": "rad", "time_unit": "s", "pendulum_zero": "upright", "input_scale": 1.0}
+    usual |= {"flip": (), **{name: name for name in COLUMNS}}
+    theirs, ours = ({name: value for name, value in vars(m).items() if name != "skip"} for m in (fitted, here))
+    there = {name: usual.get(name) if value is None else value for name, value in theirs.items()}
+    now = {name: usual.get(name) if value is None else value for name, value in ours.items()}
+    other = [
+        name
+        for name, value in there.items()
+        if None not in (value, now[name])
+        and value != now[name]
+        and getattr(reading.said, name) is None
+        and (name not in COLUMNS or _has(source.table, str(value)))
+    ]
+    if not other:
+        return ""
+
+    def options(said: dict[str, Any]) -> str:
+        units = {"unit_q1", "unit_q2"} if {"unit_q1", "unit_q2"} & set(other) else set()
+        only = RigMapping(**{name: said[name] for name in {*other, *units}})
+        return " ".join(part for part in (only.options(), "--flip none" if only.flip == () else "") if part)
+
+    return (
+        f"{source.path.name} is read with {options(now)}, as {source.origin} says. The plant's own logs were read with "
+        f"{options(there)}. If one logger wrote them all, add {options(there)}, or identify the plant again."
+    )
 
 
 def _has(table: Table, name: str) -> bool:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from furuta_gym.plant import Plant
     from identification.validation.gap import Gap
 
+LONGEST = 5.0
+"""Horizon that can be predicted over, in seconds."""
+
 
 @reads_logs
 def validate_command(
@@ -35,13 +38,23 @@ def validate_command(
     printed = json_file is not None and str(json_file) == "-"
     if json_file is not None and not printed:
         opt.output_file(json_file, [".json"], [Path(plant), *logs])
+    if horizon is not None and not 0 < horizon <= LONGEST:
+        raise ValueError(f"--horizon {horizon:g}: expected seconds, above 0 and at most {LONGEST:g}")
     if plots is not None:
         check_folder(plots)
     opt.report_file(report, [Path(plant), *logs])
     from furuta_gym.plant import Plant
 
+    if [log for log in logs if log.suffix == ".json"] and Path(plant).is_file() and not plant.endswith(".json"):
+        raise ValueError(f"{plant} stands where the plant file is expected: furuta validate PLANT LOG…")
     rig = Plant.resolve(plant)
     read = read_logs(logs, reading, rig, "ignore")
+    if still := [log.source for log in read if not log.u.any()]:
+        typer.echo(
+            f"Warning: the command is 0 in every sample of {', '.join(still)}. A free decay says nothing of what the "
+            "command does, such as its gain or a delay. If it is none, name the column: --columns u=NAME.",
+            err=True,
+        )
     from experiments.report.by_part import parts_of
     from identification.validation.gap import HORIZON, validate
 

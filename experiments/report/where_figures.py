@@ -61,8 +61,8 @@ def _torque(where: Where, after: Where | None, log: int, least: float) -> Drawin
         f"torque-{log}",
         figure,
         "Two panels against time: the smoothed torque that the model lacks on the arm's and on the pendulum's row.",
-        f"{source}: the torque that would have to be added to each row of the model to explain the log, smoothed, with "
-        f"95 % bands.{remark} Zero all along is what a complete model gives.",
+        f"{source}: the torque that each row of the model lacks to explain the log, smoothed, with 95 % bands.{remark} "
+        "A complete model gives zero all along.",
         460,
     )
 

@@ -81,7 +81,7 @@ def power_figure(curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]) 
         figure,
         "Curves: the share of trials named right, alone or in a set of two, against the gap ratio less one.",
         "Share named right (alone or in a set of two equals) against the size of the gap, by a logistic curve with "
-        "lapses: all effects together in black, each effect in grey, over the ratios that were tried. Marks are single "
+        "lapses. Black: all effects together. Grey: each effect, over the ratios that were tried. Marks are single "
         "trials. The gap ratio is the error that model (5) leaves after its parameters are refitted, over the "
         "encoders' noise.",
         height=560,

@@ -41,13 +41,13 @@ def make_plan(
     chosen = _among("effects", effects, library)
     wanted = set(_among("kinds", kinds, KINDS))
     if split not in SPLITS:
-        raise ValueError(f"split {split!r} given, expected dev or final")
+        raise ValueError(f"--split {split!r}: expected dev or final")
     if not 1 <= seeds <= 1000:
-        raise ValueError(f"seeds {seeds} given, expected 1 to 1000")
+        raise ValueError(f"--seeds {seeds}: expected 1 to 1000")
     if not 0.0 < share <= 1.0:
-        raise ValueError(f"share {share} given, expected more than 0 and at most 1")
+        raise ValueError(f"--share {share:g}: expected more than 0 and at most 1")
     if seed < 0:
-        raise ValueError(f"seed {seed} given, expected 0 or more")
+        raise ValueError(f"--seed {seed}: expected 0 or more")
     maker = Maker(SPLITS[split], ("power/" if power else "") + (f"seed {seed}/" if seed else ""))
     trials: list[Trial] = []
     for rig in _among("rigs", rigs, list(SETS)):
@@ -73,7 +73,8 @@ def make_plan(
 def _among(what: str, given: Sequence[str], known: Sequence[str]) -> list[str]:
     strange = sorted(set(given) - set(known))
     if strange:
-        raise ValueError(f"unknown {what}: {', '.join(strange)}; there are {', '.join(known)}")
+        there = "`furuta effects` lists them" if what == "effects" else f"there are {', '.join(known)}"
+        raise ValueError(f"unknown {what}: {', '.join(strange)}; {there}")
     return [name for name in known if name in given] if given else list(known)
 
 

@@ -188,7 +188,7 @@ class Setup:
         if not n <= MOST_STEPS:
             raise ValueError(
                 f"a step of {self.sample_time:g} s would take {n:.3g} steps of integration, at most {MOST_STEPS} are "
-                "allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff for it; lower "
+                "allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff. Lower "
                 "friction_sharpness or sample_time"
             )
         return max(_FEWEST_SUBSTEPS, math.ceil(n))

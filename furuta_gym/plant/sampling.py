@@ -37,8 +37,8 @@ def _drawn(plant: Plant, covariance: Covariance, rng: np.random.Generator) -> Pl
         if drawn is not None:
             return drawn
     raise ValueError(
-        f"none of {_TRIES} draws from the covariance gives a possible plant (M > 0, friction ≥ 0): the parameters "
-        "are too uncertain to randomise over; identify with a richer experiment"
+        f"none of {_TRIES} draws from the covariance gives a possible plant (M > 0, friction ≥ 0). The parameters "
+        "are too uncertain to randomise over; identify them from a log with more motion"
     )
 
 

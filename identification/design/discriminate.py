@@ -211,7 +211,7 @@ def between(
 def _suspects(plant: Plant, names: Sequence[str | Effect]) -> list[Effect]:
     given = [n if isinstance(n, str) else n.name for n in names]
     if strange := [n for n in given if n not in EFFECTS]:
-        raise ValueError(f"unknown effects {', '.join(strange)}; the library has: {', '.join(EFFECTS)}")
+        raise ValueError(f"no effect {', '.join(strange)} in the library; `furuta effects` lists it")
     if len(set(given)) < 2 or len(set(given)) < len(given):
         raise ValueError(f"expected two or more different effects to tell apart, got {', '.join(given) or 'none'}")
     return [(plant.effect(n) or plant.default_effect(n)) if isinstance(n, str) else n for n in names]

@@ -122,7 +122,8 @@ def plant_coordinates(
                 coordinates.append(_effect_coordinate(name, p, usual, plant.layout.row(name)))
     known = {c.name for c in coordinates}
     if strange := (fixed | set(priors)) - known:
-        raise ValueError(f"cannot fix or put a prior on {sorted(strange)}; the parameters are {sorted(known)}")
+        free = ", ".join(sorted(known))
+        raise ValueError(f"cannot fix or put a prior on {', '.join(sorted(strange))}; the parameters are {free}")
     if both := fixed & set(priors):
         raise ValueError(f"{sorted(both)} cannot be fixed and have a prior; give one of the two")
     p0 = plant.packed().p

@@ -112,9 +112,9 @@ def solve(models: Sequence[FilteredModel], input_unit: str = "V") -> LeastSquare
     lost = max(model.velocity_lost for model in models)
     if lost > _VELOCITY_LOST:
         notes.append(
-            f"the position filter takes away about {100 * lost:.0f} % of the velocity at T = {models[0].T:g} s: "
-            f"raise wc from {models[0].wc:g}, which suits T = 1 ms (`filtered_least_squares(logs, wc=…)` in Python), "
-            "or use the method prediction-error."
+            f"the position filter takes away about {100 * lost:.0f} % of the velocity at T = {models[0].T:g} s. "
+            f"Use the method prediction-error, or raise wc from {models[0].wc:g}, which suits T = 1 ms "
+            "(`filtered_least_squares(logs, wc=…)` in Python)."
         )
     return LeastSquaresEstimate(
         theta=theta,

@@ -320,7 +320,7 @@ def _floats(key: str, value: float | str | Sequence[float]) -> tuple[float, ...]
             return tuple(float(part) for part in re.split(r"[,;\s]+", value.strip(" []()")) if part)
         return tuple(float(part) for part in np.atleast_1d(np.asarray(value, dtype=float)))
     except (TypeError, ValueError):
-        raise LogError(f"{key} {_short.repr(value)}: expected numbers") from None
+        raise LogError(f"{key} {_short.repr(value)}: expected numbers, separated by a comma") from None
 
 
 def _named(metadata: Mapping[str, str]) -> dict[str, str]:

@@ -139,8 +139,8 @@ class Gap:
         axis = int(np.argmax(self.torque_share))
         if judged.mostly_torque and self.rms[axis] > self.reading_floor[axis]:
             doubt = (
-                f"{100 * self.torque_share[axis]:.0f} % of q{axis + 1}'s floor is torque noise fitted to these logs, "
-                "and torques that the plant misses raise it too; against the readings alone the error is "
+                f"{100 * self.torque_share[axis]:.0f} % of q{axis + 1}'s floor is torque noise fitted to these logs. "
+                "Torques that the plant misses raise the floor too: against the readings alone the error is "
                 f"{self.rms[axis] / self.reading_floor[axis]:.0f} times too large"
             )
             if judged.adequacy is Adequacy.UNKNOWN:
@@ -149,8 +149,8 @@ class Gap:
             return f"{seen}. The gap is larger than it seems: {doubt}"
         if judged.adequacy is Adequacy.UNKNOWN:
             return (
-                "below the floor, which no plant can be: what this one misses looks like torque noise and has raised "
-                "the floor; compare with a better plant, or repeat a run"
+                "below the floor, which no plant can be. What this one misses looks like torque noise and has raised "
+                "the floor. Compare with a better plant, or repeat a run"
             )
         if judged.adequacy is Adequacy.ADEQUATE:
             return "nothing of size is missing on these logs"

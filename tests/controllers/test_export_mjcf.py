@@ -85,8 +85,10 @@ def test_a_lag_is_the_actuators_filter():
 
 
 def test_refusals(tmp_path):
-    with pytest.raises(ValueError, match=r"θ4 ≥ θ2 is violated.*--physical"):
+    with pytest.raises(ValueError, match=r"θ4 ≥ θ2 is violated.*set table3.*Export qube, large"):
         export_mjcf(TABLE_3, tmp_path / "no.xml")
+    with pytest.raises(ValueError, match=r"θ4 ≥ θ2 is violated.*--physical"):  # of a fit, which can be made anew
+        export_mjcf(TABLE_3.replace(theta=1.01 * TABLE_3.theta), tmp_path / "no.xml")
     late = QUBE.with_effects(Effect("input_delay", {"d": 0.01}))
     with pytest.raises(ValueError, match="cannot carry input_delay"):
         export_mjcf(late, tmp_path / "no.xml")

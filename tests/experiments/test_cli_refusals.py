@@ -201,3 +201,55 @@ def test_a_command_file_that_cannot_be_played_names_the_row(tmp_path: Path, rows
     )
     refused(result, "u.csv", *words)
     assert not (tmp_path / "log.csv").exists()
+
+
+ODD: dict[str, tuple[str, tuple[str, ...]]] = {
+    "a parameter that no fit has": (
+        "identify LOG -o r.json --fix theta11=3",
+        ("--fix or --prior theta11", "theta9, r"),
+    ),
+    "a prior on none": ("identify LOG -o r.json --prior theta0=1±0.1", ("theta0: expected one of theta1",)),
+    "a parameter of an effect that is not fitted": (
+        "identify LOG -o r.json --fix arm_spring.k=1",
+        ("arm_spring.k", "NAME.PARAMETER of the effects in --effects"),
+    ),
+    "a method": ("identify LOG -o r.json --method foo", ("--method 'foo': expected one of prediction-error",)),
+    "a largest command": ("identify LOG -o r.json --u-max -1", ("--u-max -1: expected the largest command", "above 0")),
+    "a value of an effect": (
+        "identify LOG -o r.json --effects arm_spring:k=0.3",
+        ("names alone", "--fix arm_spring.k"),
+    ),
+    "an effect to fit": ("identify LOG -o r.json --effects arm_sprng", ("did you mean arm_spring? `furuta effects`",)),
+    "an effect twice": ("identify LOG -o r.json --effects base_tilt,base_tilt", ("stands there twice",)),
+    "an effect to simulate": ("simulate --plant qube --effect foo -o s.csv", ("'foo'. `furuta effects` lists",)),
+    "an effect in detail": ("effects foo", ("`furuta effects` lists the library",)),
+    "an effect to separate": ("excite --plant qube --between input_delay,foo -o d.csv", ("--between foo: no such",)),
+    "one effect to separate": ("excite --plant qube --between base_tilt -o d.csv", ("two effects or more, such as",)),
+    "an effect of trials": ("trials --effects foo -o t", ("unknown effects: foo; `furuta effects` lists them",)),
+    "no seeds": ("trials --seeds 0 -o t", ("--seeds 0: expected 1 to 1000",)),
+    "a horizon": ("validate qube LOG --horizon -1", ("--horizon -1: expected seconds, above 0 and at most 5",)),
+    "plant and log swapped": ("validate LOG rig.json", ("validate PLANT LOG…",)),
+    "a current": ("validate qube LOG --input-unit A", ("--input-unit 'A': expected V or N·m", "--input-scale")),
+    "a unit": ("validate qube LOG --unit grad", ("--unit q1='grad': expected rad, deg or counts",)),
+    "an axis": ("validate qube LOG --flip q9", ("--flip 'q9': expected q1, q2 or u",)),
+    "columns": ("validate qube LOG --columns foo", ("--columns 'foo': expected pairs such as t=Time",)),
+    "counts": ("validate qube LOG --encoder-counts ten", ("--encoder-counts 'ten': expected numbers, separated by",)),
+    "a zero": ("validate qube LOG --pendulum-zero down", ("--pendulum-zero 'down': expected upright or hanging",)),
+    "a clock": ("validate qube LOG --time-unit h", ("--time-unit 'h': expected one of s, ms",)),
+    "no policy": ("export qube -o a.onnx", ("furuta export qube policy.zip -o a.onnx",)),
+}
+"""A command line, and what its refusal says: the option as it was typed, and what was expected."""
+
+
+@pytest.mark.parametrize(("line", "words"), ODD.values(), ids=ODD)
+def test_a_refusal_names_the_option_and_what_to_write(
+    line: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = some_log(tmp_path / "log.csv")
+    QUBE.save(tmp_path / "rig.json")
+    told = furuta(*(str(log) if word == "LOG" else word for word in line.split()))
+    refused(told, *words)
+    assert len(told.stderr) < 300, "the whole library is no help"
+    assert told.stderr.startswith("Error: "), "before any work"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "rig.json"]

@@ -51,7 +51,7 @@ def test_an_experiment_between_two_effects_is_written(tmp_path: Path) -> None:
         (["--limits", "q3=1"], "q1, q2, u, u_rate"),
         (["--limits", "q1=-1"], "positive"),
         (["--limits", "q1=0.001"], "without any excitation"),
-        (["--between", "input_delay"], "two or more"),
+        (["--between", "input_delay"], "two effects or more"),
         (["--between", "input_delay,gremlin"], "gremlin"),
         (["--duration", "-3"], "--duration"),
         (["--controller", "magic"], "magic"),

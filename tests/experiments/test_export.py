@@ -28,7 +28,7 @@ def test_exports(arguments: tuple[str, ...], name: str, words: tuple[str, ...], 
 
 
 REFUSED = {
-    "inconsistent": (("table3",), "rig.xml", ("θ4 ≥ θ2",)),
+    "inconsistent": (("table3",), "rig.xml", ("θ4 ≥ θ2", "Export qube, large or an identified plant instead")),
     "controller in MJCF": (("qube", "lqr"), "rig.xml", ("MJCF", "lqr")),
     "no controller": (("qube",), "lqr.h", ("--controller",)),
     "not a policy": (("qube", "lqr"), "lqr.onnx", ("*.zip", "lqr")),

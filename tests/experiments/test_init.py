@@ -118,6 +118,45 @@ def test_a_plant_file_carries_the_mapping(german: Path) -> None:
     assert "Read as the plant file says" in result.stderr
 
 
+def test_a_rig_file_that_contradicts_the_plant_file_is_said(german: Path) -> None:
+    """`rig.toml` holds; the warning names both and the way out, once. An option is meant, and is no contradiction."""
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    fitted = replace(mapping, input_scale=12.0, skip=0.5, flip=())
+    QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
+    said = furuta("validate", "rig.json", "versuch1.csv", "versuch2.csv").stderr
+    assert "versuch2.csv is read with --flip q2 --input-scale 1, as rig.toml says" in said
+    assert "add --input-scale 12 --flip none, or identify the plant again" in said
+    assert said.count("versuch2.csv is read with") == 1
+    meant = furuta("validate", "rig.json", "versuch2.csv", "--input-scale", "1", "--flip", "q2").stderr
+    assert "The plant's own logs" not in meant
+
+
+@pytest.mark.parametrize(
+    "same",
+    [{}, {"skip": 0.5}, {"input_unit": None}, {"u": "another column, which this log does not have"}],
+    ids=["equal", "start", "left open", "another logger's column"],
+)
+def test_what_does_not_contradict_the_plant_file_is_not_said(german: Path, same: dict[str, object]) -> None:
+    furuta("init", "versuch1.csv")
+    fitted = replace(load_mapping("rig.toml"), **same)  # type: ignore[arg-type]
+    QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
+    result = furuta("validate", "rig.json", "versuch2.csv")
+    assert result.exit_code == 0, result.output
+    assert "Warning" not in result.stderr
+
+
+def test_a_free_decay_is_validated_with_a_warning(tmp_path: Path) -> None:
+    run = simulate(QUBE, open_loop(), 4.0, 0.004, Sensors(2048), x0=(0, 2.5, 0, 0))
+    table = {"t": run.t.round(6), "q1": run.measured[:, 0], "q2": run.measured[:, 1], "u": 0.0 * run.command}
+    still = furuta("validate", "qube", write(tmp_path / "still.csv", table, "# input_unit: V"))
+    assert still.exit_code == 0, still.output
+    assert "the command is 0 in every sample of still.csv" in still.stderr
+    assert "--columns u=NAME" in still.stderr
+    driven = furuta("validate", "qube", write(tmp_path / "driven.csv", rows(), "# input_unit: V"))
+    assert "in every sample" not in driven.stderr
+
+
 def test_an_identified_plant_carries_it(german: Path) -> None:
     furuta("init", "versuch1.csv")
     result = furuta("identify", "versuch1.csv", "-o", "rig.json", "--method", "filtered-ls")

@@ -47,7 +47,7 @@ class Effect:
         if not isinstance(self.name, str) or self.name not in CARRIED:
             near = difflib.get_close_matches(str(self.name), CARRIED, n=1)
             hint = f"; did you mean {near[0]}?" if near else "."
-            raise ValueError(f"unknown effect {self.name!r}{hint} Effects that a plant can have: {', '.join(CARRIED)}")
+            raise ValueError(f"unknown effect {self.name!r}{hint} `furuta effects` lists the library")
         values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
         values.update(self._checked(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(values))
