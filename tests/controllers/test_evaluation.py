@@ -334,7 +334,7 @@ class TestBadInput:
             compare("qube", ["dlqr"], trials=2, groups=("balanse",))
 
     def test_unknown_effect(self):
-        with pytest.raises(ValueError, match="a plant can have"):
+        with pytest.raises(ValueError, match="`furuta effects` lists the library"):
             compare("qube", ["dlqr"], trials=2, groups=("effects",), effects=["arm_sprig"])
 
     def test_nothing_left(self):

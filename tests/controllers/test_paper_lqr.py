@@ -49,5 +49,5 @@ def test_poles_of_the_erratum():
 
 @pytest.mark.parametrize("plant", [QUBE, LARGE_RIG])
 def test_refuses_rigs_that_it_does_not_stabilize(plant):
-    with pytest.raises(DesignError, match=r"Table 3.*use lqr"):
+    with pytest.raises(DesignError, match=r"Table 3.*Use lqr"):
         make_controller("paper-lqr", plant)

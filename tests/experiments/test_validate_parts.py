@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from experiments.report.by_part import parts_of
-from experiments.report.validation_page import validation_page
 from furuta_gym.plant import Plant
 from identification.logs.log import Log, write_log
 from identification.validation.gap import validate
 from tests.commands import furuta
 from tests.factories import hanging_log, loop_log
+
+pytest.importorskip("plotly", reason="the page needs the extra 'report'")
+
+from experiments.report.validation_page import validation_page
 
 
 @pytest.fixture(scope="module")

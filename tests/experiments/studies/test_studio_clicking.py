@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.studies.studio_clicking import Clicked, click_about
-from experiments.studio.drive import browser, chromium, served
-
 pytest.importorskip("nicegui", reason="the studio needs NiceGUI (extra studio)")
 pytest.importorskip("playwright", reason="the browser is driven by playwright")
+
+from experiments.studies.studio_clicking import Clicked, click_about
+from experiments.studio.drive import browser, chromium, served
 
 
 def test_growth_compares_the_last_third_with_the_first() -> None:

@@ -12,7 +12,6 @@ import controllers
 from controllers import make_controller
 from furuta_gym.envs import TASK_IDS
 from furuta_gym.envs.furuta import FurutaEnv
-from furuta_gym.envs.sb3 import FurutaVecEnv
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 
@@ -22,12 +21,12 @@ POLICIES = Path(controllers.__file__).parent / "policies"
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_both_checkers_are_silent(env_id):
-    from stable_baselines3.common.env_checker import check_env as check_sb3
-
+    pytest.importorskip("pygame", reason="it draws a picture")
+    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="needs the extra `rl`")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gym.make(env_id).unwrapped)
-        check_sb3(gym.make(env_id, render_mode="rgb_array"))
+        checker.check_env(gym.make(env_id, render_mode="rgb_array"))
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -151,16 +150,17 @@ def test_batch_equals_single_envs(env_id):
 
 
 def test_one_default_for_single_vector_and_sb3():
+    sb3 = pytest.importorskip("furuta_gym.envs.sb3", reason="needs the extra `rl`")
     for env_id in ("FurutaID-v0", *IDS):
         single = gym.make(env_id)
         batch = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
-        ours = FurutaVecEnv(2, env_id)
+        ours = sb3.FurutaVecEnv(2, env_id)
         for other in (batch.single_action_space, ours.action_space):
             assert single.action_space == other
         for other in (batch.single_observation_space, ours.observation_space):
             assert single.observation_space == other
     with pytest.raises(ValueError, match="FurutaSwingUp-v0"):
-        FurutaVecEnv(2, "FurutaJuggle-v0")
+        sb3.FurutaVecEnv(2, "FurutaJuggle-v0")
 
 
 def test_what_gymnasiums_wrappers_need_is_there(tmp_path):

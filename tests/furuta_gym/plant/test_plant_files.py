@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from controllers import make_controller
 from controllers.exports.c import c_header
 from furuta_gym.envs.options import Options, Setup
+from furuta_gym.files import in_short
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, Effect, Plant
 from furuta_gym.plant.effects.library import CARRIED
 from furuta_gym.plant.sets import with_spread
@@ -211,10 +212,7 @@ def test_what_loads_agrees_with_the_published_schema(draws: list[tuple[tuple[Any
         check.validate(json.loads(text))
 
 
-def test_a_long_message_is_cut_between_names(tmp_path: Path) -> None:
-    changes = {"effects": [{"name": "gremlins", "parameters": {}}]}
-    with pytest.raises(ValueError, match="unknown effect 'gremlins'") as found:
-        Plant.load(write(tmp_path / "rig.json", **changes))
-    said = str(found.value).partition("can have: ")[2]
+def test_a_long_message_is_cut_between_names() -> None:
+    said = in_short("expected one of: " + ", ".join(CARRIED)).partition("one of: ")[2]
     assert " … " in said
     assert {name.strip(",") for name in said.split() if name != "…"} <= set(CARRIED)
