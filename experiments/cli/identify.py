@@ -208,4 +208,6 @@ def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:
 
 
 def _interval(value: float, std: float) -> str:
-    return f"{value - 1.96 * std:.4g} to {value + 1.96 * std:.4g}"
+    from furuta_gym.plant.covariance import NORMAL_95
+
+    return f"{value - NORMAL_95 * std:.4g} to {value + NORMAL_95 * std:.4g}"

@@ -14,7 +14,6 @@ LAW = "#CC79A7"
 DASH = {BEFORE: "dot", AFTER: "solid", MEASURED: "solid", FLOOR: "dash", LAW: "solid"}
 MARKER = {BEFORE: "circle-open", AFTER: "diamond"}
 MOST_POINTS = 1200  # of one trace
-NORMAL_95 = 1.96
 
 _INK, _GRID = "#1a1a1a", "#dddddd"
 

@@ -9,13 +9,14 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from furuta_gym.plant.covariance import NORMAL_95
 from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
 from identification.diagnosis.held_out import readings_at
 from identification.logs.log import Log
 from identification.validation.gap import Gap
 from identification.validation.resimulation import Resimulation
 
-from .drawing import AFTER, BEFORE, FLOOR, MARKER, MEASURED, NORMAL_95, Array, Drawing, band, curve, drawing
+from .drawing import AFTER, BEFORE, FLOOR, MARKER, MEASURED, Array, Drawing, band, curve, drawing
 
 _SPAN = 5.0  # s that are shown at first, those with the largest errors
 

@@ -6,11 +6,12 @@ import numpy as np
 import plotly.graph_objects as go
 
 from furuta_gym.plant import EFFECTS
+from furuta_gym.plant.covariance import NORMAL_95
 from identification.diagnosis.naming.forward import Naming
 from identification.estimation.estimate import Estimate
 
 from .contents import Bar, Bars
-from .drawing import AFTER, BEFORE, NORMAL_95, Drawing, drawing
+from .drawing import AFTER, BEFORE, Drawing, drawing
 
 _MOST = 8
 

@@ -8,10 +8,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from furuta_gym.plant.covariance import NORMAL_95
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.locate.torque_maps import ROWS, VARIABLES, Map
 
-from .drawing import AFTER, BEFORE, LAW, MARK, MARKER, NORMAL_95, Drawing, band, curve, drawing
+from .drawing import AFTER, BEFORE, LAW, MARK, MARKER, Drawing, band, curve, drawing
 from .law import Law
 
 _SYMBOLS: dict[str, str] = dict(

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from furuta_gym.plant.covariance import NORMAL_95
+
 from .trial import NOTHING
 
 RIGHT = ("right", "pair")
@@ -16,7 +18,6 @@ _SHARPNESS = "friction_sharpness"
 SAME_LAW = {("arm_spring", "bench"): "arm_cable"}
 """(hidden effect, form) whose law is exactly that of another library effect: either name is right. A spring k e (1 +
 0.15 e²) is a cable with k3 = 0.15 k that is softest where it has no torque."""
-_COVERED = 1.959964  # 95 % of a normal distribution
 _TURN = 2.0 * math.pi
 
 
@@ -171,7 +172,7 @@ def _covered(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, b
         true = {key: p["value"] for key, p in effect["parameters"].items()}
         for key, p in _same_branch(given[name], true).items():
             if p.get("std") and key in true:  # fixed parameters and whole numbers have no std
-                apart = _COVERED * p["std"]
+                apart = NORMAL_95 * p["std"]
                 low, high = p.get("interval") or (p["value"] - apart, p["value"] + apart)
                 found[f"{name}.{key}"] = low <= true[key] <= high
     return found

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.plant.covariance import NORMAL_95
+
 from .likelihood import whiten
 from .path import FilterPath
 
@@ -95,6 +97,6 @@ def innovations(seen: Whitened, lags: int = LAGS) -> Innovations:
         command_correlation=command,
         p_white=np.asarray(chi2.sf(ljung_box, lags)),
         p_command=np.asarray(chi2.sf(explained / np.var(v, axis=0), free)),
-        band=1.96 / float(np.sqrt(n)),
+        band=NORMAL_95 / float(np.sqrt(n)),
         lag_s=float(np.median(np.diff(seen.t))),
     )

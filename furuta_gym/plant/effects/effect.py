@@ -9,6 +9,7 @@ from typing import Any
 
 from furuta_gym.declared import checked
 
+from ..covariance import NORMAL_95
 from ..plant_file import EffectEntry, ParameterEntry
 from .declaration import EffectType
 from .library import CARRIED
@@ -19,7 +20,6 @@ _PLAIN |= {"alphax": "αx", "alphay": "αy"}
 
 
 _LARGEST = 1e100  # of any value; an estimate that runs off ends below it
-_NORMAL_95 = 1.96
 _UNEVEN = 1.5  # times as far up as down, from which an interval is shown
 
 
@@ -124,10 +124,10 @@ class Effect:
         p = next(p for p in self.type.parameters if p.name == name)
         value = self.parameters[name]
         if p.logarithmic and value > 0.0:
-            factor = math.exp(min(_NORMAL_95 * std / value, 100.0))
+            factor = math.exp(min(NORMAL_95 * std / value, 100.0))
             low, high = value / factor, value * factor
         else:
-            low, high = value - _NORMAL_95 * std, value + _NORMAL_95 * std
+            low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
         return max(low, p.lower), min(high, p.upper)
 
     def shown(self, name: str) -> str:
