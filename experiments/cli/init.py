@@ -150,7 +150,7 @@ def _needed(proposal: Proposal, left: Sequence[Item], logs: Sequence[Path]) -> s
     for item in left:
         value = "" if "…" in item.option or item.option.startswith("--flip") else f" {_example(item)}"
         option = item.option.replace("…", _example(item)) + value
-        lines.append(f"  {shlex_free(option)}   ({item.says}: {item.reason})")
+        lines.append(f"  {shlex_free(option)}   ({item.says}: {item.reason}{_by_hand(item)})")
     files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
     if all(item.confidence is Confidence.likely for item in left):
         lines.append(f"Or take what is proposed: furuta init {files} --yes")
@@ -162,6 +162,14 @@ def _example(item: Item) -> str:
     if item.name == "encoder_counts" and item.value is None:
         return "COUNTS"
     return shlex.quote(shown) if " " in shown else shown
+
+
+def _by_hand(item: Item) -> str:
+    """How to find out a sign that the log does not show."""
+    return {
+        "sign_u": "; none if a small positive command makes q1 rise",
+        "sign_q2": "; none if q2 rises first when the arm is jerked to positive q1 below a pendulum that hangs",
+    }.get(item.name, "")
 
 
 def shlex_free(option: str) -> str:

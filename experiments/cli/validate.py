@@ -16,6 +16,7 @@ from .reading import read as read_logs
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
+    from identification.logs.log import Log
     from identification.validation.gap import Gap
 
 LONGEST = 5.0
@@ -86,7 +87,7 @@ def validate_command(
     typer.echo(result.told("on logs that this plant was fitted to, in part") if seen else str(result))
     if parts is not None:
         typer.echo(str(parts))
-    _say_next(rig, logs, result)
+    _say_next(rig, logs, read, result)
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
@@ -96,14 +97,18 @@ def validate_command(
         typer.echo(f"Written: {report}")
 
 
-def _say_next(rig: Plant, logs: Sequence[Path], gap: Gap) -> None:
+def _say_next(rig: Plant, logs: Sequence[Path], read: Sequence[Log], gap: Gap) -> None:
     """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found."""
     from identification.validation.adequacy import Adequacy
 
     if gap.judgement.adequacy is Adequacy.ADEQUATE:
         return
-    sources = [str(entry.get("source")) for entry in rig.provenance.get("logs") or []]
+    entries = rig.provenance.get("logs") or []
+    sources = [str(entry.get("source")) for entry in entries]
     places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]
     fitted = " ".join("LOG" if place is None else shlex.quote(str(place)) for place in places) or "LOG"
-    held_out = " ".join(shlex.quote(str(log)) for log in logs)
-    typer.echo(f"Next: furuta diagnose {fitted} --held-out {held_out} -o diagnosis")
+    known = {entry.get("sha256") for entry in entries}
+    others = [path for path, log in zip(logs, read, strict=True) if log.sha256 not in known]
+    held_out = " ".join(shlex.quote(str(log)) for log in others) or "LOG"
+    remark = "" if others else "   (LOG: not fitted; works without --held-out too)"
+    typer.echo(f"Next: furuta diagnose {fitted} --held-out {held_out} -o diagnosis{remark}")

@@ -172,13 +172,16 @@ def _columns(
     repeated = sorted(h for h, times in Counter(header).items() if times > 1)
     if repeated:
         raise LogError(f"{name}: the header names {listed(repeated)} twice. Expected each name once.")
-    for row, line in zip(rows, lines, strict=True):
+    for i, (row, line) in enumerate(zip(rows, lines, strict=True)):
+        cells = "1 cell" if len(row) == 1 else f"{len(row)} cells"
         if any(row[width:]):
-            raise LogError(f"{name}: line {line} has {len(row)} cells. {_too_many(header, row, delimiter)}")
+            raise LogError(f"{name}: line {line} has {cells}. {_too_many(header, row, delimiter)}")
         if len(row) < width:
+            way = "Was the recording cut off there? Then delete that line."
+            if len(rest := rows[i:]) > 1 and all(len(other) < width for other in rest):
+                way = f"Are these notes below the recording? Then delete lines {line} to {lines[-1]}."
             raise LogError(
-                f"{name}: line {line} has {len(row)} cells. Expected {width}, as in the header "
-                f"({listed(header)}). Was the recording cut off there? Then delete that line."
+                f"{name}: line {line} has {cells}. Expected {width}, as in the header ({listed(header)}). {way}"
             )
     columns = {}
     for j, column in enumerate(header):

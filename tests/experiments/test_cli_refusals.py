@@ -114,7 +114,7 @@ def test_a_column_that_is_not_there_is_one_problem_with_one_mend(tmp_path: Path)
     log = some_log(tmp_path / "log.csv")
     log.write_text("\n".join(row.rpartition(",")[0] for row in log.read_text().splitlines()))
     told = furuta("identify", log, "-o", tmp_path / "rig.json")
-    refused(told, "no column u. Found: t, q1, q2.", "Name it: --columns u=NAME")
+    refused(told, "no column u. Found: t, q1, q2.", "Name it: --columns u=NAME", "needs a new recording")
     assert "no column is known" not in told.stderr
     assert "things are wrong" not in told.stderr
 

@@ -226,6 +226,29 @@ def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
     assert furuta("init", log, "--yes").exit_code == 0
 
 
+def test_a_sign_that_the_log_does_not_show_comes_with_the_try_by_hand(tmp_path: Path) -> None:
+    """The bundled upright log whose first ten seconds do not show the command's sign."""
+    bundled = Path(__file__).resolve().parents[2] / "experiments" / "demo" / "logs" / "paper.csv"
+    head = bundled.read_text(encoding="utf-8").splitlines()[:5000]
+    (tmp_path / "log.csv").write_text("\n".join(head) + "\n", encoding="utf-8")
+    result = furuta("init", tmp_path / "log.csv")
+    assert result.exit_code == 2
+    assert "--flip u, or --flip none" in result.stderr
+    assert "none if a small positive command makes q1 rise" in result.stderr
+
+
+def test_the_next_command_holds_out_only_what_was_not_fitted(tmp_path: Path) -> None:
+    """A diagnosis refuses a log that is searched and held out at once, so `validate` does not propose it."""
+    one = write(tmp_path / "one.csv", rows(), "# input_unit: V")
+    other = write(tmp_path / "other.csv", rows(u=1.2 * rows()["u"]), "# input_unit: V")
+    hashed = [{"source": "one.csv", "sha256": read_log(one).sha256}]
+    plant = QUBE.replace(theta=QUBE.theta * 1.5, provenance={"logs": hashed}).save(tmp_path / "rig.json")
+    said = furuta("validate", plant, one, other).stdout
+    assert f"Next: furuta diagnose {one} --held-out {other} -o diagnosis" in said
+    said = furuta("validate", plant, one).stdout
+    assert f"Next: furuta diagnose {one} --held-out LOG -o diagnosis   (LOG: not fitted" in said
+
+
 def test_yes_does_not_take_what_nobody_knows(tmp_path: Path) -> None:
     table = rows()
     whole = {q: np.round(table[q] * 2048 / (2 * np.pi)).astype(int) for q in ("q1", "q2")}

@@ -35,8 +35,10 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         spoken = ", ".join(f"{SPOKEN[m]} ({m})" for m in missing)
         there = ", ".join(list(look.table.columns)[:20]) or "none"
         example = ",".join(f"{ours}=NAME" for ours in missing)
-        found.append(Problem(f"{NO_COLUMN} {spoken}; the file has {there}.", f"Name it: --columns {example}"))
-        for column in (c for c in look.table.columns if c not in map(look.column, COLUMNS)):
+        free = [c for c in look.table.columns if c not in map(look.column, COLUMNS)]
+        lost = "" if free else ". No other column is left in the file; what was not logged needs a new recording"
+        found.append(Problem(f"{NO_COLUMN} {spoken}; the file has {there}.", f"Name it: --columns {example}{lost}"))
+        for column in free:
             if _spoilt(look, column):
                 found += _said(name, lambda c=column: look.table.numbers(c))
     used = {ours: c for ours in COLUMNS if (c := look.column(ours)) is not None}
