@@ -202,13 +202,14 @@ def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
     So may any suspect that explains all but a hundredth or two."""
     if not remains.matters:
         return naming
+    taken = {suspect.name for suspect in naming.accepted}  # what is in the plant beside an effect is not in its place
     equals = []
     for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
         formed = _acts_on(found.name, remains)
         rivals = [
             s.name
             for s in ranking
-            if s.name not in (found.name, *own)
+            if s.name not in {*taken, *own}
             and (
                 s.gain > policy.nearly * found.gain
                 or (

@@ -160,6 +160,14 @@ def test_where_structure_is_left_a_hundredth_of_the_gain_decides_no_name(gain: f
     assert unsettled(names, rest(-4.0), POLICY).equals == ((),)
 
 
+def test_what_is_in_the_plant_beside_an_effect_is_not_in_its_place() -> None:
+    """A dead zone whose law a cubic gain describes was called a dead zone or a cubic gain."""
+    zone, gain = suspect("input_dead_zone", 1585.0), suspect("input_cubic_gain", 240.0, "input_dead_zone")
+    laws = {"input_cubic_gain": "input_dead_zone"}
+    names = naming(zone, gain, rankings=((zone, suspect("input_cubic_gain", 1450.0)), (gain,)), laws=laws)
+    assert unsettled(names, rest(50.0, channel="input", variable="command"), POLICY).equals == ((), ())
+
+
 def settled(first: Any, second: Any, other: Any, dragged: bool = False) -> tuple[Any, list[str]]:
     """What `_settled` decides between two searches, and which were made ("with": the one that `other` joins)."""
     made: list[str] = []
