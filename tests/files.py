@@ -15,6 +15,13 @@ def rows(n: int = 60):
     return {"t": k * 0.01, "q1": np.round(0.1 * np.sin(k), 4), "q2": np.round(0.1 * np.cos(k), 4), "u": k % 3 - 1.0}
 
 
+def changed(column: str, row: int, value) -> dict[str, list]:
+    """A column of `rows` with another value in one row."""
+    values = rows()[column].tolist()
+    values[row] = value
+    return {column: values}
+
+
 def write_csv(path, columns: dict[str, np.ndarray], head: str = ""):
     rows = zip(*(np.asarray(c).tolist() for c in columns.values()), strict=True)
     text = head + ",".join(columns) + "\n" + "\n".join(",".join(map(str, row)) for row in rows) + "\n"

@@ -168,7 +168,7 @@ def _by_hand(item: Item) -> str:
     """How to find out a sign that the log does not show."""
     return {
         "sign_u": "; none if a small positive command makes q1 rise",
-        "sign_q2": "; none if q2 rises first when the arm is jerked to positive q1 below a pendulum that hangs",
+        "sign_q2": "; none if, with the pendulum hanging, q2 rises at first when you jerk the arm towards positive q1",
     }.get(item.name, "")
 
 

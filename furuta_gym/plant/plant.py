@@ -230,9 +230,10 @@ class Plant:
         try:
             data = read_json(Path(path).read_text(encoding="utf-8"))
             plant = cls.from_dict(data)
-        except (json.JSONDecodeError, UnicodeDecodeError):
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            at = f": line {error.lineno}, column {error.colno}" if isinstance(error, json.JSONDecodeError) else ""
             raise ValueError(
-                f"{path} is no plant file (JSON), as `furuta identify LOG -o rig.json` writes it"
+                f"{path} is no plant file (JSON), as `furuta identify LOG -o rig.json` writes it{at}"
             ) from None
         except FileNotFoundError:
             raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None

@@ -227,5 +227,6 @@ def _advice(names: Sequence[str], relative: Mapping[str, float], m: Motion) -> I
     if len(scale) >= 3:
         yield (
             f"{spoken(scale)} share a scale that only the pendulum's pull on the arm shows, and it is weak here: "
-            "drive harder and faster, or weigh and measure the pendulum and give one: --fix theta4=VALUE or theta5"
+            "drive harder and faster, or weigh and measure the pendulum and give one: --fix theta4=VALUE, or "
+            "--fix theta5=VALUE"
         )

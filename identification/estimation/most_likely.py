@@ -207,14 +207,15 @@ def _noticeable(plant: Plant) -> dict[str, float]:
 def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
     signs = {log.source: motion_signs(log.t, log.q1, log.q2, log.u) for log in logs}
     doubted = any(found.wrong for found in signs.values())
-    for name in at_bound:
-        if name in THETA_NAMES[5:]:
-            cause = "as a wrong sign does, see below" if doubted else "so an effect is probably missing"
-            yield (
-                f"{spoken([name])} ends at zero, its bound: this log asks for negative friction, which no rig has; "
-                f"{cause} (`furuta diagnose` looks for it)"
-            )
-        elif name in SHARPNESS_NAMES:
+    if frictions := [name for name in at_bound if name in THETA_NAMES[5:]]:
+        ends = "ends at zero, its bound" if len(frictions) == 1 else "end at zero, their bound"
+        cause = "as a wrong sign does, see below" if doubted else "so an effect is probably missing"
+        yield (
+            f"{spoken(frictions)} {ends}: this log asks for negative friction, which no rig has; "
+            f"{cause} (`furuta diagnose` looks for it)"
+        )
+    for name in (name for name in at_bound if name not in frictions):
+        if name in SHARPNESS_NAMES:
             value = value_of(plant, name)
             yield f"{name} ends at its bound {value:.3g} s/rad: the logs do not show friction near rest; fix r"
         else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -25,15 +24,6 @@ from tests.commands import furuta, refused
 from tests.factories import paper_log
 
 DATA = Path(__file__).parent.parent / "data"
-
-
-@pytest.fixture
-def german(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with both German logs, in which the commands are given."""
-    for name in ("versuch1.csv", "versuch2.csv"):
-        shutil.copy(DATA / name, tmp_path / name)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_the_german_log_is_read_without_a_question(german: Path) -> None:
@@ -93,59 +83,6 @@ def test_every_command_that_reads_logs_takes_a_mapping() -> None:
     assert all({"mapping", "columns", "as_given"} <= takes[name] for name in reading)
 
 
-def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
-    furuta("init", "versuch1.csv")
-    refused(furuta("validate", "qube", "versuch2.csv", "--unit", "rad"), "is read in rad", "--unit q2=deg")
-    refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "none"), "no column t, q1, q2, u")
-    refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "other.toml"), "other.toml", "furuta init LOG")
-
-
-def test_the_file_of_the_working_folder_serves_logs_elsewhere(german: Path) -> None:
-    furuta("init", "versuch1.csv")
-    (german / "more").mkdir()
-    shutil.move("versuch2.csv", "more/versuch2.csv")
-    result = furuta("validate", "qube", "more/versuch2.csv")
-    assert result.exit_code == 0, result.output
-
-
-def test_a_plant_file_carries_the_mapping(german: Path) -> None:
-    furuta("init", "versuch1.csv")
-    mapping = load_mapping("rig.toml")
-    QUBE.replace(provenance={"mapping": mapping.to_dict()}).save("rig.json")
-    Path("rig.toml").unlink()
-    result = furuta("validate", "rig.json", "versuch2.csv")
-    assert result.exit_code == 0, result.output
-    assert "Read as the plant file says" in result.stderr
-
-
-def test_a_rig_file_that_contradicts_the_plant_file_is_said(german: Path) -> None:
-    """`rig.toml` holds; the warning names both and the way out, once. An option is meant, and is no contradiction."""
-    furuta("init", "versuch1.csv")
-    mapping = load_mapping("rig.toml")
-    fitted = replace(mapping, input_scale=12.0, skip=0.5, flip=())
-    QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
-    said = furuta("validate", "rig.json", "versuch1.csv", "versuch2.csv").stderr
-    assert "versuch2.csv is read with --flip q2 --input-scale 1, as rig.toml says" in said
-    assert "add --input-scale 12 --flip none, or identify the plant again" in said
-    assert said.count("versuch2.csv is read with") == 1
-    meant = furuta("validate", "rig.json", "versuch2.csv", "--input-scale", "1", "--flip", "q2").stderr
-    assert "The plant's own logs" not in meant
-
-
-@pytest.mark.parametrize(
-    "same",
-    [{}, {"skip": 0.5}, {"input_unit": None}, {"u": "another column, which this log does not have"}],
-    ids=["equal", "start", "left open", "another logger's column"],
-)
-def test_what_does_not_contradict_the_plant_file_is_not_said(german: Path, same: dict[str, object]) -> None:
-    furuta("init", "versuch1.csv")
-    fitted = replace(load_mapping("rig.toml"), **same)  # type: ignore[arg-type]
-    QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
-    result = furuta("validate", "rig.json", "versuch2.csv")
-    assert result.exit_code == 0, result.output
-    assert "Warning" not in result.stderr
-
-
 def test_a_free_decay_is_validated_with_a_warning(tmp_path: Path) -> None:
     run = simulate(QUBE, open_loop(), 4.0, 0.004, Sensors(2048), x0=(0, 2.5, 0, 0))
     table = {"t": run.t.round(6), "q1": run.measured[:, 0], "q2": run.measured[:, 1], "u": 0.0 * run.command}
@@ -155,26 +92,6 @@ def test_a_free_decay_is_validated_with_a_warning(tmp_path: Path) -> None:
     assert "--columns u=NAME" in still.stderr
     driven = furuta("validate", "qube", write(tmp_path / "driven.csv", rows(), "# input_unit: V"))
     assert "in every sample" not in driven.stderr
-
-
-def test_an_identified_plant_carries_it(german: Path) -> None:
-    furuta("init", "versuch1.csv")
-    result = furuta("identify", "versuch1.csv", "-o", "rig.json", "--method", "filtered-ls")
-    assert result.exit_code == 0, result.output
-    assert "u_max = 1.2 V (largest command 1.2, where the commands stop); set it with --u-max" in result.stdout
-    assert "or give its value: --fix theta" in result.stdout
-    assert "fix it" not in result.stdout
-    assert "fix them" not in result.stdout
-    Path("rig.toml").unlink()
-    assert furuta("validate", "rig.json", "versuch2.csv").exit_code == 0
-
-
-def test_a_log_of_the_project_beside_a_rig_file_is_read_by_its_own_names(german: Path) -> None:
-    furuta("init", "versuch1.csv")
-    furuta("simulate", "--plant", "qube", "--excitation", "chirp", "--duration", "4", "-o", "sim.csv")
-    result = furuta("validate", "qube", "sim.csv")
-    assert result.exit_code == 0, result.output
-    assert "read by its own t, q1, q2, u" in result.stderr
 
 
 def test_without_a_mapping_the_whole_of_it_is_proposed(german: Path) -> None:

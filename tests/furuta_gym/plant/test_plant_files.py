@@ -68,6 +68,14 @@ def test_refused(case: str, tmp_path: Path) -> None:
         Plant.load(write(tmp_path / "rig.json", **changes))
 
 
+def test_a_slip_of_the_pen_is_found_by_its_line(tmp_path: Path) -> None:
+    text = QUBE.to_json()
+    (tmp_path / "rig.json").write_text(text.replace('"unit": "V",', '"unit": "V"'), encoding="utf-8")
+    line = text.partition('"unit": "V",')[0].count("\n") + 1
+    with pytest.raises(ValueError, match=rf"rig\.json is no plant file \(JSON\).*: line {line + 1}, column \d+$"):
+        Plant.load(tmp_path / "rig.json")
+
+
 @pytest.mark.parametrize("text", ["[" * 5000 + "]" * 5000, "[" * 100_000, '{"a":' * 100 + "1" + "}" * 100])
 def test_depth_is_bounded(text: str, tmp_path: Path) -> None:
     (tmp_path / "rig.json").write_text(text)

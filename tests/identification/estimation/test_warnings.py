@@ -36,3 +36,12 @@ def test_a_sign_is_blamed_where_the_motion_shows_it() -> None:
     assert "a positive command turns the arm towards negative q1" in told
     assert "--flip" in told
     assert "an effect is probably missing" not in told
+
+
+def test_two_frictions_that_end_at_zero_are_one_sentence() -> None:
+    bounds = ["theta6", "theta8"]
+    told = list(_warnings([loop_log(duration=6.0)[0]], WITHOUT, bounds, Noise((1e-9, 1e-9))))
+    assert [line for line in told if "zero" in line] == [
+        "θ6, θ8 end at zero, their bound: this log asks for negative friction, which no rig has; so an effect is "
+        "probably missing (`furuta diagnose` looks for it)"
+    ]

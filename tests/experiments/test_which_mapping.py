@@ -1,0 +1,86 @@
+"""Which mapping holds where the command line, `rig.toml`, a plant file and the log itself may have one."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from furuta_gym.plant import QUBE
+from identification.logs.rig_file import load_mapping
+from tests.commands import furuta, refused
+
+
+def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    refused(furuta("validate", "qube", "versuch2.csv", "--unit", "rad"), "is read in rad", "--unit q2=deg")
+    refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "none"), "no column t, q1, q2, u")
+    refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "other.toml"), "other.toml", "furuta init LOG")
+
+
+def test_the_file_of_the_working_folder_serves_logs_elsewhere(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    (german / "more").mkdir()
+    shutil.move("versuch2.csv", "more/versuch2.csv")
+    result = furuta("validate", "qube", "more/versuch2.csv")
+    assert result.exit_code == 0, result.output
+
+
+def test_a_plant_file_carries_the_mapping(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    QUBE.replace(provenance={"mapping": mapping.to_dict()}).save("rig.json")
+    Path("rig.toml").unlink()
+    result = furuta("validate", "rig.json", "versuch2.csv")
+    assert result.exit_code == 0, result.output
+    assert "Read as the plant file says" in result.stderr
+
+
+def test_a_rig_file_that_contradicts_the_plant_file_is_said(german: Path) -> None:
+    """`rig.toml` holds; the warning names both and the way out, once. An option is meant, and is no contradiction."""
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    fitted = replace(mapping, input_scale=12.0, skip=0.5, flip=())
+    QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
+    said = furuta("validate", "rig.json", "versuch1.csv", "versuch2.csv").stderr
+    assert "versuch2.csv is read with --flip q2 --input-scale 1, as rig.toml says" in said
+    assert "add --input-scale 12 --flip none, or identify the plant again" in said
+    assert said.count("versuch2.csv is read with") == 1
+    meant = furuta("validate", "rig.json", "versuch2.csv", "--input-scale", "1", "--flip", "q2").stderr
+    assert "The plant's own logs" not in meant
+
+
+@pytest.mark.parametrize(
+    "same",
+    [{}, {"skip": 0.5}, {"input_unit": None}, {"u": "another column, which this log does not have"}],
+    ids=["equal", "start", "left open", "another logger's column"],
+)
+def test_what_does_not_contradict_the_plant_file_is_not_said(german: Path, same: dict[str, object]) -> None:
+    furuta("init", "versuch1.csv")
+    fitted = replace(load_mapping("rig.toml"), **same)  # type: ignore[arg-type]
+    QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
+    result = furuta("validate", "rig.json", "versuch2.csv")
+    assert result.exit_code == 0, result.output
+    assert "Warning" not in result.stderr
+
+
+def test_an_identified_plant_carries_it(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    result = furuta("identify", "versuch1.csv", "-o", "rig.json", "--method", "filtered-ls")
+    assert result.exit_code == 0, result.output
+    assert "u_max = 1.2 V (largest command 1.2, where the commands stop); set it with --u-max" in result.stdout
+    assert "or give its value: --fix theta" in result.stdout
+    assert "fix it" not in result.stdout
+    assert "fix them" not in result.stdout
+    Path("rig.toml").unlink()
+    assert furuta("validate", "rig.json", "versuch2.csv").exit_code == 0
+
+
+def test_a_log_of_the_project_beside_a_rig_file_is_read_by_its_own_names(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    furuta("simulate", "--plant", "qube", "--excitation", "chirp", "--duration", "4", "-o", "sim.csv")
+    result = furuta("validate", "qube", "sim.csv")
+    assert result.exit_code == 0, result.output
+    assert "read by its own t, q1, q2, u" in result.stderr
