@@ -89,7 +89,17 @@ class GapEntry(Struct, kw_only=True):
     ] = UNSET
     own_tail: Annotated[
         GapEntry | UnsetType | None,
-        Meta(description="The same on ends of fitted logs, for effects that follow a clock"),
+        Meta(
+            description="The same on the last part of each searched log. It decides where held-out logs cannot: on "
+            "effects that depend on time, as `periodic_torque` does, or on angles at which the held-out arm is not"
+        ),
+    ] = UNSET
+    searched_angles: Annotated[
+        Interval | UnsetType | None,
+        Meta(
+            description="Where the arm is in the searched logs, from and to, in rad, if an effect depends on its angle "
+            "and it leaves them in the held-out logs; else null"
+        ),
     ] = UNSET
     horizon_s: Annotated[float, Meta(description="How far ahead predictions run, in s")]
     logs: Annotated[list[str] | UnsetType, Meta(description="The files")] = UNSET

@@ -60,7 +60,9 @@ class GapChange:
 
     closed: share of the squared gap above the floor that closed; 0 where nothing was added. tail: share of each
     fitted log that was held out (both plants fitted anew to the rest), or None where whole logs were. own_tail: the
-    same on such tails, beside whole logs that cannot speak about effects which repeat by the clock of their own log.
+    same on such tails, beside whole logs that cannot speak: about effects which repeat by the clock of their own log,
+    or against what depends on the arm's angle where the arm is elsewhere. searched_angles: where it is in the searched
+    logs, from and to [rad], if something depends on its angle and it leaves them here; else None.
     """
 
     before: Gap
@@ -69,6 +71,7 @@ class GapChange:
     logs: tuple[Log, ...]
     tail: float | None
     own_tail: GapChange | None = None
+    searched_angles: tuple[float, float] | None = None
 
     @property
     def changed(self) -> bool:
@@ -130,6 +133,7 @@ class GapChange:
             held_out=self.tail is None,
             tail=self.tail,
             own_tail=self.own_tail.entry() if self.own_tail else None,
+            searched_angles=list(self.searched_angles) if self.searched_angles else None,
             horizon_s=self.before.horizon,
             logs=[log.source for log in self.logs],
             by_log=[part.entry() for part in self.by_log],

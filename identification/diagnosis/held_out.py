@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from furuta_gym.plant import Plant
 
 from ..estimation.identify import identify
 from ..estimation.zeros import moved
-from ..kalman.coordinates import Zeros
+from ..kalman.coordinates import Zeros, placed
 from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
@@ -25,6 +26,7 @@ from .gap_change import GapChange, speaks_against
 from .naming.fits import Fit, added, further
 from .naming.suspects import follows_clock
 from .policy import DecisionPolicy
+from .within_reach import arm_angles, share_beyond
 
 Array = NDArray[np.float64]
 
@@ -73,6 +75,21 @@ class HeldOut:
                 return None
         return validate(fitted.plant, self.whole).ratio_to_floor
 
+    @cached_property
+    def tails(self) -> HeldOut:
+        """The last part of each searched log as the witness."""
+        return HeldOut(self.logs, (), self.policy)
+
+    def searched_angles(self, gap: Gap, plants: Sequence[Plant], zeros: Zeros) -> tuple[float, float] | None:
+        """The arm's angles [rad] in the searched logs, whose zeros are given, from and to, if some of the plants depend
+        on its angle and it leaves them in the logs held out; else None. `gap` has the zeros of these."""
+        if not self.whole or not any(placed(plant) for plant in plants):
+            return None
+        searched = arm_angles(self.logs, zeros)
+        low, high = float(searched.min()), float(searched.max())
+        beyond = share_beyond(arm_angles(self.whole, gap.zeros), low, high)
+        return (low, high) if beyond > self.policy.beyond else None
+
     def change(self, before: Gap, after: Gap) -> GapChange:
         """How much of the gap closes from one plant to another; nothing from one to itself."""
         closed = closed_fraction(before, after) if after is not before else ClosedFraction(0.0, (0.0, 0.0))
@@ -88,9 +105,13 @@ class HeldOut:
 
     def _beyond(self, fitted: Fit, ratio: float) -> bool:
         try:
-            return self.gap(fitted.plant, fitted.noise, fitted.zeros).ratio_to_floor > ratio
+            gap = self.gap(fitted.plant, fitted.noise, fitted.zeros)
         except ValueError:
             return False
+        if not gap.ratio_to_floor > ratio:
+            return False
+        beyond = self.searched_angles(gap, (fitted.plant,), fitted.zeros)
+        return beyond is None or self.tails._beyond(fitted, ratio)
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
         """Whether further effects close some of the gap for certain, and a share of it that matters. Of what follows
@@ -122,7 +143,10 @@ class HeldOut:
             return False
         # a share of the logs has that share of the evidence
         share = 1.0 if self.whole else self.policy.tail
-        return speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier))
+        if not speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier)):
+            return False
+        beyond = self.searched_angles(change.after, (without.plant, fitted.plant), fitted.zeros)
+        return beyond is None or self.tails.denies(without, fitted)
 
     def _between(self, without: Fit, fitted: Fit) -> GapChange | None:
         try:

@@ -128,6 +128,15 @@ def astray(ratio: float, together: float | None, far: float) -> str:
     )
 
 
+def elsewhere(angles: tuple[float, float]) -> str:
+    """That the arm leaves the angles of the searched logs on held-out ones."""
+    low, high = angles
+    return (
+        f"On the held-out logs the arm leaves the angles of the searched ones ({low:.2g} to {high:.2g} rad). What "
+        "depends on its angle is an extrapolation there. Diagnose all logs together."
+    )
+
+
 def unexplained(torque: float, command: float, unit: str) -> str:
     """The rms torque that the plant takes for noise, beside the command."""
     share = f" ({100 * torque / command:.2g} % of the command)" if command > 0 else ""

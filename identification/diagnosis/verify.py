@@ -74,14 +74,17 @@ def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:
     else:  # the first part of the logs is fitted anew anyway
         after = held.gap(final.plant, final.noise, final.zeros)
     change = held.change(before, after)
-    if held.whole and diagnosis.repeating:
+    plants = (diagnosis.before.plant, diagnosis.after.plant)
+    beyond = held.searched_angles(after, plants, diagnosis.after.zeros)
+    change = replace(change, searched_angles=beyond)
+    if held.whole and (diagnosis.repeating or (beyond is not None and speaks_against(change, held.policy))):
         change = replace(change, own_tail=_own_tail(diagnosis, held))
     return change
 
 
 def _own_tail(diagnosis: Diagnosis, held: HeldOut) -> GapChange | None:
     try:
-        return measure_gap(diagnosis, HeldOut(held.logs, (), held.policy))
+        return measure_gap(diagnosis, held.tails)
     except ValueError:  # too short, or its first part alone cannot be fitted
         return None
 
@@ -93,15 +96,22 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     together() is the error over the noise floor of the plant fitted to all logs, None where nobody can say; it takes
     time, and is asked only if it matters.
 
-    Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat.
+    Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat. What
+    depends on the arm's angle is judged there too, if held-out logs in which the arm is elsewhere speak against it.
     """
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None:
         return diagnosis
     far = witness.after_over_floor > diagnosis.policy.far
     if witness.changed and speaks_against(witness, diagnosis.policy):
-        return diagnosis.vetoed()
+        if witness.searched_angles is None or witness.own_tail is None:
+            return diagnosis.vetoed()
+        if speaks_against(witness.own_tail, diagnosis.policy):
+            return diagnosis.vetoed()
     if not far:
         return diagnosis
+    if witness.searched_angles is not None:
+        told = sentences.elsewhere(witness.searched_angles)
+        diagnosis = replace(diagnosis, summary=f"{diagnosis.summary} {told}")
     askable = diagnosis.verdict != "unknown" and not diagnosis.timed  # other logs have another clock
     return diagnosis.astray(witness.after_over_floor, together() if askable else None)

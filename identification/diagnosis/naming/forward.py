@@ -22,6 +22,8 @@ from .suspects import Ranking, Suspect, alike
 from .wider import widened
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
+_ATTEMPTS = 3
+"""How often suspects are fitted anew because the model without them had stalled."""
 _VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
 
 
@@ -129,17 +131,23 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     laws, went = dict(so_far.laws), dict(so_far.went)
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
-        search.progress(f"scoring the library (step {step + 1})")
-        names, table = search.suspects(current, step)
+        for _ in range(_ATTEMPTS):
+            before = current
+            search.progress(f"scoring the library (step {step + 1})")
+            names, table = search.suspects(current, step)
+            worth = partial(judge.counts, found, current=current)
+            complete = step > 0 and bool(names) and judge.rest.left(current) <= 0.0
+            joining = NOTHING_YET if step else joined
+            current, last = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
+            believed = bool(last) and last[0].net >= search.policy.believed
+            if believed or before.value - current.value < search.policy.believed:
+                break  # else what the suspects were compared with had stalled
+            if found:
+                found, current = search.ranked_again(found, current)
         if step == 0:
             absorbed = {name: s.absorbed for name, s in table.items()}
-        worth = partial(judge.counts, found, current=current)
-        complete = step > 0 and bool(names) and judge.rest.left(current) <= 0.0
-        joining = NOTHING_YET if step else joined
-        current, last = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
-        if step == 0:
             nominal = current
-        if not last or last[0].net < search.policy.believed:
+        if not believed:
             break
         if not worth(last[0].gain):
             refused = last[0]

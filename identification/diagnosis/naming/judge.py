@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from furuta_gym.plant import EFFECTS
+
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
@@ -144,15 +146,16 @@ class Judge:
 
     def look_alike_law_of(self, together: Sequence[Ranking]) -> str | None:
         """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
-        in the same variables that explains less than half as much. Held-out data cannot say which it is, as both
-        predict the same. A ripple of a whole period and more is no law of what pulls otherwise, nor the reverse."""
+        in the same variables that explains less than half as much, or a change of what that effect's law is made of, as
+        the sharpness r of friction is. Held-out data cannot say which it is, as both predict the same. A ripple of a
+        whole period and more is no law of what pulls otherwise, nor the reverse."""
         *others, (newest, *_) = together
         own = own_variables(newest.name)
         for other, *_ in others:
             of = own_variables(other.name)
             rippled = RIPPLE in (newest.name, other.name) and periods(newest.fit) >= self.policy.whole_period
             if (
-                alike(newest.name, other.name)
+                (alike(newest.name, other.name) or _changes_law(newest.name, other.name))
                 and (own <= of or of <= own)
                 and newest.gain < self.policy.alike_share * other.gain
                 and not rippled
@@ -180,3 +183,8 @@ class Judge:
         much = before.value - after.value > self.policy.much
         asked = self.witness.far(before) or (much and self.witness.off(before))
         return asked and self.witness.confirms(before, after)
+
+
+def _changes_law(name: str, other: str) -> bool:
+    """Whether an effect changes a value that the law of another one depends on."""
+    return any(set(EFFECTS[name].changes) & set(arguments) for arguments in EFFECTS[other].arguments.values())

@@ -18,7 +18,8 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .discrete import starts_of, stepped
-from .fits import Effort, Fit, Fitter, added, fit, without
+from .dropped import Rest, dropped
+from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, multi_start, rivals_of
 from .scores import Score, scores
 from .suspects import Ranking, Suspect, alike, price, shortlist, slight
@@ -209,12 +210,12 @@ class Search:
                 effort = chase.effort if fitted.value == best else "full"
                 chase.fits[name] = chase.finished[name] = self.fitted(nearest.plant, nearest, effort)
         self.progress("fitting the model without it")
-        again = self._rival(without(chase.best, current), current, chase.best)
+        again = self._rival(dropped(chase.best, added(chase.best, current).name), current, chase.best)
         return again if again.value < current.value else current
 
-    def _rival(self, plant: Plant, start: Fit, against: Fit) -> Fit:
+    def _rival(self, rest: Rest, start: Fit, against: Fit) -> Fit:
         """A plant fitted to compare it with a better one: only as well as the difference asks for."""
-        quick = self.fitted(plant, start, "quick")
+        quick = self.fitted(rest.plant, replace(start, zeros=rest.zeros), "quick")
         if quick.value - against.value > self.policy.plain:
             return quick
         return self.fitted(quick.plant, quick, "full")
@@ -232,10 +233,17 @@ class Search:
         )
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
-        """Fitted without one of its effects; an effect of which it is a special case takes its part over."""
-        gone = next(e for e in fitted.plant.effects if e.name == name)
-        rest = tuple(_with_part_of(gone, e) for e in fitted.plant.effects if e.name != name)
-        return self._rival(fitted.plant.replace(effects=rest), fitted, fitted)
+        """Fitted without one of its effects; the others take its part over where they can."""
+        return self._rival(dropped(fitted, name), fitted, fitted)
+
+    def ranked_again(self, found: Sequence[Ranking], current: Fit) -> tuple[list[Ranking], Fit]:
+        """The rankings of the effects found, and the best fit, where the fit with them had stalled and `current` is a
+        lower one: the last effect is compared with its rivals again."""
+        *others, ranking = found
+        reduced = self.reduced(current, ranking[0].name)
+        table = {s.name: Score(s.name, s.score, s.fit.plant.effect(s.name), 0.0) for s in ranking[1:]}
+        _, again = self.refits(reduced, list(table), table, held=current, effort="full")
+        return [*others, again], again[0].fit
 
     def reconsidered(
         self, found: Sequence[Ranking], asked_for: Callable[[Fit, Fit], bool] = lambda without, fitted: False
@@ -273,16 +281,6 @@ class Search:
             found[-1] = (last, *found[-1][1:])
         found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
         return found
-
-
-def _with_part_of(gone: Effect, effect: Effect) -> Effect:
-    """The effect doing what it and `gone` did, where its law includes that one's; else as it is."""
-    together = effect.type.includes.get(gone.name)
-    if together is None:
-        return effect
-    values = together(gone.parameters, effect.parameters)
-    inside = all(p.lower <= values[p.name] <= p.upper for p in effect.type.parameters)
-    return Effect(effect.name, values) if inside else effect
 
 
 def _contesting(ranking: Ranking, reduced: Fit, policy: DecisionPolicy) -> list[Suspect]:

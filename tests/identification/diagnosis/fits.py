@@ -19,7 +19,7 @@ from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
-from identification.kalman.coordinates import Zeros
+from identification.kalman.coordinates import Coordinate, Zeros
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
 from identification.logs.log import Log
@@ -51,6 +51,7 @@ class ToyFit:
     samples: int = SAMPLES
     records: tuple[Record, ...] = (RECORD,)
     zeros: Zeros = field(default_factory=dict)
+    coordinates: tuple[Coordinate, ...] = ()
 
     @property
     def optimum(self) -> Any:
@@ -235,7 +236,7 @@ def naming(
 
 def an_estimate(plant: Plant) -> Any:
     """What a diagnosis asks of an `Estimate`."""
-    return SimpleNamespace(plant=plant, zeros_by_log={}, zeros_told=[])
+    return SimpleNamespace(plant=plant, zeros={}, zeros_by_log={}, zeros_told=[])
 
 
 def a_diagnosis(*names: str, verdict: str = "named", **more: Any) -> Diagnosis:

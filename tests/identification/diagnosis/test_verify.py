@@ -167,7 +167,7 @@ def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_last_three_tenths()
     log, truth = loop_log("periodic_torque", 0.2, duration=12.0)
     final: Any = fit(truth, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
     found = a_diagnosis("periodic_torque")
-    after: Any = SimpleNamespace(plant=final.plant)
+    after: Any = SimpleNamespace(plant=final.plant, zeros={})
     found = replace(found, after=after, naming=naming(suspect("periodic_torque", 200.0), final=final))
     gap = measure_gap(found, HeldOut((log,), (), POLICY))
     assert gap.tail == 0.3

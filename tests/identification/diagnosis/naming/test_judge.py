@@ -77,6 +77,8 @@ def test_a_spring_beside_whole_periods_of_a_ripple_is_an_effect(n: float, newest
         ("actuator_lag", "input_delay", 1300.0, None),  # more than half as much
         ("input_dead_zone", "input_saturation", 300.0, None),  # seen at other commands: no look-alikes
         ("arm_cable", "base_tilt", 300.0, None),  # look-alikes in other variables
+        ("arm_coulomb_asymmetry", "friction_sharpness", 300.0, "arm_coulomb_asymmetry"),  # whose law has r in it
+        ("arm_quadratic_drag", "friction_sharpness", 300.0, None),  # which has none
     ],
 )
 def test_a_lesser_look_alike_in_the_same_variables_may_as_well_be_another_law(
