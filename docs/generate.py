@@ -36,7 +36,7 @@ def pages() -> dict[str, str]:
     made = {
         "reference/effects.md": effects_page(),
         "reference/commands.md": commands_page(),
-        "reference/plant_file.md": file_page("plant", PLANT_WORDS),
+        "reference/plant_file.md": file_page("plant", PLANT_WORDS) + known_sets(),
         "reference/diagnosis_file.md": file_page("diagnosis", DIAGNOSIS_WORDS),
     }
     for kind in DECLARED:
@@ -281,6 +281,27 @@ def file_page(kind: str, words: str) -> str:
         *_keys(schema, schema, "", {}),
     ]
     return "\n".join(lines) + "\n"
+
+
+def known_sets() -> str:
+    """The plants that come with the package, and where their numbers come from."""
+    from furuta_gym.plant import PLANTS
+
+    rows = []
+    for name, plant in PLANTS.items():
+        period = f"{1e3 * plant.sample_time:g} ms" if plant.sample_time else "none"
+        said = [
+            f"{text[0].upper()}{text[1:]}" for key, text in plant.provenance.items() if key in ("source", "assumed")
+        ]
+        rows.append(f"| `{name}` | {plant.unit} | {plant.u_max:g} | {period} | {_cell('. '.join(said))}. |")
+    words = "Every `plant` and `--plant` takes one of these names in place of a file. None of them is a measured rig."
+    head = [
+        "\n## Known sets\n",
+        f"{words}\n",
+        "| set | command | u_max | sample time | origin |",
+        "|---|---|---|---|---|",
+    ]
+    return "\n".join([*head, *rows]) + "\n"
 
 
 def _keys(schema: Any, whole: Any, before: str, shown: dict[str, str]) -> list[str]:
