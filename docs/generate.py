@@ -290,11 +290,12 @@ def known_sets() -> str:
     rows = []
     for name, plant in PLANTS.items():
         period = f"{1e3 * plant.sample_time:g} ms" if plant.sample_time else "none"
-        said = [
-            f"{text[0].upper()}{text[1:]}" for key, text in plant.provenance.items() if key in ("source", "assumed")
-        ]
-        rows.append(f"| `{name}` | {plant.unit} | {plant.u_max:g} | {period} | {_cell('. '.join(said))}. |")
-    words = "Every `plant` and `--plant` takes one of these names in place of a file. None of them is a measured rig."
+        said = [text for key, text in plant.provenance.items() if key in ("source", "assumed")]
+        rows.append(f"| `{name}` | {plant.unit} | {plant.u_max:g} | {period} | {_cell('; '.join(said))} |")
+    words = (
+        "Every `plant` and `--plant` takes one of these names in place of a file. "
+        "No log was fitted for `qube` and `large`."
+    )
     head = [
         "\n## Known sets\n",
         f"{words}\n",
