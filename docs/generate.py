@@ -36,7 +36,7 @@ def pages() -> dict[str, str]:
     made = {
         "reference/effects.md": effects_page(),
         "reference/commands.md": commands_page(),
-        "reference/plant_file.md": file_page("plant", PLANT_WORDS),
+        "reference/plant_file.md": file_page("plant", PLANT_WORDS) + known_sets(),
         "reference/diagnosis_file.md": file_page("diagnosis", DIAGNOSIS_WORDS),
     }
     for kind in DECLARED:
@@ -278,31 +278,62 @@ def file_page(kind: str, words: str) -> str:
         f"JSON Schema: [{name}](../schema/{name}). {schema['description']}\n",
         "| key | type | what it is |",
         "|---|---|---|",
-        *_keys(schema, schema, ""),
+        *_keys(schema, schema, "", {}),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _keys(schema: Any, whole: Any, before: str) -> list[str]:
+def known_sets() -> str:
+    """The plants that come with the package, and where their numbers come from."""
+    from furuta_gym.plant import PLANTS
+
+    rows = []
+    for name, plant in PLANTS.items():
+        period = f"{1e3 * plant.sample_time:g} ms" if plant.sample_time else "none"
+        said = [text for key, text in plant.provenance.items() if key in ("source", "assumed")]
+        rows.append(f"| `{name}` | {plant.unit} | {plant.u_max:g} | {period} | {_cell('; '.join(said))} |")
+    words = (
+        "Every `plant` and `--plant` takes one of these names in place of a file. "
+        "No log was fitted for `qube` and `large`."
+    )
+    head = [
+        "\n## Known sets\n",
+        f"{words}\n",
+        "| set | command | u_max | sample time | origin |",
+        "|---|---|---|---|---|",
+    ]
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def _keys(schema: Any, whole: Any, before: str, shown: dict[str, str]) -> list[str]:
+    """The rows of an object's keys. shown: of parts with keys of their own, the key at which these stand already."""
     rows = []
     for key, inner in schema.get("properties", {}).items():
         needed = " Required." if key in schema.get("required", ()) else ""
         said = inner.get("description", "")
         said = f"{said}.{needed}" if said else needed.strip()
-        rows.append(f"| `{before}{key}` | {_cell(_type(inner, whole))} | {_cell(said).replace('..', '.')} |")
-        for one in _alternatives(inner, whole):
-            if one is not schema:  # a part that may hold its own kind is shown once
-                rows += _keys(one, whole, f"{before}{key}.")
-            for item in _alternatives(one.get("items", {}), whole):
-                rows += _keys(item, whole, f"{before}{key}[].")
+        below, seen = [], ""
+        for one in _alternatives(inner):
+            parts = [(one, ""), (one.get("items", {}), "[]"), (one.get("additionalProperties", {}), ".NAME")]
+            for part, step in parts:
+                for named in _alternatives(part) if isinstance(part, dict) else ():
+                    name, place = named.get("$ref", "").rpartition("/")[2], f"{before}{key}{step}"
+                    if not name:
+                        continue
+                    if name in shown:
+                        seen = f" Its keys: as `{shown[name]}`."
+                        continue
+                    shown[name] = place
+                    below += _keys(whole["$defs"][name], whole, f"{place}.", shown)
+        rows.append(
+            f"| `{before}{key}` | {_cell(_type(inner, whole))} | {_cell(said + seen).replace('..', '.').strip()} |"
+        )
+        rows += below
     return rows
 
 
-def _alternatives(inner: Any, whole: Any) -> list[Any]:
-    found = []
-    for one in inner.get("anyOf", [inner]):
-        found.append(whole["$defs"][one["$ref"].rpartition("/")[2]] if "$ref" in one else one)
-    return found
+def _alternatives(inner: Any) -> list[Any]:
+    return inner.get("anyOf", [inner])
 
 
 def _type(inner: Any, whole: Any) -> str:

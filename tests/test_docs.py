@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from furuta_gym.declared import checked
+from identification.diagnosis.diagnosis_file import DiagnosisFile
+
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS))
@@ -82,6 +85,8 @@ def test_a_diagnosis_file_follows_its_schema(kept: Path) -> None:
         pytest.skip("no diagnosis is kept of this log")
     jsonschema.Draft202012Validator(schema).validate(diagnosis)
     assert set(diagnosis) <= set(schema["properties"])
+    read = checked(diagnosis, DiagnosisFile)
+    assert read.where is None or set(diagnosis["where"]) <= set(schema["$defs"]["WhereEntry"]["properties"])
     for spoilt in ({"verdict": "perhaps"}, {"effects": [{"name": "arm_spring"}]}, {"leftover": "yes"}):
         assert not jsonschema.Draft202012Validator(schema).is_valid(diagnosis | spoilt)
 

@@ -41,6 +41,10 @@ InputUnit = Annotated[str | None, _option("Unit of the command: V or N·m.")]
 InputScale = Annotated[float | None, _option("What the file's command is multiplied by: 0.001 for millivolts.")]
 TimeUnit = Annotated[str | None, _option("Of the time column: s (default), ms, us, ns or d (days).")]
 Skip = Annotated[float | None, _option("Seconds left out at the start of each log, as a hand-over to the controller.")]
+Cut = Annotated[
+    list[str] | None,
+    _option("A stretch left out of each log, FROM:TO in seconds of the log's own clock; it may be repeated."),
+]
 MappingFile = Annotated[
     Path | None,
     _option("The rig's rig.toml; none reads none. Default: beside the log, or here.", "--mapping", "--rig"),
@@ -57,6 +61,7 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
     "input_scale": (InputScale, None),
     "time_unit": (TimeUnit, None),
     "skip": (Skip, None),
+    "cut": (Cut, None),
     "mapping": (MappingFile, None),
     "as_given": (AsGiven, False),
 }
@@ -197,7 +202,7 @@ def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -
     """What a rig.toml says otherwise than the plant file does of the logs that the plant was fitted to; "" if nothing.
 
     What an option says, and what one of the two leaves open, is no difference; other names of columns are one only
-    where the log has both. Seconds left out at the start change no reading."""
+    where the log has both. Seconds left out change no reading."""
     from identification.logs.mapping import COLUMNS
     from identification.logs.rig_mapping import RigMapping
 
@@ -207,7 +212,9 @@ def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -
     fitted, here = (RigMapping.from_dict(stored), source.mapping)
     usual = {"unit_q1": "rad", "unit_q2": "rad", "time_unit": "s", "pendulum_zero": "upright", "input_scale": 1.0}
     usual |= {"flip": (), **{name: name for name in COLUMNS}}
-    theirs, ours = ({name: value for name, value in vars(m).items() if name != "skip"} for m in (fitted, here))
+    theirs, ours = (
+        {name: value for name, value in vars(m).items() if name not in ("skip", "cut")} for m in (fitted, here)
+    )
     there = {name: usual.get(name) if value is None else value for name, value in theirs.items()}
     now = {name: usual.get(name) if value is None else value for name, value in ours.items()}
     other = [

@@ -22,7 +22,7 @@ _WORDS = {
     "half": "Partly right: one of two hidden effects is named.",
     "wrong": "Wrong: another effect is named than the hidden one.",
     "missed": "Wrong: an effect is hidden, and none is named.",
-    "unknown": "Not named: the diagnosis says that something outside the library is missing.",
+    "unknown": "Not named: the diagnosis says that something is missing, and gives it no name.",
     "insufficient": "Not named: the diagnosis says that the motion does not suffice.",
     "false_alarm": "Wrong: nothing is hidden, and an effect is named.",
 }

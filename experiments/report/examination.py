@@ -11,9 +11,10 @@ from typing import Any
 
 from msgspec import structs
 
-from furuta_gym.declared import written
+from furuta_gym.declared import checked, written
 from furuta_gym.plant import EFFECTS
 from identification.design.discriminate import CLEAR, Separation
+from identification.diagnosis.diagnosis_file import DesignEntry
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.locate.location import Where
@@ -92,10 +93,10 @@ class Examination:
         """The whole of diagnosis.json; what is not a finite number is null there."""
         found = structs.replace(
             self.diagnosis.entry(),
-            where=self.where.to_dict() if self.where else None,
-            where_after=self.where_after.to_dict() if self.where_after else None,
+            where=self.where.entry() if self.where else None,
+            where_after=self.where_after.entry() if self.where_after else None,
             next_experiment=self.next_experiment,
-            design=self.design.to_dict() if self.design else None,
+            design=checked(self.design.to_dict(), DesignEntry, "design") if self.design else None,
             remarks=self.remarks,
             runtime_s=self.diagnosis.runtime_s + self.seconds,
         )

@@ -14,7 +14,7 @@ from furuta_gym.declared import written
 from ..logs.kind import kind_of
 from ..logs.log import Log
 from ..validation.gap import ClosedFraction, Gap, closed_fraction
-from .diagnosis_file import Errors, GapEntry, PartEntry
+from .diagnosis_file import Errors, Floors, GapEntry, PartEntry
 from .policy import DecisionPolicy
 
 AXES = ("arm q1", "pendulum q2")
@@ -126,7 +126,7 @@ class GapChange:
         return GapEntry(
             before=_errors(self.before.rms, self.over_floor(self.before)),
             after=_errors(self.after.rms, self.over_floor(self.after)),
-            noise_floor=_errors(self.floor),
+            noise_floor=Floors(float(self.floor[0]), float(self.floor[1])),
             closed_fraction=self.closed.value,
             closed_interval=list(self.closed.interval),
             log_likelihood_gain=self.likelier,

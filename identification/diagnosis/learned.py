@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from furuta_gym.declared import written
 from furuta_gym.plant import Plant
 
 from ..discrepancy.learned import NAME
+from .diagnosis_file import EffectInPlant, LearnedEntry
 from .gap_change import GapChange
 
 
@@ -26,13 +28,17 @@ class Learned:
     added: bool
     reason: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def entry(self) -> LearnedEntry:
         """As the "learned" of diagnosis.json."""
         effect = self.plant.effect(NAME)
-        return {
-            "effect": effect.to_dict(self.plant.unit) if effect else None,
-            "evidence": self.evidence,
-            "gap": self.change.to_dict() if self.change else None,
-            "added": self.added,
-            "reason": self.reason,
-        }
+        return LearnedEntry(
+            effect=EffectInPlant.of(effect.to_dict(self.plant.unit)) if effect else None,
+            evidence=self.evidence,
+            gap=self.change.entry() if self.change else None,
+            added=self.added,
+            reason=self.reason,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """`entry` as JSON has it."""
+        return written(self.entry())

@@ -14,7 +14,17 @@ from ..estimation.estimate import Estimate
 from ..estimation.informative import spans_text
 from ..validation.adequacy import ADEQUATE_BELOW
 from . import sentences
-from .diagnosis_file import SCHEMA, DiagnosisFile, EffectFound, OtherLaw, ParameterFound, Ranked, Verdict
+from .diagnosis_file import (
+    SCHEMA,
+    DiagnosisFile,
+    EffectFound,
+    EffectInPlant,
+    OtherLaw,
+    ParameterFound,
+    Ranked,
+    SecondWitnessEntry,
+    Verdict,
+)
 from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
@@ -42,16 +52,21 @@ class SecondWitness:
     change: GapChange
     better: bool
 
+    def entry(self) -> SecondWitnessEntry:
+        """As the "second_witness" of diagnosis.json."""
+        return SecondWitnessEntry(
+            method="multiple shooting",
+            theta=self.plant.theta.tolist(),
+            effects=[EffectInPlant.of(effect.to_dict(self.plant.unit)) for effect in self.plant.effects],
+            disagreeing=list(self.disagreeing),
+            closed_fraction=self.change.closed.value,
+            closed_interval=list(self.change.closed.interval),
+            better=self.better,
+        )
+
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "method": "multiple shooting",
-            "theta": self.plant.theta.tolist(),
-            "effects": [effect.to_dict(self.plant.unit) for effect in self.plant.effects],
-            "disagreeing": list(self.disagreeing),
-            "closed_fraction": self.change.closed.value,
-            "closed_interval": list(self.change.closed.interval),
-            "better": self.better,
-        }
+        """`entry` as JSON has it."""
+        return written(self.entry())
 
 
 @dataclass(frozen=True)
@@ -205,14 +220,14 @@ class Diagnosis:
             not_visible=self.not_visible,
             absorbed=dict(ABSORBED),
             leftover=self.leftover,
-            rest=self.rest.to_dict() if self.rest else None,
+            rest=self.rest.entry() if self.rest else None,
             left_over_torque=self.left_over,
             command_rms=self.command_rms,
             zeros=self.after.zeros_by_log if self.after else {},
             gap=self.gap.entry() if self.gap else None,
             together_over_floor=self.together,
-            second_witness=self.second.to_dict() if self.second else None,
-            learned=self.learned.to_dict() if self.learned else None,
+            second_witness=self.second.entry() if self.second else None,
+            learned=self.learned.entry() if self.learned else None,
             stretches_s=[[list(span) for span in spans] for spans in self.stretches],
             policy=self.policy.to_dict(),
             runtime_s=self.runtime_s,

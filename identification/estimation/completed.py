@@ -57,6 +57,7 @@ def _provenance(
     estimate: Estimate, logs: Sequence[Log], start: Plant | str | None, u_max: float | None
 ) -> dict[str, Any]:
     limit = "guessed from the logs' largest command" if start is None else "of the start plant"
+    mapping = logs[0].mapping.without("cut")  # a bad stretch is of one log and not of the rig
     versions = {"python": platform.python_version()}
     for package in ("furuta-gym", "numpy", "scipy", "numba"):
         try:
@@ -68,10 +69,11 @@ def _provenance(
             {"source": log.source, "sha256": log.sha256, "samples": len(log), "duration_s": round(log.duration, 6)}
             | ({"read_as": log.read_as} if log.read_as else {})
             | ({"skipped_s": log.skipped} if log.skipped else {})
+            | ({"cut_s": [list(span) for span in log.cut]} if log.cut else {})
             | ({"stretches_s": [list(span) for span in spans]} if spans else {})
             for log, spans in zip(logs, estimate.stretches or ((),) * len(logs), strict=True)
         ],
-        **({} if logs[0].mapping.empty else {"mapping": logs[0].mapping.to_dict()}),
+        **({} if mapping.empty else {"mapping": mapping.to_dict()}),
         "method": estimate.method,
         "start": "from the logs" if start is None else start if isinstance(start, str) else "a plant given",
         "fixed": dict(estimate.fixed),

@@ -20,7 +20,7 @@ import numpy as np
 from .checks import GAP, LogError, LogWarning, check_length, warn
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
-from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_flip, parse_gain, parse_unit
+from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_cuts, parse_flip, parse_gain, parse_unit
 from .rig_mapping import RigMapping
 from .table import Table
 
@@ -49,6 +49,7 @@ class Log:
     t [s], q1, q2 [rad], u [input_unit]. encoder_counts: counts per revolution of (q1, q2), None if unknown.
     controller_gain: K of u = −K (q1, q̇1, q2, q̇2) + d, None if unknown. source, sha256: the file it came from.
     read_as: what the mapping did to the file's columns, as formulas. skipped: seconds left out at its start.
+    cut: stretches (from, to) [s] of its clock whose samples are left out.
     mapping: what was said of how to read it, so that the rig's other files can be read likewise.
     metadata: further `# key: value` pairs of that file. Raises LogError if any of this does not hold.
     """
@@ -65,6 +66,7 @@ class Log:
     sha256: str | None = None
     read_as: str = ""
     skipped: float = 0.0
+    cut: tuple[tuple[float, float], ...] = ()
     mapping: RigMapping = field(default_factory=RigMapping)
     metadata: Mapping[str, str] = field(default_factory=dict)
 
@@ -261,6 +263,7 @@ def read_log(
     time_unit: str = "s",
     constant_command: str = "error",
     skip: float = 0.0,
+    cut: str | Iterable[str | Sequence[float]] = (),
     table: Table | None = None,
 ) -> Log:
     """Read a file of any format in `formats.READERS`, map it to the paper's convention, and check it.
@@ -277,6 +280,8 @@ def read_log(
     time_unit: "s", "ms", "us", "ns" or "d" (days); dates need none.
     constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
     skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
+    cut [s]: stretches of the log's clock that are left out, each "12:14" or (12, 14); plant files say so. The log is
+    cut in two there, as at any gap of its clock.
     table: the file's content, where it has been read already.
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
@@ -284,6 +289,7 @@ def read_log(
     """
     if not 0.0 <= skip < np.inf:
         raise LogError(f"skip {skip:g} (--skip): expected seconds, not negative")
+    cuts = parse_cuts(cut)
     table = read_table(path) if table is None else table
     mapped = map_table(
         table,
@@ -309,17 +315,37 @@ def read_log(
         input_unit=input_unit,
         input_scale=None if input_scale == 1.0 else input_scale,
         skip=skip or None,
+        cut=cuts or None,
     )
     for note in table.notes if said.empty else ():  # where names are given, they were found
         warn(note)
     digest = file_hash(path)
     about = {"source": table.name, "sha256": digest, "mapping": said}
     log = Log(**mapped.signals, **mapped.facts, **about, metadata=mapped.metadata)
+    begin = float(log.t[0])
+    if cuts:
+        log = _without(log, cuts)
     if not skip:
         return log
-    rest = replace(log.slice(float(log.t[0]) + skip), skipped=float(skip))
+    rest = replace(log.slice(begin + skip), skipped=float(skip))
     check_length(f"{log.source} after the {skip:g} s that are left out (--skip)", len(rest))
     return rest
+
+
+def _without(log: Log, cuts: Sequence[tuple[float, float]]) -> Log:
+    """The log without the samples of these stretches [s]."""
+    left_out = np.zeros(len(log), dtype=bool)
+    for start, stop in cuts:
+        inside = (log.t >= start) & (log.t <= stop)
+        if not inside.any():
+            raise LogError(
+                f"{log.source}: no sample lies in the stretch to be cut out (--cut {start:g}:{stop:g}). Expected "
+                f"seconds of the log's own clock, which runs from {log.t[0]:g} to {log.t[-1]:g} s."
+            )
+        left_out |= inside
+    said = " ".join(f"--cut {start:g}:{stop:g}" for start, stop in cuts)
+    check_length(f"{log.source} without the stretches that are cut out ({said})", int((~left_out).sum()))
+    return replace(log.taken(~left_out), cut=tuple(cuts))
 
 
 def file_hash(path: str | os.PathLike[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import reprlib
 import shlex
@@ -33,6 +34,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
 _LOOKED_AT = 500  # columns of a file, when guessing which one is meant
 _LONGEST_NAME = 80  # letters of such a column
 _TURN = 2 * np.pi
+_CUT = "expected FROM:TO in seconds of the log's own clock, FROM before TO, such as 12:14"
 _DATE = 1e7  # s; stamps beyond this count from some date, and lose digits unless they are counted from the first
 
 
@@ -132,6 +134,22 @@ def parse_scale(value: float) -> float:
     if not (np.isfinite(scale) and scale > 0):
         raise LogError(f"input_scale {value!r}: expected a positive number (use flip for the sign)")
     return scale
+
+
+def parse_cuts(value: str | Iterable[str | Sequence[float]]) -> tuple[tuple[float, float], ...]:
+    """Stretches of a log's clock [s], each "FROM:TO" or a pair. Raises LogError."""
+    cuts = []
+    for one in (value,) if isinstance(value, str) else value:
+        try:
+            start, stop = (float(part) for part in (one.split(":") if isinstance(one, str) else one))
+        except (TypeError, ValueError, OverflowError):
+            raise LogError(f"cut {_short.repr(one)}: {_CUT}") from None
+        if not (math.isfinite(start) and math.isfinite(stop)):
+            raise LogError(f"cut {_short.repr(one)}: {_CUT}")
+        if start >= stop:
+            raise LogError(f"cut {start:g}:{stop:g}: {start:g} s is not before {stop:g} s; {_CUT}")
+        cuts.append((start, stop))
+    return tuple(cuts)
 
 
 def parse_gain(value: str | Sequence[float]) -> tuple[float, float, float, float]:

@@ -22,6 +22,7 @@ _LAYOUT = {
     "signs": {"flip": "flip"},
     "encoders": {"counts": "encoder_counts"},
     "start": {"skip": "skip"},
+    "samples": {"cut": "cut"},
 }
 """Table and key of the file → field of `RigMapping`."""
 

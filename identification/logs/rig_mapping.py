@@ -13,6 +13,7 @@ from .mapping import (
     parse_angle_units,
     parse_columns,
     parse_counts,
+    parse_cuts,
     parse_flip,
     parse_scale,
     parse_time_unit,
@@ -30,6 +31,7 @@ class RigMapping:
     t, q1, q2, u: names of the columns. time_unit: s, ms, us, ns or d (days). unit_q1, unit_q2: rad, deg or counts.
     pendulum_zero: upright or hanging. flip: of q1, q2 and u. encoder_counts: per revolution, of q1 and q2.
     input_unit: V or N·m, after the file's numbers are multiplied by input_scale. skip [s]: left out at the start.
+    cut [s]: stretches (from, to) of the log's clock that are left out.
     Raises LogError for a value that is none of these.
     """
 
@@ -46,6 +48,7 @@ class RigMapping:
     input_unit: str | None = None
     input_scale: float | None = None
     skip: float | None = None
+    cut: tuple[tuple[float, float], ...] | None = None
 
     def __post_init__(self) -> None:
         for name in COLUMNS:
@@ -60,6 +63,7 @@ class RigMapping:
             "input_unit": parse_unit,
             "input_scale": parse_scale,
             "skip": _seconds,
+            "cut": parse_cuts,
         }
         for name, parse in checks.items():
             if (value := getattr(self, name)) is not None:
@@ -111,6 +115,7 @@ class RigMapping:
             "input_scale": 1.0 if self.input_scale is None else self.input_scale,
             "time_unit": self.time_unit or "s",
             "skip": self.skip or 0.0,
+            "cut": self.cut or (),
         }
 
     def options(self) -> str:
@@ -130,12 +135,13 @@ class RigMapping:
             "--input-scale": self.input_scale and f"{self.input_scale:g}",
             "--skip": self.skip and f"{self.skip:g}",
         }
-        return " ".join(f"{option} {shlex.quote(value)}" for option, value in said.items() if value)
+        options = [f"{option} {shlex.quote(value)}" for option, value in said.items() if value]
+        return " ".join(options + [f"--cut {start:g}:{stop:g}" for start, stop in self.cut or ()])
 
     def to_dict(self) -> dict[str, Any]:
         """What is said, as JSON and TOML hold it."""
         said = {k: v for k, v in vars(self).items() if v is not None}
-        return {k: [_short(part) for part in v] if isinstance(v, tuple) else _short(v) for k, v in said.items()}
+        return {k: _short(v) for k, v in said.items()}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> RigMapping:
@@ -150,6 +156,8 @@ class RigMapping:
 
 
 def _short(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_short(part) for part in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 

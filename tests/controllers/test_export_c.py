@@ -11,6 +11,10 @@ import pytest
 from controllers import make_controller
 from controllers.exports.c import c_header, export_c
 from furuta_gym.plant import QUBE, TABLE_3, Effect
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import simulate
+from identification import Log, write_log
+from identification.design.signals import paper_signal
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
@@ -106,15 +110,33 @@ def test_the_firmware_of_the_page_balances_and_stays_off_until_its_button(tmp_pa
     (tmp_path / "main.c").write_text(FIRMWARE + code + SESSION)
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
     subprocess.run([str(COMPILER), *flags, "-o", tmp_path / "main", tmp_path / "main.c", "-lm"], check=True, timeout=60)
-    steps = [(0, 0, 2048), (1, 10, 2058), (0, 11, 2055), (0, 0, 0), (0, 0, 2048), (1, 10, 2058)]
+    steps = [(0, 0, 2048), (1, 10, 2058), (0, 11, 2055), (0, 0, 0), (0, 0, 2048), (1, 10, 2058), (1, 10, -2038)]
     text = "\n".join(" ".join(str(number) for number in step) for step in steps)
     said = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
     volts, off = zip(*((float(u), int(o)) for u, o in map(str.split, said.stdout.splitlines())), strict=True)
     count = 2 * np.pi / 4096
     controller.reset()
-    law = [controller(count * np.array([q1, q2 - 2048.0])) for _, q1, q2 in steps[1:3]]
-    assert volts == pytest.approx([0.0, *law, 0.0, 0.0, law[0]], abs=1e-3)
-    assert off == (0, 0, 0, 4, 4, 0)  # hanging is farther than horizontal, and stays the reason
+    law = [controller(count * np.array([q1, 2048.0 - q2])) for _, q1, q2 in steps[1:3]]  # the page flips q2
+    assert volts == pytest.approx([0.0, *law, 0.0, 0.0, law[0], law[0]], abs=1e-3)  # lifted to either side
+    assert off == (0, 0, 0, 4, 4, 0, 0)  # hanging is farther than horizontal, and stays the reason
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")
+def test_the_check_of_a_build_on_the_page_runs(tmp_path, monkeypatch, capsys):
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
+    (code,) = re.findall(
+        r"```python\n(.*?)```", page.partition("### Check your build")[2].partition("\n## ")[0], re.DOTALL
+    )
+    monkeypatch.chdir(tmp_path)
+    QUBE.save("rig.json")
+    export_c(make_controller("lqr", QUBE), "lqr.h", single=True)
+    run = simulate(
+        QUBE, make_controller("lqr", QUBE), 5.0, 0.004, Sensors(2048), paper_signal(), x0=(0.1, 0.05, 0.0, 0.0)
+    )
+    write_log("upright.csv", Log.from_run(run, "V", 2048))
+    exec(compile(code.replace('"cc"', repr(str(COMPILER))), "export.md", "exec"), {})
+    difference, command = (float(x) for x in re.findall(r"[\d.]+(?:e[-+]\d+)?", capsys.readouterr().out))
+    assert difference < 1e-3 * command
 
 
 def test_header_says_what_a_reader_needs():

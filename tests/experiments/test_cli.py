@@ -90,6 +90,8 @@ def test_unknown_option(tmp_path: Path) -> None:
         (("validate", "none.json", "LOG"), "none.json"),
         (("identify", "LOG", "-o", "x.json", "--skip", "100"), "the log runs from"),
         (("diagnose", "LOG", "-o", "x", "--skip", "-1"), "--skip"),
+        (("identify", "LOG", "-o", "x.json", "--cut", "100:101"), "no sample lies"),
+        (("validate", "qube", "LOG", "--cut", "2:1"), "--cut 2:1"),
         (("simulate", "--plant", "none.json", "-o", "x.csv"), "none.json"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--duration", "0"), "--duration"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--controller", "lqrr"), "did you mean lqr"),

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.declared import written
+
 from ...kalman.whiteness import Innovations
+from ..diagnosis_file import InnovationsEntry, MapEntry, SuspicionEntry, WhereEntry
 from .constancy import Constancy
 from .torque_maps import Map
 
@@ -83,31 +86,35 @@ class Where:
         that are not the same all along."""
         return self.matters or self.changing
 
-    def to_dict(self) -> dict[str, Any]:
-        """As the "where" of diagnosis.json, and more; intervals_s are those of the first log."""
+    def entry(self) -> WhereEntry:
+        """As the "where" of diagnosis.json; intervals_s are those of the first log."""
         first = [
             spans for t, spans in zip(self.torques, self.intervals_s, strict=True) if t.source == self.torques[0].source
         ]
-        return {
-            "channel": self.channel,
-            "intervals_s": [list(span) for spans in first for span in spans],
-            "variable": self.variable,
-            "map": self.sentence,
-            "found": self.found,
-            "evidence": self.evidence,
-            "counts": self.counts.tolist(),
-            "negligible": self.negligible,
-            "suspicions": [vars(s) for s in self.suspicions[:6]],
-            "predictable_r2": self.predictable.tolist(),
-            "fisher_g": self.line.tolist(),
-            "frequency_hz": self.frequencies.tolist(),
-            "parameters_constant_p": dict(zip(self.constancy.names, self.constancy.p.tolist(), strict=True))
+        return WhereEntry(
+            channel=self.channel,
+            intervals_s=[list(span) for spans in first for span in spans],
+            variable=self.variable,
+            map=self.sentence,
+            found=self.found,
+            evidence=self.evidence,
+            counts=self.counts.tolist(),
+            negligible=self.negligible,
+            suspicions=[SuspicionEntry(**vars(s)) for s in self.suspicions[:6]],
+            predictable_r2=self.predictable.tolist(),
+            fisher_g=self.line.tolist(),
+            frequency_hz=self.frequencies.tolist(),
+            parameters_constant_p=dict(zip(self.constancy.names, self.constancy.p.tolist(), strict=True))
             | {"all": self.constancy.joint_p},
-            "parameters_change_counts": self.drift_counts.tolist(),
-            "parameters_change": self.changing,
-            "innovations": [test.to_dict() for test in self.innovations],
-            "maps": [m.to_dict() for m in self.maps],
-        }
+            parameters_change_counts=self.drift_counts.tolist(),
+            parameters_change=self.changing,
+            innovations=[InnovationsEntry(**test.to_dict()) for test in self.innovations],
+            maps=[MapEntry(**m.to_dict()) for m in self.maps],
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """`entry` as JSON has it."""
+        return written(self.entry())
 
     def __str__(self) -> str:
         rows = [self.sentence]

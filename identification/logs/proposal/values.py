@@ -72,7 +72,7 @@ class Proposal:
         fields = set(vars(self.given))
         said = {item.name: item.value for item in self.items if item.name in fields and item.value is not None}
         flips = tuple(item.name[5:] for item in self.items if item.name.startswith("sign_") and item.value == "-")
-        return RigMapping(**said, flip=flips or self.given.flip, skip=self.given.skip)
+        return RigMapping(**said, flip=flips or self.given.flip, skip=self.given.skip, cut=self.given.cut)
 
     @property
     def fatal(self) -> tuple[Problem, ...]:

@@ -55,7 +55,7 @@ def table(
 
 def read(proposal: Proposal, source: Table) -> Log:
     said = proposal.mapping.arguments()
-    said.pop("skip")
+    del said["skip"], said["cut"]
     mapped = map_table(source, **said, device=None, controller_gain=None, constant_command="error")
     return Log(**mapped.signals, **mapped.facts)
 
