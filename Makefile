@@ -40,8 +40,9 @@ lint: $(READY)  ## formatting, style, types, the import contracts, and how the d
 	$(BIN)/lint-imports
 	$(BIN)/python docs/readability.py
 
-docs: $(READY)  ## the site, to out/site: generated pages, then a strict build that checks every link
+docs: $(READY)  ## the site, to out/site: generated pages, the tutorials run, a strict build that checks every link
 	$(BIN)/python docs/generate.py
+	FURUTA_TUTORIALS=all $(BIN)/python -m pytest -q tests/test_docs.py -k tutorial_runs
 	$(BIN)/mkdocs build --strict  # not --quiet, which keeps warnings from being counted
 
 bench: $(READY)  ## speed against named references, as ratios
