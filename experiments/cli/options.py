@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -59,6 +61,22 @@ def log_file(path: Path, inputs: Iterable[Path] = ()) -> Path:
     from identification.logs.formats import WRITERS
 
     return output_file(path, WRITERS, inputs)
+
+
+@contextmanager
+def as_typed(*arguments: str, hints: Mapping[str, str] = MappingProxyType({})) -> Iterator[None]:
+    """Let an error about one of these arguments name the option that gave it. hints: instead of those for Python.
+
+    Raises ArgumentError."""
+    from furuta_gym.arguments import ArgumentError
+
+    try:
+        yield
+    except ArgumentError as error:
+        name = error.argument
+        if name not in arguments:
+            raise
+        raise error.renamed(f"--{name.replace('_', '-')}", hints.get(name)) from None
 
 
 def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from .checks import LogError
+from .checks import LogArgumentError, LogError
 from .mapping import (
     COLUMNS,
     parse_angle_units,
@@ -15,6 +15,7 @@ from .mapping import (
     parse_counts,
     parse_flip,
     parse_scale,
+    parse_skip,
     parse_time_unit,
     parse_unit,
     parse_zero,
@@ -51,7 +52,7 @@ class RigMapping:
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and not (isinstance(column, str) and column.strip()):
-                raise LogError(f"column {name} = {column!r}: expected the name of a column")
+                raise LogArgumentError("columns", f"{name}={column!r}", "expected the name of a column")
         checks = {
             "time_unit": parse_time_unit,
             "pendulum_zero": parse_zero,
@@ -59,7 +60,7 @@ class RigMapping:
             "encoder_counts": parse_counts,
             "input_unit": parse_unit,
             "input_scale": parse_scale,
-            "skip": _seconds,
+            "skip": parse_skip,
         }
         for name, parse in checks.items():
             if (value := getattr(self, name)) is not None:
@@ -151,13 +152,3 @@ class RigMapping:
 
 def _short(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-def _seconds(value: Any) -> float:
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError, OverflowError):
-        seconds = -1.0
-    if not 0.0 <= seconds < float("inf"):
-        raise LogError(f"skip {value!r} (--skip): expected seconds, not negative")
-    return seconds
