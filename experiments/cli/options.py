@@ -98,9 +98,7 @@ def names(text: str) -> list[str]:
 
 def library_effects(option: str, texts: Iterable[str]) -> None:
     """Before the work: names that the library does not have, or values where names are expected. Raises ValueError."""
-    import difflib
-
-    from furuta_gym.plant import EFFECTS
+    from furuta_gym.plant.effects import EFFECTS, where_to_look
 
     given = list(texts)
     if valued := [text for text in given if text not in EFFECTS and re.search(r"[:=]", text)]:
@@ -108,9 +106,7 @@ def library_effects(option: str, texts: Iterable[str]) -> None:
         hold = "; hold a parameter with --fix arm_spring.k=0.3" if option == "--effects" else ""
         raise ValueError(f"{option} {','.join(valued)}: expected {ways}{hold}")
     if strange := [name for name in given if name not in EFFECTS]:
-        near = dict.fromkeys(n for name in strange for n in difflib.get_close_matches(name, EFFECTS, n=1))
-        hint = f"; did you mean {', '.join(near)}?" if near else "."
-        raise ValueError(f"{option} {','.join(strange)}: no such effect{hint} `furuta effects` lists the library")
+        raise ValueError(f"{option} {','.join(strange)}: no such effect{where_to_look(strange)}")
     if len(set(given)) < len(given):
         raise ValueError(f"{option} {','.join(given)}: an effect stands there twice; name each once")
 
