@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.arguments import ArgumentError
 from furuta_gym.plant import EFFECTS, Effect, Plant, sampled_plants
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
@@ -112,6 +113,12 @@ class Condition:
         return low
 
 
+def check_groups(groups: Sequence[str]) -> None:
+    """Raises ArgumentError for a group of trials that is not one of `GROUPS`."""
+    if strange := [group for group in groups if group not in GROUPS]:
+        raise ArgumentError("groups", ", ".join(map(repr, strange)), f"expected of {', '.join(GROUPS)}")
+
+
 def conditions(
     plant: Plant,
     sensors: Sensors,
@@ -129,8 +136,7 @@ def conditions(
     Raises ValueError for an unknown group or effect.
     """
     chosen = list(groups)
-    if strange := [g for g in chosen if g not in GROUPS]:
-        raise ValueError(f"unknown group of trials {', '.join(map(repr, strange))}; there are {', '.join(GROUPS)}")
+    check_groups(chosen)
     names = list(EFFECTS) if effects is None else list(effects)
     carried = {e.name for e in plant.effects}
     short = min(duration, 10.0)

@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike
 
-_Z = 1.959963984540054  # 95 % of a normal distribution lie within
+from furuta_gym.plant.covariance import NORMAL_95
 
 
 class IntervalEntry(Struct):
@@ -48,8 +48,9 @@ def success_rate(success: ArrayLike) -> Interval:
     if n == 0:
         return Interval(np.nan, np.nan, np.nan, 0)
     p = float(outcomes.mean())
-    centre = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
-    half = _Z / (1 + _Z**2 / n) * np.sqrt(p * (1 - p) / n + _Z**2 / (4 * n * n))
+    z = NORMAL_95
+    centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * np.sqrt(p * (1 - p) / n + z**2 / (4 * n * n))
     return Interval(p, max(0.0, float(centre - half)), min(1.0, float(centre + half)), n)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from .command import Command
+from .command import INTERRUPTED, Command
 from .compare import compare_command
 from .demo import demo_command
 from .diagnose import DiagnoseCommand, diagnose_command
@@ -27,17 +27,13 @@ from .trials import trials_command
 from .validate import validate_command
 from .warm_up import warm_up_command
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
-
 KEPT: dict[str | None, str] = {
     None: "Nothing was written; results of an earlier run are as they were.",
     "warm-up": "What was compiled is kept: the same command compiles the rest.",
     "studio": "The studio has ended. Files that it wrote are kept.",
-    "diagnose": "Nothing was written but what the search has found so far: the same command goes on from there.",
     "trials": "What was answered is kept: the same command goes on from there.",
 }
-"""What Ctrl-C leaves of each command."""
+"""What Ctrl-C leaves of each command, unless the command says it itself."""
 
 
 class ExplainingGroup(TyperGroup):

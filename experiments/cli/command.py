@@ -7,6 +7,9 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
 
 class Command(TyperCommand):
     """A command of `furuta`. `--help` is answered before `invoke`, so it loads none of this."""

@@ -52,7 +52,7 @@ def compare_command(
         raise ValueError("--controllers is empty; expected names such as paper-lqr,lqr,lqg")
     if not 0 < duration <= 600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
-    from controllers.conditions import GROUPS
+    from controllers.conditions import GROUPS, check_groups
     from controllers.evaluation import compare
     from controllers.film import require_film
     from controllers.linear import LinearController
@@ -61,10 +61,12 @@ def compare_command(
 
     from .whole import whole_folder
 
+    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
+    with opt.as_typed("groups", hints={"groups": ", separated by commas, or all"}):
+        check_groups(chosen)
     if gif:
         require_film()
     check_folder(output)
-    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
     with whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder:
         with counted("trials") as tell:
             result = compare(

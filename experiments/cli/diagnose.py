@@ -13,7 +13,7 @@ import typer
 from identification.diagnosis.policy import MOST_EFFECTS
 
 from . import options as opt
-from .command import Command
+from .command import INTERRUPTED, Command
 from .output import check_folder, print_json, write_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
@@ -49,9 +49,20 @@ def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]
 
 @contextmanager
 def _kept_until_it_ends(journal: Path) -> Iterator[None]:
-    """A search that ended, or that cannot end, needs no journal; one that was stopped goes on from it."""
+    """A search that ended, or that cannot end, needs no journal; one that was stopped goes on from it.
+
+    What Ctrl-C leaves is said here, as it depends on whether a fit was kept."""
     try:
         yield
+    except KeyboardInterrupt:
+        if not journal.exists():
+            raise
+        typer.echo(
+            f"Interrupted. Nothing was written but the fits so far, in {journal.name} beside the output: the same "
+            "command goes on from there.",
+            err=True,
+        )
+        raise typer.Exit(INTERRUPTED) from None
     except ValueError:
         journal.unlink(missing_ok=True)
         raise

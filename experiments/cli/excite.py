@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,9 +52,12 @@ def excite_command(
             raise ValueError(f"--between {between}: expected two effects or more, such as input_delay,actuator_lag")
     from furuta_gym import Plant
     from identification import excite
+    from identification.design.next_experiment import doubt
 
     rig = Plant.resolve(plant)
     policy = _policy(controller, rig, sample_time)
+    if doubted := doubt(rig):
+        warnings.warn(doubted, stacklevel=1)
     with busy("designing …"):
         result = excite(rig, between, policy, limits=given, duration=duration, sample_time=sample_time, seed=seed)
     column = "u" if result.whole_command else "d"

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -61,6 +63,22 @@ def log_file(path: Path, inputs: Iterable[Path] = ()) -> Path:
     return output_file(path, WRITERS, inputs)
 
 
+@contextmanager
+def as_typed(*arguments: str, hints: Mapping[str, str] = MappingProxyType({})) -> Iterator[None]:
+    """Let an error about one of these arguments name the option that gave it. hints: instead of those for Python.
+
+    Raises ArgumentError."""
+    from furuta_gym.arguments import ArgumentError
+
+    try:
+        yield
+    except ArgumentError as error:
+        name = error.argument
+        if name not in arguments:
+            raise
+        raise error.renamed(f"--{name.replace('_', '-')}", hints.get(name)) from None
+
+
 def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[float, ...]:
     """Comma-separated finite numbers. Raises ValueError."""
     try:
@@ -80,9 +98,7 @@ def names(text: str) -> list[str]:
 
 def library_effects(option: str, texts: Iterable[str]) -> None:
     """Before the work: names that the library does not have, or values where names are expected. Raises ValueError."""
-    import difflib
-
-    from furuta_gym.plant import EFFECTS
+    from furuta_gym.plant.effects import EFFECTS, where_to_look
 
     given = list(texts)
     if valued := [text for text in given if text not in EFFECTS and re.search(r"[:=]", text)]:
@@ -90,9 +106,7 @@ def library_effects(option: str, texts: Iterable[str]) -> None:
         hold = "; hold a parameter with --fix arm_spring.k=0.3" if option == "--effects" else ""
         raise ValueError(f"{option} {','.join(valued)}: expected {ways}{hold}")
     if strange := [name for name in given if name not in EFFECTS]:
-        near = dict.fromkeys(n for name in strange for n in difflib.get_close_matches(name, EFFECTS, n=1))
-        hint = f"; did you mean {', '.join(near)}?" if near else "."
-        raise ValueError(f"{option} {','.join(strange)}: no such effect{hint} `furuta effects` lists the library")
+        raise ValueError(f"{option} {','.join(strange)}: no such effect{where_to_look(strange)}")
     if len(set(given)) < len(given):
         raise ValueError(f"{option} {','.join(given)}: an effect stands there twice; name each once")
 

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from . import options as opt
+
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
     from identification.logs.log import Log
@@ -66,6 +68,11 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
     "as_given": (AsGiven, False),
 }
 
+_HINTS = {  # of errors in these options, where the command line has another way out than Python
+    "input_unit": ". For a current or PWM give the unit of the scaled command, and its scale by --input-scale",
+    "input_scale": " (use --flip for the sign)",
+}
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -89,28 +96,12 @@ class Reading:
         **said: Any,
     ) -> Reading:
         """From the values of the options. Raises LogError."""
-        from identification.logs.checks import LogError
         from identification.logs.rig_mapping import RigMapping
 
         turned = None if flip is None else ",".join(f for f in flip if f != "none")
         named, units = (",".join(texts) if texts else None for texts in (columns, unit))
-        try:
+        with opt.as_typed(*_OPTIONS, hints=_HINTS):
             return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
-        except LogError as error:
-            raise LogError(_as_options(str(error))) from None
-
-
-def _as_options(message: str) -> str:
-    """A message about an argument of Python, as one about the option of the command line."""
-    name, _, rest = message.partition(" ")
-    if name.rstrip(":") not in _OPTIONS:
-        return message
-    if name == "input_unit":  # the scale is an option too, and currents have a section of their own
-        rest = (
-            rest.partition(" (scale")[0] + ". For a current or PWM give the unit of the scaled command, and its scale"
-        )
-        rest += " by --input-scale"
-    return f"--{name.replace('_', '-')} {rest}"
 
 
 def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -92,24 +92,25 @@ def train_command(
     from furuta_gym.plant import Plant
 
     check_folder(output.parent)
-    training = Training.of_recipe(
-        Plant.resolve(plant),
-        recipe,
-        task=task,
-        algorithm=algo,
-        steps=steps,
-        seed=seed,
-        randomize=_randomize(randomize, ranges),
-        effect_probabilities=_chances("--effect-chance", effect_chance, "input_delay=0.5"),
-        sample_time=sample_time,
-        history=history,
-        observe_command=observe_command or None,
-        reward_weights=_chances("--reward", reward, "gentle=0.3") or None,
-        noise_std=noise,
-        arm_limit=arm_limit,
-        arm_margin=arm_margin,
-        curriculum=None if curriculum is None else Curriculum(curriculum),
-    )
+    with opt.as_typed("randomize"):
+        training = Training.of_recipe(
+            Plant.resolve(plant),
+            recipe,
+            task=task,
+            algorithm=algo,
+            steps=steps,
+            seed=seed,
+            randomize=_randomize(randomize, ranges),
+            effect_probabilities=_chances("--effect-chance", effect_chance, "input_delay=0.5"),
+            sample_time=sample_time,
+            history=history,
+            observe_command=observe_command or None,
+            reward_weights=_chances("--reward", reward, "gentle=0.3") or None,
+            noise_std=noise,
+            arm_limit=arm_limit,
+            arm_margin=arm_margin,
+            curriculum=None if curriculum is None else Curriculum(curriculum),
+        )
     try:
         with counted("steps") as tell:
             record = train(

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..arguments import ArgumentError
 from ..plant.effects import Effect
 from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
@@ -30,6 +31,10 @@ PUSH_RATE = 0.5  # 1/s, of pushes whose rate is not drawn
 _FEWEST_SUBSTEPS = 2
 _FRICTION_STEP = 0.4  # longest Runge–Kutta step times the friction's rate
 _BRISTLE_STEP = 2.5e-3  # s; the bristle of arm_presliding, of at most 1000 1/s, makes longer steps unstable
+_NO_COVARIANCE = (
+    "this plant has no covariance to draw from; identify it from a log (`furuta identify`), which stores one, or give "
+    "ranges such as theta=physical:0.2"
+)
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,8 @@ class Setup:
         self.draws = drawn = draws(options.randomize, plant)
         if drawn.posterior:
             plant = with_spread(plant)
+            if plant.covariance is None:
+                raise ArgumentError("randomize", "(theta from the plant's covariance)", _NO_COVARIANCE)
         if options.delay is not None:
             _check("delay", options.delay, 0.0, 0.1, "s")
             plant = plant.with_effects(Effect("input_delay", {"d": options.delay}))

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..plant.effects import EFFECTS, Effect
+from ..arguments import ArgumentError
+from ..plant.effects import EFFECTS, Effect, where_to_look
 from ..plant.plant import Plant
 
 UNIFORM, NORMAL, LOG_UNIFORM, PHYSICAL = range(4)
@@ -92,9 +93,9 @@ def as_mapping(given: Any) -> dict[str, str]:
     for word in words:
         name, equals, value = str(word).partition("=")
         if not (name and equals and value):
-            raise ValueError(f"randomize: expected NAME=RANGE such as input_delay=uniform:0,0.03, got {word!r}")
+            raise ArgumentError("randomize", str(word), "expected NAME=RANGE such as input_delay=uniform:0,0.03")
         if name in found:
-            raise ValueError(f"randomize: {name} is given twice")
+            raise ArgumentError("randomize", str(word), f"{name} is given twice; give one range for each")
         found[name] = value
     return found
 
@@ -102,10 +103,13 @@ def as_mapping(given: Any) -> dict[str, str]:
 def draws(given: Any, plant: Plant) -> Draws:
     """What to draw on `plant`. True means what the plant file's "randomize" says, else the covariance.
 
-    Raises ValueError (got, expected) on unknown names and impossible ranges.
+    Raises ArgumentError on unknown names and impossible ranges.
     """
     if given is True and plant.randomize:
-        given = plant.randomize
+        try:
+            return draws(plant.randomize, plant)
+        except ArgumentError as error:
+            raise error.renamed('"randomize" of the plant file,') from None
     if isinstance(given, bool | np.bool_):
         return Draws(bool(given), 0.0, {}, {})
     posterior, physical = False, 0.0
@@ -115,38 +119,34 @@ def draws(given: Any, plant: Plant) -> Draws:
         if name == "theta":
             posterior, physical = _theta(text)
         elif name in RIG:
-            ranges[name] = _inside(name, _range(name, text), RIG[name].low, RIG[name].high, RIG[name].unit)
+            ranges[name] = _inside(name, text, RIG[name].low, RIG[name].high, RIG[name].unit)
         else:
             _effect(name, text, ranges, chances)
     if "push_rate" in ranges and "push" not in ranges:
-        raise ValueError("randomize: push_rate says how often; give push=RANGE [rad/s] too")
+        raise ArgumentError("randomize", "push_rate", "it says how often; give push=RANGE [rad/s] too")
     return Draws(posterior, physical, ranges, chances)
 
 
 def _effect(name: str, text: str, ranges: dict[str, Range], chances: dict[str, float]) -> None:
     effect, dot, wanted = name.partition(".")
     if effect not in EFFECTS:
-        raise ValueError(
-            f"randomize: nothing is called {name!r}; expected theta, {', '.join(RIG)}, an effect "
-            f"({', '.join(EFFECTS)}), or EFFECT.PARAMETER"
-        )
+        fault = f"nothing is called {name}; expected theta, {', '.join(RIG)}, an effect, or EFFECT.PARAMETER"
+        raise ArgumentError("randomize", f"{name}={text}", fault + where_to_look([effect], ["theta", *RIG, *EFFECTS]))
     parameters = {p.name: p for p in EFFECTS[effect].parameters}
     head, _, rest = text.partition(":")
     if head == "chance" and ":" not in rest and not dot:
         chances[effect] = _number(name, text, rest)
         if not 0.0 <= chances[effect] <= 1.0:
-            raise ValueError(f"randomize: {name}: a chance must lie in [0, 1], got {text!r}")
+            raise _wrong(name, text, "a chance must lie in [0, 1]")
         return
     if not dot and len(parameters) > 1:
-        raise ValueError(
-            f"randomize: {effect} has several parameters; give {', '.join(f'{effect}.{p}' for p in parameters)}, "
-            f"or {effect}=chance:P"
-        )
+        ways = ", ".join(f"{effect}.{p}" for p in parameters)
+        raise _wrong(name, text, f"{effect} has several parameters; give {ways}, or {effect}=chance:P")
     wanted = wanted or next(iter(parameters))
     if wanted not in parameters:
-        raise ValueError(f"randomize: {effect} has no parameter {wanted!r}; it has {', '.join(parameters)}")
+        raise _wrong(name, text, f"{effect} has no parameter {wanted!r}; it has {', '.join(parameters)}")
     p = parameters[wanted]
-    ranges[f"{effect}.{wanted}"] = _inside(name, _range(name, text), p.lower, p.upper, p.unit)
+    ranges[f"{effect}.{wanted}"] = _inside(name, text, p.lower, p.upper, p.unit)
 
 
 def _theta(text: str) -> tuple[bool, float]:
@@ -155,9 +155,7 @@ def _theta(text: str) -> tuple[bool, float]:
     head, _, rest = text.partition(":")
     share = _number("theta", text, rest) if head == "physical" else math.nan
     if not 0.0 < share <= _WIDEST_SHARE:
-        raise ValueError(
-            f"randomize: theta must be posterior, or physical:S with S in (0, {_WIDEST_SHARE:g}], got {text!r}"
-        )
+        raise _wrong("theta", text, f"expected posterior, or physical:S with S in (0, {_WIDEST_SHARE:g}]")
     return False, share
 
 
@@ -167,7 +165,7 @@ def _range(name: str, text: str) -> Range:
         share, _, inner = rest.partition(":")
         p = _number(name, text, share)
         if not 0.0 <= p <= 1.0:
-            raise ValueError(f"randomize: {name}: a chance must lie in [0, 1], got {text!r}")
+            raise _wrong(name, text, "a chance must lie in [0, 1]")
         made = _range(name, inner)
         return Range(made.kind, made.a, made.b, p * made.chance)
     if not colon:
@@ -175,11 +173,11 @@ def _range(name: str, text: str) -> Range:
         return Range(UNIFORM, value, value)
     parts = rest.split(",")
     if head not in _KINDS or len(parts) != 2:
-        raise ValueError(f"randomize: {name}={text}: expected {_FORMS}")
+        raise _wrong(name, text, f"expected {_FORMS}")
     a, b = (_number(name, text, part) for part in parts)
     kind = _KINDS[head]
     if (kind == NORMAL and b < 0) or (kind != NORMAL and b < a) or (kind == LOG_UNIFORM and a <= 0):
-        raise ValueError(f"randomize: {name}={text}: expected LOW ≤ HIGH, 0 < LOW for loguniform, 0 ≤ STD for normal")
+        raise _wrong(name, text, "expected LOW ≤ HIGH, 0 < LOW for loguniform, 0 ≤ STD for normal")
     return Range(kind, a, b)
 
 
@@ -189,15 +187,20 @@ def _number(name: str, text: str, part: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"randomize: {name}={text}: expected {_FORMS}")
+        raise _wrong(name, text, f"expected {_FORMS}")
     return value
 
 
-def _inside(name: str, made: Range, low: float, high: float, unit: str) -> Range:
+def _wrong(name: str, text: str, fault: str) -> ArgumentError:
+    return ArgumentError("randomize", f"{name}={text}", fault)
+
+
+def _inside(name: str, text: str, low: float, high: float, unit: str) -> Range:
     """A normal range is cut at the bounds; any other must lie inside."""
+    made = _range(name, text)
     least, most = (made.a, made.a) if made.kind == NORMAL else made.bounds
     if not low <= least <= most <= high:
-        raise ValueError(f"randomize: {name} must lie in [{low:g}, {high:g}] {unit}, got {least:g} … {most:g}")
+        raise _wrong(name, text, f"its values must lie in [{low:g}, {high:g}] {unit}")
     return made
 
 

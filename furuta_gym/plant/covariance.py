@@ -12,7 +12,7 @@ from furuta_gym.declared import checked
 from .parameters import THETA_NAMES, plain_numbers
 from .plant_file import FIELDS, CovarianceEntry
 
-NORMAL_95 = 1.96
+NORMAL_95 = 1.959963984540054
 """Standard deviations to either side of the mean that hold 95 % of a normal distribution."""
 _LARGEST = 1e100  # of a variance; beyond it products of two overflow
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
+from furuta_gym.plant.effects import where_to_look
 from furuta_gym.simulation import Policy
 
 from ..estimation.optimise import minimise
@@ -211,7 +212,7 @@ def between(
 def _suspects(plant: Plant, names: Sequence[str | Effect]) -> list[Effect]:
     given = [n if isinstance(n, str) else n.name for n in names]
     if strange := [n for n in given if n not in EFFECTS]:
-        raise ValueError(f"no effect {', '.join(strange)} in the library; `furuta effects` lists it")
+        raise ValueError(f"between {','.join(strange)}: no such effect{where_to_look(strange)}")
     if len(set(given)) < 2 or len(set(given)) < len(given):
         raise ValueError(f"expected two or more different effects to tell apart, got {', '.join(given) or 'none'}")
     return [(plant.effect(n) or plant.default_effect(n)) if isinstance(n, str) else n for n in names]

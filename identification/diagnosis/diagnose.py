@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.arguments import ArgumentError
+from furuta_gym.plant import Plant
+from furuta_gym.plant.effects import EFFECTS, where_to_look
 
 from ..estimation.pool import one_blas_thread
 from ..logs.log import Log, as_logs
@@ -74,8 +76,8 @@ def _silent(text: str) -> None:
 
 
 def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequence[str] | None) -> None:
-    if strange := set(only or ()) - set(EFFECTS):
-        raise ValueError(f"unknown effects {sorted(strange)}; the library has: {', '.join(EFFECTS)}")
+    if strange := [name for name in only or () if name not in EFFECTS]:
+        raise ArgumentError("only", ",".join(strange), "no such effect", where_to_look(strange))
     if most < 1:
         raise ValueError(f"most must be at least 1, got {most}")
     if not logs:

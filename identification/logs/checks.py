@@ -10,6 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from furuta_gym.arguments import ArgumentError
+
 from .encoders import encoder_step
 
 MIN_SAMPLES = 50
@@ -31,6 +33,10 @@ _MAX_SPEED = 60.0  # rad/s; a pendulum of 5 cm that falls from upright reaches a
 
 class LogError(ValueError):
     """A log that cannot be used. The message says what was found, what is expected, and how to mend it."""
+
+
+class LogArgumentError(ArgumentError, LogError):
+    """An argument of how a log is read that cannot be; its parts are those of `ArgumentError`."""
 
 
 class LogWarning(UserWarning):

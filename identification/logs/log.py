@@ -20,7 +20,17 @@ import numpy as np
 from .checks import GAP, LogError, LogWarning, check_length, warn
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import read_table, write_table
-from .mapping import COLUMNS, KNOWN_KEYS, map_table, parse_counts, parse_cuts, parse_flip, parse_gain, parse_unit
+from .mapping import (
+    COLUMNS,
+    KNOWN_KEYS,
+    map_table,
+    parse_counts,
+    parse_cuts,
+    parse_flip,
+    parse_gain,
+    parse_skip,
+    parse_unit,
+)
 from .rig_mapping import RigMapping
 from .table import Table
 
@@ -287,8 +297,7 @@ def read_log(
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
     Raises LogError (a ValueError) for anything that would make an estimate from this file meaningless.
     """
-    if not 0.0 <= skip < np.inf:
-        raise LogError(f"skip {skip:g} (--skip): expected seconds, not negative")
+    skip = parse_skip(skip)
     cuts = parse_cuts(cut)
     table = read_table(path) if table is None else table
     mapped = map_table(

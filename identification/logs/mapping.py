@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from . import checks as log_checks
-from .checks import LogError
+from .checks import LogArgumentError, LogError
 from .signs import motion_signs
 from .table import Table, listed
 from .vocabulary import ROLES, core, fits, unit_in
@@ -54,14 +54,16 @@ def parse_columns(columns: str | Mapping[str, str] | None) -> dict[str, str]:
     if isinstance(columns, str):
         pairs = [pair.split("=", 1) for pair in columns.split(",") if pair.strip()]
         if any(len(pair) != 2 or not pair[1].strip() for pair in pairs):
-            raise LogError(f"columns {columns!r}: expected pairs such as t=Time,q1=theta,q2=alpha,u=volts")
+            raise LogArgumentError("columns", repr(columns), "expected pairs such as t=Time,q1=theta,q2=alpha,u=volts")
         names = [pair[0].strip() for pair in pairs]
         if len(set(names)) < len(names):
-            raise LogError(f"columns {columns!r}: one of {', '.join(COLUMNS)} is given twice. Expected each once.")
+            twice = next(name for name in names if names.count(name) > 1)
+            raise LogArgumentError("columns", repr(columns), f"{twice} is given twice. Expected each once.")
         columns = {ours.strip(): theirs.strip() for ours, theirs in pairs}
     unknown = [ours for ours in columns if ours not in COLUMNS]
     if unknown:
-        raise LogError(f"columns: {unknown[0]!r} on the left. Expected one of {', '.join(COLUMNS)} (ours=theirs).")
+        expected = f"expected one of {', '.join(COLUMNS)} (ours=theirs)"
+        raise LogArgumentError("columns", f"{unknown[0]!r} on the left", expected)
     return dict(columns)
 
 
@@ -71,9 +73,9 @@ def parse_flip(flip: str | Iterable[str]) -> tuple[str, ...]:
     names = tuple(part for name in names for part in name.split(","))
     for name in names:
         if name not in ("q1", "q2", "u"):
-            raise LogError(f"flip {name!r}: expected q1, q2 or u")
+            raise LogArgumentError("flip", repr(name), "expected q1, q2 or u")
     if len(set(names)) < len(names):
-        raise LogError(f"flip {','.join(names)}: an axis is given twice, which would change nothing")
+        raise LogArgumentError("flip", ",".join(names), "an axis is given twice, which would change nothing")
     return names
 
 
@@ -81,9 +83,8 @@ def parse_unit(value: str) -> str:
     """The command's unit, "V" or "N·m", from any common spelling. Raises LogError."""
     plain = re.sub(r"[\s·*.⋅-]", "", value).lower()
     if plain not in _UNITS:
-        raise LogError(
-            f"input_unit {_short.repr(value)}: expected V or N·m (scale the command first if it is anything else)"
-        )
+        hint = " (scale the command first if it is anything else)"
+        raise LogArgumentError("input_unit", _short.repr(value), "expected V or N·m", hint)
     return _UNITS[plain]
 
 
@@ -91,16 +92,16 @@ def parse_counts(value: float | str | Sequence[float]) -> tuple[float, float]:
     """Counts per revolution of both encoders, from one number or two. Raises LogError."""
     counts = _floats("encoder_counts", value)
     if len(counts) not in (1, 2) or not all(np.isfinite(c) and c >= 2 for c in counts):
-        raise LogError(
-            f"encoder_counts {_short.repr(value)}: expected one or two numbers above 2, as 2048 or 2048,4096"
-        )
+        expected = "expected one or two numbers above 2, as 2048 or 2048,4096"
+        raise LogArgumentError("encoder_counts", _short.repr(value), expected)
     return counts[0], counts[-1]
 
 
 def parse_zero(value: str) -> str:
     """Where the file's q2 is 0: "upright" or "hanging". Raises LogError."""
     if str(value).strip().lower() not in ("upright", "hanging"):
-        raise LogError(f"pendulum_zero {_short.repr(value)}: expected upright or hanging (the position where q2 is 0)")
+        expected = "expected upright or hanging (the position where q2 is 0)"
+        raise LogArgumentError("pendulum_zero", _short.repr(value), expected)
     return value.strip().lower()
 
 
@@ -117,14 +118,15 @@ def parse_angle_units(value: str | Mapping[str, str], both: bool = True) -> dict
         units = dict.fromkeys(("q1", "q2"), str(value).strip())
     for column, unit in units.items():
         if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
-            raise LogError(f"unit {column}={_short.repr(unit)}: expected rad, deg or counts, for q1 and q2")
+            expected = "expected rad, deg or counts, for q1 and q2"
+            raise LogArgumentError("unit", f"{column}={_short.repr(unit)}", expected)
     return {"q1": "rad", "q2": "rad"} | units if both else units
 
 
 def parse_time_unit(value: str) -> str:
     """Unit of the time column, one of `SECONDS`. Raises LogError."""
     if value not in SECONDS:
-        raise LogError(f"time_unit {_short.repr(value)}: expected one of {', '.join(SECONDS)}")
+        raise LogArgumentError("time_unit", _short.repr(value), f"expected one of {', '.join(SECONDS)}")
     return value
 
 
@@ -132,7 +134,7 @@ def parse_scale(value: float) -> float:
     """What the command's numbers are multiplied by. Raises LogError."""
     (scale,) = _floats("input_scale", value)[:1] or (0.0,)
     if not (np.isfinite(scale) and scale > 0):
-        raise LogError(f"input_scale {value!r}: expected a positive number (use flip for the sign)")
+        raise LogArgumentError("input_scale", repr(value), "expected a positive number", " (use flip for the sign)")
     return scale
 
 
@@ -143,20 +145,31 @@ def parse_cuts(value: str | Iterable[str | Sequence[float]]) -> tuple[tuple[floa
         try:
             start, stop = (float(part) for part in (one.split(":") if isinstance(one, str) else one))
         except (TypeError, ValueError, OverflowError):
-            raise LogError(f"cut {_short.repr(one)}: {_CUT}") from None
+            raise LogArgumentError("cut", _short.repr(one), _CUT) from None
         if not (math.isfinite(start) and math.isfinite(stop)):
-            raise LogError(f"cut {_short.repr(one)}: {_CUT}")
+            raise LogArgumentError("cut", _short.repr(one), _CUT)
         if start >= stop:
-            raise LogError(f"cut {start:g}:{stop:g}: {start:g} s is not before {stop:g} s; {_CUT}")
+            raise LogArgumentError("cut", f"{start:g}:{stop:g}", f"{start:g} s is not before {stop:g} s; {_CUT}")
         cuts.append((start, stop))
     return tuple(cuts)
+
+
+def parse_skip(value: float) -> float:
+    """Seconds left out at the start. Raises LogError."""
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError, OverflowError):
+        seconds = -1.0
+    if not 0.0 <= seconds < np.inf:
+        raise LogArgumentError("skip", repr(value), "expected seconds, not negative")
+    return seconds
 
 
 def parse_gain(value: str | Sequence[float]) -> tuple[float, float, float, float]:
     """K of u = −K (q1, q̇1, q2, q̇2), four numbers. Raises LogError."""
     gain = _floats("controller_gain", value)
     if len(gain) != 4 or not np.isfinite(gain).all():
-        raise LogError(f"controller_gain {_short.repr(value)}: expected four numbers, for q1, q1', q2, q2'")
+        raise LogArgumentError("controller_gain", _short.repr(value), "expected four numbers, for q1, q1', q2, q2'")
     return gain[0], gain[1], gain[2], gain[3]
 
 
@@ -178,7 +191,7 @@ def map_table(
     """Map and check; the arguments are those of `identification.logs.read_log`."""
     name = table.name
     if constant_command not in ("error", "warn", "ignore"):
-        raise LogError(f"constant_command {constant_command!r}: expected error, warn or ignore")
+        raise LogArgumentError("constant_command", repr(constant_command), "expected error, warn or ignore")
     factor = SECONDS[parse_time_unit(time_unit)]
     gain_of_u = parse_scale(input_scale)
     names = _find_columns(table, parse_columns(columns))
@@ -338,7 +351,7 @@ def _floats(key: str, value: float | str | Sequence[float]) -> tuple[float, ...]
             return tuple(float(part) for part in re.split(r"[,;\s]+", value.strip(" []()")) if part)
         return tuple(float(part) for part in np.atleast_1d(np.asarray(value, dtype=float)))
     except (TypeError, ValueError):
-        raise LogError(f"{key} {_short.repr(value)}: expected numbers, separated by a comma") from None
+        raise LogArgumentError(key, _short.repr(value), "expected numbers, separated by a comma") from None
 
 
 def _named(metadata: Mapping[str, str]) -> dict[str, str]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from .checks import LogError
+from .checks import LogArgumentError, LogError
 from .mapping import (
     COLUMNS,
     parse_angle_units,
@@ -16,6 +16,7 @@ from .mapping import (
     parse_cuts,
     parse_flip,
     parse_scale,
+    parse_skip,
     parse_time_unit,
     parse_unit,
     parse_zero,
@@ -54,7 +55,7 @@ class RigMapping:
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and not (isinstance(column, str) and column.strip()):
-                raise LogError(f"column {name} = {column!r}: expected the name of a column")
+                raise LogArgumentError("columns", f"{name}={column!r}", "expected the name of a column")
         checks = {
             "time_unit": parse_time_unit,
             "pendulum_zero": parse_zero,
@@ -62,7 +63,7 @@ class RigMapping:
             "encoder_counts": parse_counts,
             "input_unit": parse_unit,
             "input_scale": parse_scale,
-            "skip": _seconds,
+            "skip": parse_skip,
             "cut": parse_cuts,
         }
         for name, parse in checks.items():
@@ -159,13 +160,3 @@ def _short(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_short(part) for part in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-def _seconds(value: Any) -> float:
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError, OverflowError):
-        seconds = -1.0
-    if not 0.0 <= seconds < float("inf"):
-        raise LogError(f"skip {value!r} (--skip): expected seconds, not negative")
-    return seconds

@@ -330,7 +330,7 @@ def test_table_shows_everyone(comparison):
 
 class TestBadInput:
     def test_unknown_group(self):
-        with pytest.raises(ValueError, match="unknown group of trials 'balanse'"):
+        with pytest.raises(ValueError, match="groups 'balanse': expected of balance, push"):
             compare("qube", ["dlqr"], trials=2, groups=("balanse",))
 
     def test_unknown_effect(self):

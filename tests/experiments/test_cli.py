@@ -101,7 +101,10 @@ def test_unknown_option(tmp_path: Path) -> None:
         (("simulate", "--plant", "table3", "-o", "x.csv", "--effect", "arm_spring:c=1"), "q1n"),
         (("simulate", "--plant", "table3", "-o", "x.csv", "--printed-sign"), "paper-lqr"),
         (("compare", "--plant", "table3", "-o", "DIR", "--controllers", "nothing"), "nothing"),
-        (("compare", "--plant", "table3", "-o", "DIR", "--controllers", "lqr", "--groups", "wind"), "wind"),
+        (
+            ("compare", "--plant", "table3", "-o", "DIR", "--controllers", "lqr", "--groups", "wind"),
+            "--groups 'wind': expected of balance",
+        ),
         (("bench", "record", "--rig", "rig-00", "-o", "x.csv"), "rig-00"),
     ],
 )

@@ -236,6 +236,14 @@ ODD: dict[str, tuple[str, tuple[str, ...]]] = {
     "counts": ("validate qube LOG --encoder-counts ten", ("--encoder-counts 'ten': expected numbers, separated by",)),
     "a zero": ("validate qube LOG --pendulum-zero down", ("--pendulum-zero 'down': expected upright or hanging",)),
     "a clock": ("validate qube LOG --time-unit h", ("--time-unit 'h': expected one of s, ms",)),
+    "a scale": ("validate qube LOG --input-scale -2", ("--input-scale -2.0: expected a positive", "(use --flip for")),
+    "a start": ("validate qube LOG --skip -1", ("Error: --skip -1.0: expected seconds, not negative\n",)),
+    "a column of none": ("validate qube LOG --columns x=y", ("--columns 'x' on the left: expected one of t, q1",)),
+    "a group of trials": (
+        "compare --plant qube --groups wind -o c",
+        ("--groups 'wind': expected of balance", "or all"),
+    ),
+    "no group": ("compare --plant qube --groups= -o c", ("--groups '': expected of balance",)),
     "no policy": ("export qube -o a.onnx", ("furuta export qube policy.zip -o a.onnx",)),
 }
 """A command line, and what its refusal says: the option as it was typed, and what was expected."""

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli.app import app
+from furuta_gym.plant import THETA_NAMES, Covariance, Plant
 
 SHORT = ["--plant", "table3", "--sample-time", "0.005", "--duration", "3"]
 
@@ -65,3 +66,27 @@ def test_bad_input_is_a_sentence_and_exit_code_2(tmp_path: Path, arguments: list
     assert word in result.stderr
     assert "Traceback" not in result.output
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("spread", "words"),
+    [
+        (None, ("no error bars", "design again")),
+        ({"theta1": 0.01, "theta3": 0.12, "theta8": 0.4}, ("theta3 ± 12 %, theta8 ± 40 %", "design again")),
+        ({"theta1": 0.04, "theta2": 0.3, "theta9": 0.3}, ()),
+    ],
+)
+def test_a_plant_that_is_poorly_known_is_warned_about_before_the_design(
+    spread: dict[str, float] | None, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    rig = Plant.resolve("table3")
+    if spread is not None:
+        theta = dict(zip(THETA_NAMES, rig.theta, strict=True))
+        std = [share * theta[name] for name, share in spread.items()]
+        rig = rig.replace(covariance=Covariance(tuple(spread), np.diag(np.square(std))))
+    path = rig.save(tmp_path / "rig.json")
+    result = run("--plant", str(path), *SHORT[2:], "-o", str(tmp_path / "u.csv"), "--limits", "q1=0.001")
+    assert result.exit_code == 2, "the design itself, which takes long, is refused"
+    assert result.stderr.count("Warning: ") == bool(words)
+    for word in words:
+        assert word in result.stderr

@@ -110,23 +110,29 @@ def test_a_stopped_diagnosis_keeps_its_search_and_no_result(tmp_path: Path, monk
     from tests.factories import made_log
 
     write_log(tmp_path / "log.csv", made_log())
-    ends: list[BaseException] = [KeyboardInterrupt(), ValueError("no stretch of a second")]
+    ends: list[BaseException] = [KeyboardInterrupt(), KeyboardInterrupt(), ValueError("no stretch of a second")]
     seen: list[bool] = []
 
     def stopped(*_: object, journal: Path, **asked: object) -> None:
         seen.append(journal.exists())
-        journal.write_text("a fit\n")
+        if len(seen) > 1:
+            journal.write_text("a fit\n")
         raise ends[len(seen) - 1]
 
     monkeypatch.setattr(module, "diagnose", stopped)
     before = sorted(tmp_path.iterdir())
     result = furuta("diagnose", tmp_path / "log.csv", "-o", tmp_path / "found")
     assert result.exit_code == 130
+    assert "Interrupted. Nothing was written; results of an earlier run" in result.stderr, "before the first fit"
+    assert sorted(tmp_path.iterdir()) == before
+    result = furuta("diagnose", tmp_path / "log.csv", "-o", tmp_path / "found")
+    assert result.exit_code == 130
+    assert "the fits so far, in found.search.jsonl" in result.stderr
     assert "goes on from there" in result.stderr
     journal = tmp_path / "found.search.jsonl"
     assert sorted(tmp_path.iterdir()) == sorted([*before, journal])
     assert furuta("diagnose", tmp_path / "log.csv", "-o", tmp_path / "found").exit_code == 2
-    assert seen == [False, True]
+    assert seen == [False, False, True]
     assert sorted(tmp_path.iterdir()) == before
 
 

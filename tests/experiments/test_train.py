@@ -280,7 +280,20 @@ REFUSED = {
     "task": (("--plant", "large", "--task", "juggle"), ("juggle", "balance, swing_up")),
     "effect": (("--plant", "large", "--effect-chance", "arm_spring"), ("arm_spring", "NAME=p")),
     "no effect": (("--plant", "large", "--effect-chance", "spring=0.5"), ("spring", "arm_spring")),
-    "range": (("--plant", "large", "--randomize", "input_delay=gauss:1,2"), ("input_delay", "uniform:LOW,HIGH")),
+    "range": (
+        ("--plant", "large", "--randomize", "input_delay=gauss:1,2"),
+        ("--randomize input_delay=gauss:1,2: expected", "uniform:"),
+    ),
+    "word": (("--plant", "large", "--randomize", "ranges.json"), ("--randomize ranges.json: expected NAME=RANGE",)),
+    "drawn twice": (
+        ("--plant", "large", "--randomize", "jitter=0", "jitter=0.1"),
+        ("--randomize jitter=0.1: jitter is",),
+    ),
+    "far": (("--plant", "large", "--randomize", "input_delay=9"), ("--randomize input_delay=9: its", "[0, 0.1] s")),
+    "misspelt": (
+        ("--plant", "large", "--randomize", "arm_sprng=1"),
+        ("--randomize arm_sprng=1", "did you mean arm_spring"),
+    ),
     "range alone": (("--plant", "large", "input_delay=0.01"), ("--randomize",)),
     "resume": (("--plant", "large", "--resume"), ("neither", "policy.zip")),
     "sample time": (("--plant", "large", "--sample-time", "3"), ("sample_time",)),
@@ -308,7 +321,11 @@ def test_ranges_after_randomize_and_what_is_not_trained_for(tmp_path: Path) -> N
 
 def test_drawing_plants_needs_a_covariance(tmp_path: Path) -> None:
     rig = LARGE_RIG.replace(u_max=5.0).save(tmp_path / "rig.json")
-    refused(furuta("train", "--plant", rig, "--randomize", "-o", tmp_path / "p.zip"), "covariance", "furuta identify")
+    refused(
+        furuta("train", "--plant", rig, "--randomize", "-o", tmp_path / "p.zip"),
+        "--randomize (theta from",
+        "`furuta identify`",
+    )
     assert list(tmp_path.iterdir()) == [rig]
 
 

@@ -12,12 +12,12 @@ from scipy.stats import chi2
 from experiments.studies.identification_benchmark.study import Trial
 from furuta_gym.files import whole_file
 from furuta_gym.plant import THETA_NAMES
+from furuta_gym.plant.covariance import NORMAL_95
 
 SCHEMA = "furuta-identification-benchmark/1"
 BAR = 1.25  # of the bound; and the coverage wanted of 95 % intervals:
 COVERAGE = (0.90, 0.99)
 BIAS = 0.25  # of the bound
-_Z = 1.959964
 
 
 def cells(trials: Sequence[Trial]) -> list[dict[str, Any]]:
@@ -31,7 +31,7 @@ def cells(trials: Sequence[Trial]) -> list[dict[str, Any]]:
             std = np.array([t.std[method] for t in own])
             ok = np.isfinite(error).all(axis=1)
             told = np.isfinite(std).all(axis=1) & ok
-            inside = np.abs(error[told]) < _Z * std[told]
+            inside = np.abs(error[told]) < NORMAL_95 * std[told]
             rmse = np.sqrt(np.mean(error[ok] ** 2, axis=0)) if ok.any() else np.full(9, np.nan)
             found.append(
                 {

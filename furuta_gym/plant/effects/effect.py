@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -12,7 +12,7 @@ from furuta_gym.declared import checked
 from ..covariance import NORMAL_95
 from ..plant_file import EffectEntry, ParameterEntry
 from .declaration import EffectType
-from .library import CARRIED
+from .library import CARRIED, EFFECTS
 
 # Names as the equations have them; a keyboard without Greek letters may use these.
 _PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "rho": "ρ"}
@@ -30,6 +30,14 @@ def _number(what: str, raw: Any) -> float:
         raise ValueError(f"{what} must be a number, got {raw!r}") from None
 
 
+def where_to_look(strange: Iterable[str], known: Iterable[str] = EFFECTS) -> str:
+    """The end of a message about names that are not known: the nearest that are, and where the library is listed."""
+    names = list(known)
+    near = dict.fromkeys(n for name in strange for n in difflib.get_close_matches(name, names, n=1))
+    hint = f"; did you mean {', '.join(near)}?" if near else "."
+    return f"{hint} `furuta effects` lists the library"
+
+
 @dataclass(frozen=True)
 class Effect:
     """One effect switched on in a plant.
@@ -45,9 +53,7 @@ class Effect:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or self.name not in CARRIED:
-            near = difflib.get_close_matches(str(self.name), CARRIED, n=1)
-            hint = f"; did you mean {near[0]}?" if near else "."
-            raise ValueError(f"unknown effect {self.name!r}{hint} `furuta effects` lists the library")
+            raise ValueError(f"unknown effect {self.name!r}{where_to_look([str(self.name)], CARRIED)}")
         values = {p.name: p.neutral if p.role == "size" else p.default for p in self.type.parameters}
         values.update(self._checked(self.parameters))
         object.__setattr__(self, "parameters", MappingProxyType(values))

@@ -181,6 +181,12 @@ def test_bad_ranges_say_what_is_expected(given, message):
         FurutaEnv(plant, randomize=given)
 
 
+def test_a_bad_range_of_the_plant_file_is_said_to_be_there():
+    plant = QUBE.replace(randomize={"theta": "wide"})
+    with pytest.raises(ValueError, match='"randomize" of the plant file, theta=wide: expected posterior'):
+        draws(True, plant)
+
+
 def test_limits_of_the_plant_file(tmp_path):
     limits = {"arm_travel": 1.0, "arm_speed": 8.0, "slew": 200.0, "supply": 6.0}
     plant = Plant.load(QUBE.replace(limits=limits).save(tmp_path / "rig.json"))

@@ -1,9 +1,14 @@
 """Plants drawn from what identification left uncertain."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from furuta_gym.plant import LARGE_RIG, TABLE_3, THETA_NAMES, Covariance, Effect, sampled_plants
+from furuta_gym.plant.covariance import NORMAL_95
 
 
 def around(plant, relative, names=THETA_NAMES) -> Covariance:
@@ -99,3 +104,12 @@ def test_a_bare_nine_by_nine_list_is_over_theta():
     assert Covariance.from_dict(np.eye(9).tolist()).names == THETA_NAMES
     with pytest.raises(ValueError, match="9"):
         Covariance.from_dict(np.eye(8).tolist())
+
+
+def test_the_ends_of_a_95_percent_interval_are_exact_and_stand_in_one_place():
+    assert pytest.approx(norm.ppf(0.975), rel=1e-15) == NORMAL_95
+    root = Path(__file__).parents[3]
+    packages = ("furuta_gym", "identification", "controllers", "experiments")
+    files = [file for package in packages for file in (root / package).rglob("*.py")]
+    holding = [file.name for file in files if re.search(r"= 1\.9[56]\d*\b", file.read_text(encoding="utf-8"))]
+    assert holding == ["covariance.py"]

@@ -101,7 +101,7 @@ def test_without_a_controller_the_pendulum_hangs() -> None:
     [
         (["input_delay"], "two or more"),
         (["input_delay", "input_delay"], "different"),
-        (["input_delay", "gremlin"], "gremlin in the library; `furuta effects`"),
+        (["input_delay", "gremlin"], "gremlin: no such effect. `furuta effects`"),
     ],
 )
 def test_bad_suspects_are_refused(names: list[str], word: str) -> None:

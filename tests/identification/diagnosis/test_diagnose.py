@@ -117,8 +117,9 @@ def test_bad_arguments_are_refused_before_the_search() -> None:
         diagnose([])
     with pytest.raises(ValueError, match="most must be at least 1"):
         diagnose([LOG], most=0)
-    with pytest.raises(ValueError, match="arm_sprung"):
+    with pytest.raises(ValueError, match="arm_sprung: no such effect; did you mean arm_spring") as raised:
         diagnose([LOG], only=["arm_sprung"])
+    assert str(raised.value).endswith("? `furuta effects` lists the library"), "not the whole library"
 
 
 def test_a_pendulum_set_to_zero_a_count_off_is_nothing_unknown():

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
+from identification.logs.checks import LogArgumentError
 from identification.logs.log import Log, LogError, read_log
 from identification.logs.mapping import parse_columns, parse_flip
+from identification.logs.rig_mapping import RigMapping
 from tests.factories import paper_log
 from tests.files import changed, csv, quietly, rows, warned
 
@@ -138,6 +142,38 @@ def test_flip_strings(flip, message):
 def test_options_that_make_no_sense(tmp_path, options, message):
     with pytest.raises(LogError, match=message):
         read_log(csv(tmp_path), **options)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [
+        ("columns", "t"),
+        ("columns", "t=a,t=b"),
+        ("columns", {"x": "y"}),
+        ("columns", {"t": " "}),
+        ("unit", "grad"),
+        ("pendulum_zero", "down"),
+        ("flip", "q3"),
+        ("flip", "u,u"),
+        ("encoder_counts", "many"),
+        ("encoder_counts", 1),
+        ("input_unit", "A"),
+        ("input_scale", -1.0),
+        ("time_unit", "h"),
+        ("skip", -1.0),
+        ("skip", "soon"),
+    ],
+)
+def test_an_error_carries_the_argument_it_is_about(argument, value):
+    with pytest.raises(LogArgumentError) as raised:
+        RigMapping.of(**{argument: value})
+    error = raised.value
+    assert error.argument == argument
+    assert str(error).startswith(f"{argument} {error.got}: ")
+    typed = error.renamed("--option", hint=" as typed")
+    assert isinstance(typed, LogArgumentError)
+    assert str(typed) == f"--option {error.got}: {error.fault} as typed"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
 def test_bad_metadata_names_the_file(tmp_path):
