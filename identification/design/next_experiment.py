@@ -20,7 +20,7 @@ _MOVING = ("theta1", "theta3", "theta4", "theta5", "theta8")
 """What decides how far a rig moves. With θ2, θ6, θ7 or θ9 wrong by a quarter a run stays within its limits."""
 _KNOWN = 1.0 - MARGIN
 """Relative standard deviation up to which a design can be trusted: what it leaves of its limits for a rig that is not
-quite the plant. One of `_MOVING` wrong by 5 % brings the paper's d(t) to 1.02 of the limits at most on the sets qube
+quite the plant. One of `_MOVING` wrong by 5 % brings the paper's d(t) to 0.97 of the limits at most on the sets qube
 and large, and to 1.13 on table3. Wrong by twice that, table3 falls."""
 
 

@@ -17,6 +17,7 @@ from ..policy import DecisionPolicy
 from .fits import Fit
 from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .pairs import two_for_one
+from .scores import Score
 from .search import NOTHING_YET, Search
 from .suspects import Ranking, Suspect, alike
 from .wider import widened
@@ -132,16 +133,14 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
         for _ in range(_ATTEMPTS):
-            before = current
-            search.progress(f"scoring the library (step {step + 1})")
-            names, table = search.suspects(current, step)
+            names, table = _suspects(search, current, step)
             worth = partial(judge.counts, found, current=current)
             complete = step > 0 and bool(names) and judge.rest.left(current) <= 0.0
-            joining = NOTHING_YET if step else joined
+            joining, before = NOTHING_YET if step else joined, current.value
             current, last = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
             believed = bool(last) and last[0].net >= search.policy.believed
-            if believed or before.value - current.value < search.policy.believed:
-                break  # else what the suspects were compared with had stalled
+            if believed or before - current.value < search.policy.believed:
+                break  # else the suspects were compared with a fit that had stalled
             if found:
                 found, current = search.ranked_again(found, current)
         if step == 0:
@@ -183,6 +182,11 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         if not (explained or judge.confirmed(before.current, current)):
             return before
     return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went)
+
+
+def _suspects(search: Search, current: Fit, step: int) -> tuple[list[str], dict[str, Score]]:
+    search.progress(f"scoring the library (step {step + 1})")
+    return search.suspects(current, step)
 
 
 def _went(found: Sequence[Ranking], together: Sequence[Ranking]) -> dict[str, tuple[Suspect, ...]]:

@@ -10,7 +10,7 @@ import pytest
 
 from identification.diagnosis.naming.forward import Naming, _with_law, name_effects
 from identification.diagnosis.naming.judge import NoRest
-from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Told, a_fit, search
+from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Scores, Told, a_fit, search
 
 
 def named(values: dict[str, object], *names: str, witness: Any = None, **rest: Any) -> Naming:
@@ -61,6 +61,27 @@ def test_a_name_is_exchanged_when_another_joins_and_what_is_too_small_is_refused
     assert found.refused.name == "friction_sharpness"
     assert found.final.value == pytest.approx(-1500.0, abs=0.05)
     assert [round(s.gain) for s in found.accepted] == [900, 1200]
+
+
+def test_where_the_fit_with_what_was_found_had_stalled_the_search_goes_on_from_the_better_one() -> None:
+    """The delay's fit ends far above its minimum, where no score suggests the drag. The tilt's way leads lower, and
+    explains nothing there. The search then goes on from there, and the delay has the gain of the lower fit."""
+    landscape = {
+        "": 0.0,
+        "input_delay": [Bowl(-400.0), Bowl(-900.0, x=4.0)],
+        "base_tilt input_delay": Bowl(-903.0, x=4.0),
+        "input_delay pendulum_quadratic_drag": Bowl(-1300.0, x=4.0),
+    }
+    by = search(landscape)
+
+    def scorer(current: Any, only: Any, quieter: float = 1.0, policy: Any = None) -> dict[str, Any]:
+        seen = "pendulum_quadratic_drag" if current.value < -800.0 else "base_tilt" if current.value else "input_delay"
+        return Scores({seen: 500.0})(current, only, quieter, policy)
+
+    found = name_effects(a_fit(), replace(by, scorer=scorer))
+    assert accepted(found) == ["input_delay", "pendulum_quadratic_drag"]
+    assert found.final.value == pytest.approx(-1300.0, abs=0.05)
+    assert found.rankings[0][0].gain == pytest.approx(900.0, abs=1.0)
 
 
 def test_no_more_are_found_than_asked_for() -> None:
