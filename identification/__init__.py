@@ -44,8 +44,8 @@ _WHERE = {
     "identify": ".estimation.identify",
     "load_mapping": ".logs.rig_file",
     "propose": ".logs.proposal.propose",
-    "read_log": ".logs.log",
-    "read_logs": ".logs.log",
+    "read_log": ".logs.reading",
+    "read_logs": ".logs.reading",
     "read_table": ".logs.formats",
     "save_mapping": ".logs.rig_file",
     "validate": ".validation.gap",
@@ -59,8 +59,9 @@ if TYPE_CHECKING:
     from .estimation.identifiability import NotIdentifiable
     from .estimation.identify import identify
     from .logs.formats import read_table
-    from .logs.log import Log, LogError, LogWarning, read_log, read_logs, write_log
+    from .logs.log import Log, LogError, LogWarning, write_log
     from .logs.proposal.propose import propose
+    from .logs.reading import read_log, read_logs
     from .logs.rig_file import load_mapping, save_mapping
     from .logs.rig_mapping import RigMapping
     from .validation.gap import Gap, validate

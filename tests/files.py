@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.logs.log import Log, LogWarning, read_log
+from identification.logs.log import Log, LogWarning
+from identification.logs.reading import read_log
 
 
 def rows(n: int = 60):

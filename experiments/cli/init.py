@@ -183,6 +183,6 @@ def _signs(proposal: Proposal) -> str:
 
 def _try(logs: Sequence[Path], tables: Sequence[Any], mapping: RigMapping) -> None:
     """Read the logs once with what is to be written. Raises LogError."""
-    from identification.logs.log import read_logs
+    from identification.logs.reading import read_logs
 
     read_logs(logs, mappings=[mapping] * len(logs), tables=tables)

@@ -147,7 +147,7 @@ def read(
 
     Prints on stderr where the mapping comes from. Raises LogError with all that is wrong at once.
     """
-    from identification.logs.log import read_logs
+    from identification.logs.reading import read_logs
 
     sources = sources_of(paths, reading, plant)
     for origin, mapping in dict.fromkeys((s.origin, s.mapping) for s in sources):
@@ -283,7 +283,7 @@ def reads_as_given(
 ) -> bool:
     """Whether logs can be read as their mappings say, whatever the data show; constant_command: as `read` takes it."""
     from identification.logs.checks import LogError, LogWarning
-    from identification.logs.log import read_logs
+    from identification.logs.reading import read_logs
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)

@@ -104,7 +104,7 @@ def run_demo(
 
 
 def _read(say: Say) -> tuple[Log, Log]:
-    from identification.logs.log import read_log
+    from identification.logs.reading import read_log
 
     say("1  Read two logs of one rig: one to fit, one of another experiment that is never fitted")
     logs = read_log(FITTED), read_log(HELD_OUT)

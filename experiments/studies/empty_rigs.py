@@ -29,7 +29,7 @@ from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.policy import DecisionPolicy
 from identification.estimation.identify import identify
 from identification.estimation.zeros import moved
-from identification.logs.log import read_logs
+from identification.logs.reading import read_logs
 
 SIMULATORS = {"none": "the bench", "rounding": "the plain laboratory"}
 

@@ -13,7 +13,8 @@ from controllers.training import Training, train
 from experiments.bench import HiddenEffect, Rig, record
 from experiments.bench_runs import FIGURES, SWING_UP, SWING_UP_FIGURES, Run, run_on_bench, swing_up_on_bench
 from furuta_gym.plant import Plant
-from identification.logs.log import Log, read_log
+from identification.logs.log import Log
+from identification.logs.reading import read_log
 
 LEARNED = "ppo"
 

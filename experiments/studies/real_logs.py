@@ -26,7 +26,8 @@ from identification.diagnosis.learning import learned_from
 from identification.diagnosis.outcome import Diagnosis
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
-from identification.logs.log import Log, read_logs
+from identification.logs.log import Log
+from identification.logs.reading import read_logs
 from identification.validation.gap import Gap, validate
 
 SCHEMA = "furuta-real-logs/1"

@@ -10,7 +10,7 @@ from typing import Any
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.outcome import Diagnosis
-from identification.logs.log import read_logs
+from identification.logs.reading import read_logs
 
 from .code import answering_code
 

@@ -16,7 +16,7 @@ import typer
 from experiments.cli import app
 from experiments.cli.options import fixed_values, prior_values, with_effects
 from furuta_gym.plant import PAPER_GAIN, TABLE_3, Plant
-from identification.logs.log import read_log, read_logs
+from identification.logs.reading import read_log, read_logs
 from tests.commands import furuta, refused, some_log
 
 

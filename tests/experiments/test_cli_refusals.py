@@ -43,7 +43,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(recorded: Path
 
 @pytest.mark.filterwarnings("ignore:.*Was the pendulum held")
 def test_noise_that_the_plant_file_has_can_be_switched_off(tmp_path: Path):
-    from identification.logs.log import read_log
+    from identification.logs.reading import read_log
 
     plant = QUBE.replace(sensors={"encoder_counts": [0, 0], "noise_std": [1e-2, 1e-2]}).save(tmp_path / "rig.json")
     spread = {}

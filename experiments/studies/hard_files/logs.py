@@ -14,7 +14,8 @@ import numpy as np
 
 from identification.kalman.record import stretches
 from identification.logs.formats import WRITERS
-from identification.logs.log import LogError, LogWarning, read_log
+from identification.logs.log import LogError, LogWarning
+from identification.logs.reading import read_log
 
 from .damage import ODD_CELLS, WORDS, damaged_bytes
 

@@ -47,7 +47,8 @@ class Laboratory:
         self.environment = os.environ | {"TMPDIR": str(self.temporary), _MARK: self.mark, "PYTHONPATH": path}
         from controllers.policies import FOLDER
         from experiments.demo.story import FITTED, HELD_OUT
-        from identification.logs.log import read_log, write_log
+        from identification.logs.log import write_log
+        from identification.logs.reading import read_log
 
         for source, name in ((FITTED, "log.csv"), (HELD_OUT, "other.csv")):
             write_log(self.inputs / name, read_log(source).slice(stop=4.0))

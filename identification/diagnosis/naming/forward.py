@@ -5,7 +5,7 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -23,8 +23,8 @@ from .suspects import Ranking, Suspect, alike
 from .wider import widened
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
-_ATTEMPTS = 3
-"""How often suspects are fitted anew because the model without them had stalled."""
+_AGAIN = 2
+"""How often suspects are compared again because the model without them had stalled."""
 _VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
 
 
@@ -132,27 +132,25 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     laws, went = dict(so_far.laws), dict(so_far.went)
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
-        for _ in range(_ATTEMPTS):
-            names, table = _suspects(search, current, step)
-            worth = partial(judge.counts, found, current=current)
-            complete = step > 0 and bool(names) and judge.rest.left(current) <= 0.0
-            joining, before = NOTHING_YET if step else joined, current.value
-            current, last = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
-            believed = bool(last) and last[0].net >= search.policy.believed
-            if believed or before - current.value < search.policy.believed:
-                break  # else the suspects were compared with a fit that had stalled
+        tried = _compared(search, judge, current, found, step, joined)
+        for _ in range(_AGAIN):
+            if not tried.stalled(search.policy):
+                break
+            current = tried.current
             if found:
                 found, current = search.ranked_again(found, current)
+            tried = _compared(search, judge, current, found, step, joined)
+        current, last = tried.current, tried.ranking
         if step == 0:
-            absorbed = {name: s.absorbed for name, s in table.items()}
+            absorbed = {name: s.absorbed for name, s in tried.table.items()}
             nominal = current
-        if not believed:
+        if not last or last[0].net < search.policy.believed:
             break
-        if not worth(last[0].gain):
+        if not tried.worth(last[0].gain):
             refused = last[0]
             break
         if judge.much_left(found, last[0]) and judge.takes_shape(found, last[0], current):
-            current, last = search.refits(current, names, table, thorough=True, worth=worth)
+            current, last = search.refits(current, tried.names, tried.table, thorough=True, worth=tried.worth)
         leaves_more = judge.takes_shape(found, last[0], current)
         if leaves_more and judge.minor(found, last[0]):
             refused = last[0]
@@ -184,9 +182,34 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went)
 
 
-def _suspects(search: Search, current: Fit, step: int) -> tuple[list[str], dict[str, Score]]:
+@dataclass(frozen=True)
+class _Compared:
+    """The suspects of a step, and the model without any, which may be a better fit than `before`."""
+
+    before: Fit
+    current: Fit
+    ranking: Ranking
+    names: list[str]
+    table: dict[str, Score]
+    worth: Callable[[float], bool]
+
+    def stalled(self, policy: DecisionPolicy) -> bool:
+        """Whether no suspect is believed, and all were compared with a fit that had stalled."""
+        believed = bool(self.ranking) and self.ranking[0].net >= policy.believed
+        return not believed and self.before.value - self.current.value >= policy.believed
+
+
+def _compared(
+    search: Search, judge: Judge, current: Fit, found: Sequence[Ranking], step: int, joined: Mapping[str, Fit]
+) -> _Compared:
+    """The library scored, and what may be missing fitted. joined: see `name_effects`."""
     search.progress(f"scoring the library (step {step + 1})")
-    return search.suspects(current, step)
+    names, table = search.suspects(current, step)
+    worth = partial(judge.counts, list(found), current=current)
+    complete = step > 0 and bool(names) and judge.rest.left(current) <= 0.0
+    joining = NOTHING_YET if step else joined
+    fitted, ranking = search.refits(current, names, table, joined=joining, worth=worth, nothing_left=complete)
+    return _Compared(current, fitted, ranking, names, table, worth)
 
 
 def _went(found: Sequence[Ranking], together: Sequence[Ranking]) -> dict[str, tuple[Suspect, ...]]:

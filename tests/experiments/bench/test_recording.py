@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.bench import EXPERIMENTS, SETS, HiddenEffect, Laboratory, PendulumLost, Rig, list_rigs, record, rig
-from identification.logs.log import read_log
+from identification.logs.reading import read_log
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

@@ -18,7 +18,8 @@ pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 from experiments.cli import app
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import verified
-from identification.logs.log import read_log, write_log
+from identification.logs.log import write_log
+from identification.logs.reading import read_log
 
 from .asking import Page, build, held
 

@@ -19,7 +19,7 @@ from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.searched import searched
 from identification.estimation.identify import identify
-from identification.logs.log import read_log
+from identification.logs.reading import read_log
 from identification.validation.gap import validate
 from tests.factories import loop_log, scaled_effect
 

@@ -21,7 +21,8 @@ from identification.estimation.start import reduced
 from identification.estimation.uncertainty import profile, recommended
 from identification.kalman.record import Record
 from identification.kalman.rounding import counted
-from identification.logs.log import Log, read_log
+from identification.logs.log import Log
+from identification.logs.reading import read_log
 from tests.factories import closed_loop, hanging_log, paper_log
 
 

@@ -13,7 +13,8 @@ from furuta_gym.plant import TABLE_3
 from identification.least_squares.batch import evolution, filtered_least_squares, solve
 from identification.least_squares.filtered_model import FilteredModel, filtered_models
 from identification.least_squares.recursive import recursive_least_squares
-from identification.logs.log import Log, read_log
+from identification.logs.log import Log
+from identification.logs.reading import read_log
 from tests.factories import paper_log
 
 

@@ -18,8 +18,9 @@ import pytest
 
 from identification.logs import apart, bags, mat_file, opening
 from identification.logs.formats import read_table
-from identification.logs.log import LogError, read_log
+from identification.logs.log import LogError
 from identification.logs.number_block import number_block
+from identification.logs.reading import read_log
 from tests.files import quietly, rows, warned, write_csv
 
 KILLS_SCIPY = zlib.decompress(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from identification.logs.checks import LogArgumentError
-from identification.logs.log import Log, LogError, read_log
+from identification.logs.log import Log, LogError
 from identification.logs.mapping import parse_columns, parse_flip
+from identification.logs.reading import read_log
 from identification.logs.rig_mapping import RigMapping
 from tests.factories import paper_log
 from tests.files import changed, csv, quietly, rows, warned

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.logs.log import Log, LogError, read_log
+from identification.logs.log import Log, LogError
+from identification.logs.reading import read_log
 from tests.files import changed, quietly, rows, write_csv
 
 

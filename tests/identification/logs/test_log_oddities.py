@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from identification.logs.log import LogError, LogWarning, read_log
+from identification.logs.log import LogError, LogWarning
+from identification.logs.reading import read_log
 from tests.factories import paper_log
 from tests.files import csv, quietly, rows, warned
 

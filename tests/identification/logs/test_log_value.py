@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.logs.log import LogError, read_log, write_log
+from identification.logs.log import LogError, write_log
+from identification.logs.reading import read_log
 from tests.factories import made_log, paper_log
 
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from identification.logs.checks import MIN_SAMPLES
-from identification.logs.log import Log, LogError, LogWarning, read_log, read_logs, write_log
+from identification.logs.log import Log, LogError, LogWarning, write_log
+from identification.logs.reading import read_log, read_logs
 from tests.factories import made_log, paper_log
 from tests.files import quietly, rows, write_csv
 

@@ -14,8 +14,9 @@ from furuta_gym.simulation import open_loop
 from identification import diagnose, identify, validate
 from identification.diagnosis.locate.locate import locate
 from identification.logs.formats import read_table
-from identification.logs.log import LogError, read_log
+from identification.logs.log import LogError
 from identification.logs.proposal import propose
+from identification.logs.reading import read_log
 from tests.factories import made_log
 from tests.files import csv, rows
 

@@ -20,7 +20,8 @@ from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import follow, informative, smooth
 from identification.kalman.record import Record, stretches
 from identification.kalman.whiteness import Whitened, innovations
-from identification.logs.log import Log, read_log
+from identification.logs.log import Log
+from identification.logs.reading import read_log
 from identification.validation.free_run import Windows, free_run
 from identification.validation.gap import closed_fraction, validate
 from identification.validation.noise_floor import repeats

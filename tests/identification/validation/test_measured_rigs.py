@@ -13,7 +13,8 @@ import pytest
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.logs.checks import LogWarning
-from identification.logs.log import Log, read_logs
+from identification.logs.log import Log
+from identification.logs.reading import read_logs
 from identification.validation.gap import closed_fraction, validate
 from identification.validation.shooting import shooting
 

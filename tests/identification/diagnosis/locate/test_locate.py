@@ -17,7 +17,7 @@ from identification.diagnosis.locate.structure import largest_line, predictable
 from identification.discrepancy.basis import Knots, Signals, families
 from identification.discrepancy.correction import flexible
 from identification.kalman.record import Record
-from identification.logs.log import read_log
+from identification.logs.reading import read_log
 from tests.factories import bench_log, loop_log
 
 
