@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,13 +106,9 @@ class HeldOut:
 
     def _beyond(self, fitted: Fit, ratio: float) -> bool:
         try:
-            gap = self.gap(fitted.plant, fitted.noise, fitted.zeros)
+            return self.gap(fitted.plant, fitted.noise, fitted.zeros).ratio_to_floor > ratio
         except ValueError:
             return False
-        if not gap.ratio_to_floor > ratio:
-            return False
-        beyond = self.searched_angles(gap, (fitted.plant,), fitted.zeros)
-        return beyond is None or self.tails._beyond(fitted, ratio)
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
         """Whether further effects close some of the gap for certain, and a share of it that matters. Of what follows
@@ -119,17 +116,21 @@ class HeldOut:
         if self.whole and all(follows_clock(effect.name) for effect in further(fitted, without)):
             return False
         change = self._between(without, fitted)
-        if change is None:
-            return False
-        low, _ = change.closed.interval
-        return low > 0.0 and change.closed.value > self.policy.worth and change.likelier > self.policy.likelier
+        return self._closes(change) and change.likelier > self.policy.likelier
+
+    def _closes(self, change: GapChange | None) -> TypeGuard[GapChange]:
+        """Whether some of the gap closes for certain, and a share that matters."""
+        return change is not None and change.closed.interval[0] > 0.0 and change.closed.value > self.policy.worth
 
     def prefers(self, fitted: Fit, other: Fit) -> bool:
         """Whether they ask for another fit in the place of one, by more than the fitted logs speak against it: then all
-        data together are likelier. The last part of a fitted log is no further data."""
+        data together are likelier. The last part of a fitted log is no further data. Between equals on the fitted logs
+        the error on other logs decides alone."""
+        loss = other.value - fitted.value
+        if self.whole and loss < self.policy.equal and self._closes(self._between(fitted, other)):
+            return True
         if not self.confirms(fitted, other):
             return False
-        loss = other.value - fitted.value
         change = self._between(fitted, other) if self.whole else None
         return loss < self.policy.likelier or (change is not None and change.likelier > loss)
 
@@ -143,10 +144,17 @@ class HeldOut:
             return False
         # a share of the logs has that share of the evidence
         share = 1.0 if self.whole else self.policy.tail
-        if not speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier)):
+        return speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier))
+
+    def excuses(self, without: Fit, fitted: Fit) -> bool:
+        """Whether it says nothing if they speak against an effect: something depends on the arm's angle, the arm is
+        elsewhere than in the fitted logs, and the last part of these does not speak against it."""
+        change = self._between(without, fitted)
+        if change is None:
             return False
-        beyond = self.searched_angles(change.after, (without.plant, fitted.plant), fitted.zeros)
-        return beyond is None or self.tails.denies(without, fitted)
+        plants = (without.plant, fitted.plant)
+        beyond = self.searched_angles(change.after, plants, fitted.zeros)
+        return beyond is not None and not self.tails.denies(without, fitted)
 
     def _between(self, without: Fit, fitted: Fit) -> GapChange | None:
         try:

@@ -60,6 +60,10 @@ class Witness(Protocol):
         """Whether they speak against one effect beside others."""
         ...
 
+    def excuses(self, without: Fit, fitted: Fit) -> bool:
+        """Whether it says nothing if they speak against it, as the arm is elsewhere there."""
+        ...
+
 
 class NoWitness:
     """A `Witness` that never says anything."""
@@ -77,6 +81,9 @@ class NoWitness:
         return False
 
     def denies(self, without: Fit, fitted: Fit) -> bool:
+        return False
+
+    def excuses(self, without: Fit, fitted: Fit) -> bool:
         return False
 
 

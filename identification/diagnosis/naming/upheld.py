@@ -5,17 +5,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ..locate.laws import own_variables
 from .fits import Fit
 from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, price
+from .suspects import RIPPLE, Suspect, alike, periods, price
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
     """The names without those that data which no fit saw speak against, each dropped in turn and the rest refitted. A
-    look-alike that these data agree with takes the place of a name that they do not."""
+    look-alike that these data agree with takes the place of a name that they do not. A name of which they cannot judge
+    stays."""
     while len(naming.accepted) > 1:
         search.progress("verifying the names one by one")
         reduced = [search.reduced(naming.final, suspect.name) for suspect in naming.accepted]
@@ -26,19 +28,26 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
             and not witness.confirms(fitted, naming.final)
         ]
         denied = idle or [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
-        if not denied:
+        for gone in sorted(denied, key=lambda i: reduced[i].value):
+            in_place = None if idle else _exchanged(naming, gone, reduced[gone], search, witness)
+            if in_place or idle or not witness.excuses(reduced[gone], naming.final):
+                naming = in_place or _without(naming, gone, reduced[gone], taken_back=not idle)
+                break
+        else:
             break
-        gone = min(denied, key=lambda i: reduced[i].value)
-        in_place = None if idle else _exchanged(naming, gone, reduced[gone], search, witness)
-        naming = in_place or replace(
-            naming,
-            final=reduced[gone],
-            accepted=_but(naming.accepted, gone),
-            equals=_but(naming.equals, gone),
-            rankings=_but(naming.rankings, gone),
-            taken_back=naming.taken_back if idle else (*naming.taken_back, naming.accepted[gone]),
-        )
     return naming
+
+
+def _without(naming: Naming, gone: int, reduced: Fit, taken_back: bool) -> Naming:
+    """The names without one, which held-out data took back or another made superfluous."""
+    return replace(
+        naming,
+        final=reduced,
+        accepted=_but(naming.accepted, gone),
+        equals=_but(naming.equals, gone),
+        rankings=_but(naming.rankings, gone),
+        taken_back=(*naming.taken_back, naming.accepted[gone]) if taken_back else naming.taken_back,
+    )
 
 
 def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) -> bool:
@@ -85,13 +94,16 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
 
 def _alternatives(naming: Naming, i: int, search: Search) -> list[Suspect]:
     """What may be in the place of a name, and is not there already: look-alikes that explain nearly as much of the
-    fitted logs, and what was found before it and went when it joined."""
+    fitted logs, and what was found before it and went when it joined. A ripple of which the arm passes less than a
+    whole period does not take the place of a spring or cable: it is one."""
     own = naming.accepted[i]
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
     look_alikes = [
         s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain
     ]
-    return [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
+    found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
+    of_angle = own_variables(own.name) == own_variables(RIPPLE)
+    return [s for s in found if not (of_angle and s.name == RIPPLE and periods(s.fit) < search.policy.whole_period)]
 
 
 def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:

@@ -289,13 +289,15 @@ def a_change(
 @dataclass(frozen=True)
 class Told:
     """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against.
-    a_little_off: worse than an adequate plant, though not far off. by [nats]: what they gain with what they need."""
+    a_little_off: worse than an adequate plant, though not far off. by [nats]: what they gain with what they need.
+    elsewhere: effects of which they cannot judge."""
 
     far_off: bool = True
     needed: tuple[str, ...] = ()
     false: tuple[str, ...] = ()
     a_little_off: bool = False
     by: float = 10.0
+    elsewhere: tuple[str, ...] = ()
 
     def far(self, fitted: Any) -> bool:
         return self.far_off
@@ -311,6 +313,9 @@ class Told:
 
     def denies(self, without: Any, fitted: Any) -> bool:
         return self._newest(without, fitted) in self.false
+
+    def excuses(self, without: Any, fitted: Any) -> bool:
+        return self._newest(without, fitted) in self.elsewhere
 
     def _newest(self, without: Any, fitted: Any) -> str:
         (name,) = {e.name for e in fitted.plant.effects} - {e.name for e in without.plant.effects}

@@ -68,7 +68,10 @@ def test_an_effect_that_helps_at_times_and_harms_at_times_is_not_confirmed() -> 
         (50.0, 40.0, True, False),
         (50.0, 60.0, False, False),  # the last part of a log is no further data
         (5.0, 20.0, False, True),
-        (-30.0, 5.0, True, False),  # likelier on the fitted logs alone
+        (-30.0, 5.0, True, True),  # likelier on the fitted logs, and nearer on the others
+        (4.0, 1.0, True, True),  # equals on the fitted logs: the error on the others decides
+        (4.0, 1.0, False, False),
+        (6.0, 1.0, True, False),
     ],
 )
 def test_another_fit_is_preferred_where_all_data_together_are_likelier(

@@ -55,9 +55,8 @@ def test_what_depends_on_the_arms_angle_is_not_judged_where_the_arm_was_not(
     share: float, fitted: Any, tail: Any, against: bool
 ) -> None:
     held = _held(share, fitted, tail=tail)
-    assert held.denies(BARE, fitted) is against
-    assert held.far(fitted) is against
-    assert held.off(fitted) is against
+    assert held.denies(BARE, fitted)
+    assert held.excuses(BARE, fitted) is not against
 
 
 def test_held_out_logs_speak_for_an_effect_wherever_the_arm_is() -> None:
@@ -65,12 +64,12 @@ def test_held_out_logs_speak_for_an_effect_wherever_the_arm_is() -> None:
     held = _held(0.5, whole=BETTER, tail=WORSE)
     assert not held.denies(BARE, CABLE)
     assert held.confirms(BARE, CABLE)
-    assert not held.far(CABLE)
+    assert held.excuses(BARE, CABLE) is False
 
 
 def test_the_zero_of_each_log_is_taken_off_first() -> None:
-    assert _held(0.0, turned=2.0, zero=2.0).denies(BARE, CABLE)
-    assert not _held(0.0, turned=2.0).denies(BARE, CABLE)
+    assert not _held(0.0, turned=2.0, zero=2.0).excuses(BARE, CABLE)
+    assert _held(0.0, turned=2.0).excuses(BARE, CABLE)
 
 
 def test_the_verdict_follows_the_searched_log_and_says_why() -> None:

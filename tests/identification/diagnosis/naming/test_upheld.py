@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
+from furuta_gym.plant import Effect
 from identification.diagnosis.naming.forward import Naming, name_effects
 from identification.diagnosis.naming.upheld import preferred, upheld
-from tests.identification.diagnosis.fits import Told, a_fit, search
+from tests.identification.diagnosis.fits import Told, a_fit, naming, search, suspect
 
 THREE = {
     "input_delay": -2000.0,
@@ -35,6 +36,20 @@ def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> No
     assert sorted(s.name for s in found.taken_back) == sorted(false)
     assert len(found.equals) == len(kept)
     assert {e.name for e in found.final.plant.effects} == set(kept)
+
+
+@pytest.mark.parametrize(("elsewhere", "kept"), [("base_tilt", True), ("input_delay", False)])
+def test_a_name_of_which_held_out_data_cannot_judge_stays(elsewhere: str, kept: bool) -> None:
+    witness = Told(far_off=False, false=("base_tilt",), elsewhere=(elsewhere,))
+    found = verified(THREE, witness, "input_delay", "base_tilt", "pendulum_stribeck")
+    assert ("base_tilt" in {s.name for s in found.accepted}) is kept
+    assert len(found.taken_back) == (not kept)
+
+
+def test_of_two_that_held_out_data_speak_against_only_what_they_can_judge_goes() -> None:
+    witness = Told(far_off=False, false=("input_delay", "base_tilt"), elsewhere=("input_delay",))
+    found = verified(THREE, witness, "input_delay", "base_tilt", "pendulum_stribeck")
+    assert [s.name for s in found.accepted] == ["input_delay", "pendulum_stribeck"]
 
 
 CABLES = {
@@ -65,6 +80,24 @@ def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
     assert {e.name for e in found.final.plant.effects} == set(kept)
     assert found.final.value == pytest.approx(CABLES[" ".join(kept)], abs=0.1)
     assert [s.name for s in found.taken_back] == (["arm_taut_cable"] if false else [])
+
+
+def test_a_look_alike_that_held_out_data_agree_with_comes_before_a_name_that_they_cannot_judge() -> None:
+    witness = Told(far_off=False, false=("arm_taut_cable",), elsewhere=("arm_taut_cable",))
+    found = verified(CABLES, witness, "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
+    assert sorted(s.name for s in found.accepted) == ["arm_spring", "input_delay"]
+
+
+@pytest.mark.parametrize(("n", "kept"), [(1.0, "arm_spring"), (8.0, "arm_ripple")])
+def test_a_ripple_of_less_than_a_period_does_not_take_the_place_of_a_spring(n: float, kept: str) -> None:
+    """Held-out data would have it, but nobody can say from a part of a period that a torque repeats."""
+    ripple = suspect("arm_ripple", 199.0)
+    ripple = replace(ripple, fit=a_fit(Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}), value=-199.0))
+    spring = suspect("arm_spring", 200.0)
+    found = naming(spring, final=spring.fit, rankings=((spring, ripple),))
+    by = search({"": 0.0, "arm_spring": -200.0, "arm_ripple": -199.0})
+    after = preferred(found, by, Told(needed=("arm_ripple",)))
+    assert [s.name for s in after.accepted] == [kept]
 
 
 BOTH_FORMS = ("arm_presliding", "arm_hysteresis")
