@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 
@@ -98,18 +99,21 @@ def test_every_processor_makes_the_same_run(kind):
         f"run = record(Rig({kind!r}, individual=3, scatter=0.1), 'wide', seed=5, duration=20.0);"
         "print(hashlib.sha256(run.q1.tobytes() + run.q2.tobytes() + run.u.tobytes()).hexdigest())"
     )
-    processors = ("Haswell", "SkylakeX", "Sandybridge")  # other processors than x86 know none of them
-    told = {
-        subprocess.run(
+    told = []
+    for name in ("Haswell", "SkylakeX", "Sandybridge"):  # other processors than x86 know none of them
+        done = subprocess.run(
             [sys.executable, "-c", code],
             env=dict(os.environ, OPENBLAS_CORETYPE=name),
             capture_output=True,
             text=True,
-            check=True,
-        ).stdout
-        for name in processors
-    }
-    assert len(told) == 1
+            check=False,
+        )
+        if done.returncode == -signal.SIGILL:
+            continue  # this processor lacks that one's instructions
+        assert done.returncode == 0, done.stderr
+        told.append(done.stdout)
+    assert len(told) >= 2
+    assert len(set(told)) == 1
 
 
 def test_a_policy_takes_the_place_of_the_rigs_own_controller():
