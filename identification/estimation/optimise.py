@@ -14,6 +14,7 @@ from ..normal_equations import ScaledGram
 TOLERANCE = 0.01
 """Decrease [nats] that the quadratic model promises, below which a fit has converged."""
 _POLISH = 1.0  # nats: gain below which frozen gains give way to exact derivatives
+_UNSEEN = 0.5  # nats that exact derivatives may promise where no step of any length comes lower: one deviation at most
 
 
 @dataclass
@@ -78,7 +79,8 @@ def minimise(
     for iteration in range(1, iterations + 1):
         trial, there, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance, polishing)
         if trial is None:  # nothing lower on the way the derivatives show
-            done = predicted < 10.0 * tolerance  # closer than that the quadratic model itself is not
+            # closer than that the quadratic model itself is not
+            done = predicted < 10.0 * tolerance or (polishing and predicted < _UNSEEN)
             if polishing or not exact:
                 message = "converged" if done else "no further descent"
                 return Optimum(z, expansion.value, expansion, iteration, done, message)
