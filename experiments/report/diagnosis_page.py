@@ -210,26 +210,20 @@ def _errors(x: Examination) -> Section:
             inner += (tables.parts(gap.by_log, "log"), tables.parts(gap.by_kind, "kind of experiment"))
         blocks += [Text(floor), Details("Errors, intervals and likelihood", inner)]
         if gap.own_tail is not None:
-            blocks += _own_tail(gap.own_tail, gap.searched_angles)
+            blocks += _own_tail(gap.own_tail)
     if x.where is not None:
         table = tables.leftovers(x.where, x.where_after, x.diagnosis.policy.left)
         blocks.append(Details("Tests of what is left on the searched logs", (table,)))
     return Section("errors", "The error on new data", tuple(blocks))
 
 
-def _own_tail(gap: GapChange, searched_angles: tuple[float, float] | None) -> list[Block]:
+def _own_tail(gap: GapChange) -> list[Block]:
     assert gap.tail is not None
     head, tail = 100 - 100 * gap.tail, 100 * gap.tail
-    why = "What repeats by the clock of its own log cannot be judged on another, where its phase is unknown."
-    if searched_angles is not None:
-        low, high = searched_angles
-        why = (
-            f"In the searched logs the arm is at {low:.2g} to {high:.2g} rad. The held-out logs go beyond, where "
-            "whatever depends on the arm's angle is an extrapolation."
-        )
     text = (
-        f"{why} So both plants were also fitted anew to the first {head:.0f} % of each searched log and predict its "
-        f"last {tail:.0f} %; the verdict follows that."
+        "What repeats by the clock of its own log cannot be judged on another, where its phase is unknown. So both "
+        f"plants were also fitted anew to the first {head:.0f} % of each searched log and predict its last "
+        f"{tail:.0f} %; the verdict follows that."
     )
     return [Heading("On the last part of the searched logs"), Text(text), tables.gaps(gap), _likelier(gap)]
 

@@ -104,8 +104,8 @@ class GapEntry(Struct, kw_only=True):
     own_tail: Annotated[
         GapEntry | UnsetType | None,
         Meta(
-            description="The same on the last part of each searched log. It decides where held-out logs cannot: on "
-            "effects that depend on time, as `periodic_torque` does, or on angles at which the held-out arm is not"
+            description="The same on the last part of each searched log. It decides on effects that depend on time, "
+            "as `periodic_torque` does"
         ),
     ] = UNSET
     searched_angles: Annotated[

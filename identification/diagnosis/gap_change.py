@@ -60,9 +60,9 @@ class GapChange:
 
     closed: share of the squared gap above the floor that closed; 0 where nothing was added. tail: share of each
     fitted log that was held out (both plants fitted anew to the rest), or None where whole logs were. own_tail: the
-    same on such tails, beside whole logs that cannot speak: about effects which repeat by the clock of their own log,
-    or against what depends on the arm's angle where the arm is elsewhere. searched_angles: where it is in the searched
-    logs, from and to [rad], if something depends on its angle and it leaves them here; else None.
+    same on such tails, beside whole logs that cannot speak about effects which repeat by the clock of their own log.
+    searched_angles: where the arm is in the searched logs, from and to [rad], if something depends on its angle and it
+    leaves them here; else None.
     """
 
     before: Gap

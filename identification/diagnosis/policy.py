@@ -177,9 +177,9 @@ class DecisionPolicy:
     far: float = _rule(1.5, "an error of more than so many times the noise floor says that more is missing", DEV)
     worth: float = _rule(0.05, "a further, small effect must close this share of the held-out gap", THEORY)
     beyond: float = _rule(
-        1.0,
-        "held-out logs do not speak against what depends on the arm's angle if it leaves the searched angles for more "
-        "than this share of the time",
+        0.05,
+        "held-out logs alone do not speak against what depends on the arm's angle if it leaves the searched angles for "
+        "more than this share of the time",
         THEORY,
     )
     disagree: float = _rule(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 from ..estimation.identify import identify
 from ..validation.adequacy import Adequacy
@@ -77,14 +78,14 @@ def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:
     plants = (diagnosis.before.plant, diagnosis.after.plant)
     beyond = held.searched_angles(after, plants, diagnosis.after.zeros)
     change = replace(change, searched_angles=beyond)
-    if held.whole and (diagnosis.repeating or (beyond is not None and speaks_against(change, held.policy))):
+    if held.whole and diagnosis.repeating:
         change = replace(change, own_tail=_own_tail(diagnosis, held))
     return change
 
 
 def _own_tail(diagnosis: Diagnosis, held: HeldOut) -> GapChange | None:
     try:
-        return measure_gap(diagnosis, held.tails)
+        return measure_gap(diagnosis, HeldOut(held.logs, (), held.policy))
     except ValueError:  # too short, or its first part alone cannot be fitted
         return None
 
@@ -97,16 +98,17 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     time, and is asked only if it matters.
 
     Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat. What
-    depends on the arm's angle is judged there too, if held-out logs in which the arm is elsewhere speak against it.
+    depends on the arm's angle stays if held-out logs in which the arm is elsewhere speak against it, but one plant with
+    it explains all logs.
     """
+    together = cache(together)
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None:
         return diagnosis
     far = witness.after_over_floor > diagnosis.policy.far
     if witness.changed and speaks_against(witness, diagnosis.policy):
-        if witness.searched_angles is None or witness.own_tail is None:
-            return diagnosis.vetoed()
-        if speaks_against(witness.own_tail, diagnosis.policy):
+        mended = None if witness.searched_angles is None else together()
+        if mended is None or mended > diagnosis.policy.far:
             return diagnosis.vetoed()
     if not far:
         return diagnosis

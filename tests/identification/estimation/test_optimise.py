@@ -34,3 +34,24 @@ def test_a_descent_arrives_along_what_the_data_hardly_see() -> None:
     assert found.converged
     assert found.value == pytest.approx(0.0, abs=0.02)
     assert np.abs(found.z).max() < 0.1
+
+
+class Promised(Valley):
+    """A minimum at which the derivatives promise some nats more, as they may at a bound or a kink."""
+
+    def __init__(self, nats: float) -> None:
+        self.slope = np.array([np.sqrt(2.0 * nats), 0.0])
+
+    A = np.eye(2)
+
+    def expand(self, z: Array, exact: bool = False, scores: bool = False) -> Expansion:
+        return Expansion(self.value(z), self.A @ z + self.slope, self.A)
+
+
+@pytest.mark.parametrize(("nats", "converged"), [(0.35, True), (0.8, False)])
+def test_where_no_step_comes_lower_half_a_nat_may_be_promised_still(nats: float, converged: bool) -> None:
+    """Less is no whole standard deviation in any direction; more would leave the error bars without meaning."""
+    found = minimise(Promised(nats), np.zeros(2))
+    assert found.value == 0.0
+    assert found.converged is converged
+    assert found.message == ("converged" if converged else "no further descent")
