@@ -133,7 +133,7 @@ def _slopes(
         row[2 * i + 1] -= step[i]
     P, W = np.repeat(p[:, None], 2 * n + 2, axis=1), np.zeros((2, 2 * n + 2))
     assert rows == n
-    advance(X, 0.0, sample_time, np.zeros(1), U, 0, W, P, codes, integration_step(plant.sharpest, 2e-3, sample_time))
+    advance(X, 0.0, sample_time, np.zeros(1), U, 0, W, P, codes, integration_step(plant, 2e-3, sample_time))
     slopes = (X[:, 0::2] - X[:, 1::2]) / (2 * step)
     return slopes[:, :n], slopes[:, n:]
 

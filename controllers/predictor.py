@@ -43,7 +43,7 @@ class Predictor:
         command_delays(self._p, self._codes, late)
         self.delay = float(late[0])
         self._past = int(np.ceil(self.delay / sample_time - 1e-9)) + 2
-        self._h = integration_step(self.plant.sharpest, LONGEST_STEP, sample_time)
+        self._h = integration_step(self.plant, LONGEST_STEP, sample_time)
         self._gains = _gains(plant, sample_time, sensors)
         self.restart()
 

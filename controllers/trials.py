@@ -161,7 +161,7 @@ def run_trials(
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
     P, codes, rows = pack(plants)
-    h_max = integration_step(max(p.sharpest for p in plants), LONGEST_STEP, T)
+    h_max = min(integration_step(p, LONGEST_STEP, T) for p in plants)
     supply = np.array([p.supply for p in plants])
     slew = np.array([p.limit("slew", np.inf) for p in plants]) * T
     impulse = starts.push * (P[0] * P[3] - P[2] ** 2) / P[0]  # 1/(M⁻¹)₂₂ upright

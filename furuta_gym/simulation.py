@@ -7,7 +7,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .plant.dynamics import advance, substep
+from .plant.dynamics import advance
+from .plant.integration_step import substep
 from .plant.plant import Plant
 from .sensors import Sensors
 
@@ -20,15 +21,16 @@ _KEPT = 4096  # samples whose commands are kept for delays, where the length of 
 _BOUND = 1e6  # rad and rad/s
 
 
-def integration_step(sharpest: float, longest_step: float, sample_time: float) -> float:
-    """Longest Runge–Kutta step [s] for friction of this sharpness [s/rad], see `substep`.
+def integration_step(plant: Plant, longest_step: float, sample_time: float) -> float:
+    """Longest Runge–Kutta step [s] for the plant's friction, see `substep`.
 
     Raises ValueError where a sample would take more than `MOST_STEPS` of them."""
-    h_max = substep(sharpest, longest_step)
+    h_max = substep(max(plant.sharpest), plant.friction_rate, longest_step)
     if not sample_time <= MOST_STEPS * h_max:
         raise ValueError(
             f"a sample of {sample_time:g} s would take {sample_time / h_max:.3g} steps of integration, at most "
-            f"{MOST_STEPS} are allowed. Lower friction_sharpness ({sharpest:g} s/rad) or the sample time"
+            f"{MOST_STEPS} are allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff. Lower "
+            "friction_sharpness or the sample time"
         )
     return h_max
 
@@ -166,7 +168,7 @@ class LivePlant:
                 self._X[rows] = X[before[name]]
 
     def _take(self, plant: Plant) -> None:
-        self._h_max = integration_step(plant.sharpest, self._longest_step, self.sample_time)
+        self._h_max = integration_step(plant, self._longest_step, self.sample_time)
         p, self._codes, self._rows = plant.packed()
         self._P = p[:, None]
         self._supply, self._slew = plant.supply, plant.limit("slew", np.inf)

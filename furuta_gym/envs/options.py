@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..arguments import ArgumentError
 from ..plant.effects import Effect
+from ..plant.integration_step import friction_rate
 from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
@@ -275,20 +276,15 @@ def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:
 
 
 def _friction_rate(plant: Plant, drawn: bool) -> float:
-    """λ [1/s]: how fast friction stops a slow motion near upright, the largest eigenvalue of M⁻¹ (F_v + F_c r).
+    """λ [1/s]: how fast friction stops a slow motion near upright.
 
     drawn: with an r that two standard deviations of the plant's covariance may make sharper."""
-    th = plant.theta
     r = np.array(plant.sharpness)
     if drawn and plant.covariance is not None:
         std = dict(zip(plant.covariance.names, np.sqrt(np.diag(plant.covariance.matrix)).tolist(), strict=True))
         r = r + 2.0 * np.array([std.get(name, std.get("r", 0.0)) for name in ("r1", "r2")])
-    other = plant.effect("friction_sharpness")
-    if other is not None:
-        r = np.maximum(r, list(other.parameters.values()))
-    slope = np.abs(th[5:7]) + np.abs(th[7:9]) * r
-    mass = np.array([[th[0], th[2]], [th[2], th[3]]])
-    return float(np.linalg.eigvals(np.linalg.solve(mass, np.diag(slope))).real.max()) + 1e-9
+    r1, r2 = np.maximum(r, plant.sharpest).tolist()
+    return friction_rate(plant.theta, r1, r2) + 1e-9
 
 
 def _sensors(plant: Plant, options: Options) -> Sensors:

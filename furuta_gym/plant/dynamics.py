@@ -352,16 +352,3 @@ def _stretch(X, start, h, n, command, W, P, codes, work):
     _runge_kutta(X, start, h, n, command, W, P, codes, work)
     filter_command(command, lasts, X, P, codes, tau)
     store_filter(X, codes, tau)
-
-
-@compiled
-def substep(r: float, longest: float) -> float:
-    """Longest Runge–Kutta step [s] that keeps the tanh of sharpness r [s/rad] resolved, at most `longest`.
-
-    The friction's sign changes within |q̇| < 1/r; a step that jumps it is an error which looks like a missing
-    effect. The rule 1 ms · (100/r)^0.6 keeps that error below a tenth of a 4096-count encoder's noise over 0.4 s. From
-    the usual r = 100 to 130 the step stays as it is: one more in a sample changes a likelihood by tens of nats, and an
-    estimate of r near 100 would take that for evidence.
-    """
-    resolved = r if r < 100.0 else max(100.0, r / 1.3)
-    return min(longest, 1e-3 * (100.0 / max(resolved, 1.0)) ** 0.6)

@@ -22,6 +22,7 @@ from furuta_gym.files import in_short, read_json, write_whole
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
+from .integration_step import friction_rate
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from .parameters import THETA_NAMES, physical_consistency, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
@@ -138,10 +139,16 @@ class Plant:
         return r if isinstance(r, tuple) else (r, r)
 
     @property
-    def sharpest(self) -> float:
-        """Largest sharpness r [s/rad] that friction has, the effect `friction_sharpness` included."""
+    def sharpest(self) -> tuple[float, float]:
+        """Largest sharpness (r1, r2) [s/rad] that friction has, the effect `friction_sharpness` included."""
         other = self.effect("friction_sharpness")
-        return max(*self.sharpness, *(other.parameters.values() if other else ()))
+        r1, r2 = other.parameters.values() if other else self.sharpness
+        return max(r1, self.sharpness[0]), max(r2, self.sharpness[1])
+
+    @property
+    def friction_rate(self) -> float:
+        """λ [1/s]: how fast friction stops a slow motion near upright."""
+        return friction_rate(self.theta, *self.sharpest)
 
     def default_effect(self, name: str) -> Effect:
         """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""

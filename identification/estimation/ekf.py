@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import shared_steps, substep
+from furuta_gym.plant.dynamics import shared_steps
+from furuta_gym.plant.integration_step import fitted_step
 from furuta_gym.plant.layout import N_BASE, R1, R2
 
 from ..kalman.arguments import Gaussian, Readings
@@ -151,7 +152,8 @@ def _track(readings, state, scaling, noise, wander, age, history):
                     P[i, lane] = math.exp(eta) if i < _LOG else eta * scale[i - _LOG]
                 P[R1, lane] = effective_sharpness(r[0], C[2, 2])
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
-            steps = max(1, math.ceil(T / substep(max(P[R1, 0], P[R2, 0]), 1e-3) - 1e-6))
+            longest = fitted_step(P[:, 0], P[R1, 0], P[R2, 0], 1e-3, 1.0)
+            steps = max(1, math.ceil(T / longest - 1e-6))
             shared_steps(X, u[k - 1, 0], T / steps, steps, P)
             for i in range(4):
                 for m in range(n):

@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance_within, shared_steps, substep, workspace
+from furuta_gym.plant.dynamics import advance_within, shared_steps, workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
+from furuta_gym.plant.integration_step import fitted_step
 from furuta_gym.plant.layout import ParameterLayout
 
 from .leaders import packed, shaken, step_leaders
@@ -175,7 +176,7 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
         if k > 0:
             T = t[k] - t[k - 1]
             _spread(X, x, exact)
-            sharpest = 1.0
+            r1, r2 = 1.0, 1.0
             for m in range(sharp.shape[0]):
                 row, velocity = sharp[m, 0], packed(sharp[m, 1], sharp[m, 1])
                 for i in range(lanes):
@@ -186,8 +187,11 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
                     variance[i] = C[velocity, owner[i]]
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
-                sharpest = max(sharpest, PL[row, 0])
-            longest = coarser * substep(sharpest, _LONGEST)
+                if sharp[m, 1] == 2:
+                    r1 = max(r1, PL[row, 0])
+                else:
+                    r2 = max(r2, PL[row, 0])
+            longest = fitted_step(P[:, 0], r1, r2, _LONGEST, coarser)
             if plain:
                 steps = max(1, math.ceil(T / longest - 1e-6))
                 shared_steps(X, u[k - 1, 0], T / steps, steps, PL)

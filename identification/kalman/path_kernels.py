@@ -3,8 +3,9 @@
 import numpy as np
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance, substep
+from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
+from furuta_gym.plant.integration_step import fitted_step
 
 from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, whole_registers
 
@@ -36,13 +37,16 @@ def follow_log(readings, used, model, assumed, spread, longest_step, kept, found
     for k in range(N):
         if k > 0:
             T = t[k] - t[k - 1]
-            sharpest = 1.0
+            r1, r2 = 1.0, 1.0
             for m in range(sharp.shape[0]):
                 row, v = sharp[m, 0], sharp[m, 1]
                 known = spread[k - 1, v - 2] if given else C[v, v]
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(P[row, 0], known)
-                sharpest = max(sharpest, PL[row, 0])
+                if v == 2:
+                    r1 = max(r1, PL[row, 0])
+                else:
+                    r2 = max(r2, PL[row, 0])
             for i in range(lanes):
                 X[:, i] = about[k - 1, :rows]
                 for a in range(2):
@@ -51,7 +55,8 @@ def follow_log(readings, used, model, assumed, spread, longest_step, kept, found
                 X[i, 1 + i] += STATE_STEP
             W[0, rows + 1] += small
             W[1, rows + 2] += small
-            advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, substep(sharpest, longest_step))
+            step = fitted_step(P[:, 0], r1, r2, longest_step, 1.0)
+            advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step)
             for i in range(rows):
                 for m in range(rows):
                     Phi[k - 1, i, m] = (X[i, 1 + m] - X[i, 0]) / STATE_STEP

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance, substep
+from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.layout import SHARPNESS_ROWS
+from furuta_gym.plant.integration_step import fitted_step
 
 from ..kalman.arguments import Model
 from ..kalman.bank import add_torque_noise, propagate, sharpness_rows
@@ -66,7 +66,8 @@ def free_run(path: FilterPath, windows: Windows, longest_step: float = LONGEST_S
     A run that leaves all bounds gives inf.
     """
     p, codes, rows = path.plant.packed()
-    h_max = substep(min(1e4, max(1.0, *p[SHARPNESS_ROWS])), longest_step)
+    r1, r2 = (min(1e4, r) for r in path.plant.sharpest)
+    h_max = fitted_step(p, r1, r2, longest_step, 1.0)
     errors = np.full((*windows.targets.shape, 2), np.inf)
     states = np.ascontiguousarray(path.filtered[windows.starts, :rows])
     P = np.repeat(p[:, None], windows.open_at_once, axis=1)

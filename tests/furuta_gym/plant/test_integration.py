@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
-from furuta_gym.plant.dynamics import acting_row, advance, plain_steps, shared_steps, substep, until_next
+from furuta_gym.plant.dynamics import acting_row, advance, plain_steps, shared_steps, until_next
 from tests.furuta_gym.plant.helpers import mechanical_energy, reference_run, run, square_waves
 from tests.oracles import lagrangian
 from tests.oracles.mujoco_model import RigidSet
@@ -44,27 +44,6 @@ def test_disturbance_torques_act_on_their_rows():
     ours = run(LARGE_RIG, x0, t_u, u, 0.2, h_max=1e-4, w=w)
     np.testing.assert_allclose(ours, reference_run(LARGE_RIG, x0, t_u, u, 0.2, w=w), atol=1e-8)
     assert np.abs(ours - run(LARGE_RIG, x0, t_u, u, 0.2, h_max=1e-4)).max() > 0.01
-
-
-@pytest.mark.parametrize("r", [30.0, 100.0, 300.0, 1000.0])
-def test_step_rule_keeps_friction_resolved(r):
-    """`substep` promises less than a tenth of a 4096-count encoder's noise over 0.4 s."""
-    plant, allowed = TABLE_3.replace(friction_sharpness=r), 0.1 * COUNT / np.sqrt(12)
-    h = substep(r, 0.002)
-    t_u, rng, worst = np.arange(200) * 0.002, np.random.default_rng(11), 0.0
-    for _ in range(5):
-        u = rng.uniform(0.3, 1.0) * square_waves(t_u + rng.uniform(0, 1))
-        x0 = rng.normal(size=4) * [0.1, 0.05, 0.3, 0.3]
-        error = run(plant, x0, t_u, u, 0.4, h) - reference_run(plant, x0, t_u, u, 0.4, rtol=1e-9, atol=1e-10)
-        worst = max(worst, np.abs(error[:, :2]).max())
-    assert worst < allowed, f"{worst:.2e} rad at a step of {1e3 * h:.2f} ms, allowed {allowed:.2e}"
-
-
-def test_substep_is_bounded_and_falls_with_sharpness():
-    steps = [substep(r, 0.004) for r in (0.0, 1.0, 10.0, 100.0, 1000.0, 1e6)]
-    assert steps[0] == steps[1] == 0.004
-    assert np.all(np.diff(steps) <= 0)
-    assert 0 < steps[-1] < steps[3] <= 1e-3
 
 
 def test_energy_is_kept_for_seconds_without_friction_and_input():

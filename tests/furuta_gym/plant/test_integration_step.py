@@ -1,0 +1,82 @@
+"""The rule for the integration step: friction stays resolved, sharp or not, on a heavy arm or a light one."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furuta_gym.plant import PLANTS, QUBE, TABLE_3
+from furuta_gym.plant.integration_step import fitted_step, friction_rate, substep
+from tests.furuta_gym.plant.helpers import reference_run, run, square_waves
+from tests.furuta_gym.plant.strategies import thetas
+
+COUNT = 2 * np.pi / 4096
+# an arm so light that friction stops it within 0.2 ms, as a small servo turns it
+LIGHT_ARM = QUBE.replace(theta=[0.0108, 0.0102, 0.00836, 0.0141, 0.861, 0.0283, 0.00389, 0.306, 0.00343])
+
+
+def worst_error(plant, step):
+    """Of the angles [rad] over 0.4 s under square waves, from five starts."""
+    t_u, rng, worst = np.arange(200) * 0.002, np.random.default_rng(11), 0.0
+    for _ in range(5):
+        u = rng.uniform(0.3, 1.0) * square_waves(t_u + rng.uniform(0, 1))
+        x0 = rng.normal(size=4) * [0.1, 0.05, 0.3, 0.3]
+        error = run(plant, x0, t_u, u, 0.4, step) - reference_run(plant, x0, t_u, u, 0.4, rtol=1e-9, atol=1e-10)
+        worst = max(worst, np.abs(error[:, :2]).max())
+    return worst
+
+
+@pytest.mark.parametrize("r", [30.0, 100.0, 300.0, 1000.0])
+def test_step_rule_keeps_friction_resolved(r):
+    """`substep` promises less than a tenth of a 4096-count encoder's noise over 0.4 s."""
+    plant, allowed = TABLE_3.replace(friction_sharpness=r), 0.1 * COUNT / np.sqrt(12)
+    h = substep(r, plant.friction_rate, 0.002)
+    worst = worst_error(plant, h)
+    assert worst < allowed, f"{worst:.2e} rad at a step of {1e3 * h:.2f} ms, allowed {allowed:.2e}"
+
+
+def test_step_rule_keeps_the_friction_of_a_light_arm_resolved():
+    """A fifth of a count at worst: near upright a pendulum magnifies every error."""
+    h = substep(100.0, LIGHT_ARM.friction_rate, 0.002)
+    assert worst_error(LIGHT_ARM, h) < 0.2 * COUNT
+    assert worst_error(LIGHT_ARM, substep(100.0, 0.0, 0.002)) > COUNT  # what the sharpness alone would allow
+
+
+def test_substep_is_bounded_and_falls_with_sharpness():
+    steps = [substep(r, 0.0, 0.004) for r in (0.0, 1.0, 10.0, 100.0, 1000.0, 1e6)]
+    assert steps[0] == steps[1] == 0.004
+    assert np.all(np.diff(steps) <= 0)
+    assert 0 < steps[-1] < steps[3] <= 1e-3
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+@pytest.mark.parametrize("T", [0.001, 0.002, 0.004, 0.005, 0.01])
+def test_a_sample_takes_as_many_steps_for_every_sharpness_near_the_usual(T, plant):
+    """A step more is worth tens of nats: an estimate of r that starts at 100 must not meet it."""
+    rates = {r: plant.replace(friction_sharpness=r).friction_rate for r in np.linspace(80.0, 125.0, 46)}
+    assert len({math.ceil(T / substep(r, rate, 1e-3) - 1e-6) for r, rate in rates.items()}) == 1
+    assert substep(1000.0, 0.0, 1e-3) < 0.5e-3
+
+
+@given(thetas(), st.floats(1.0, 1000.0), st.floats(1.0, 1000.0))
+def test_friction_rate_is_the_largest_eigenvalue(theta, r1, r2):
+    mass = np.array([[theta[0], theta[2]], [theta[2], theta[3]]])
+    slope = np.diag([abs(theta[5]) + abs(theta[7]) * r1, abs(theta[6]) + abs(theta[8]) * r2])
+    expected = np.linalg.eigvals(np.linalg.solve(mass, slope)).real.max()
+    assert friction_rate(np.asarray(theta), r1, r2) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(thetas(), st.floats(1.0, 1000.0))
+def test_a_first_look_takes_longer_steps_that_are_stable(theta, r):
+    theta = np.asarray(theta)
+    rate, step = friction_rate(theta, r, r), fitted_step(theta, r, r, 1e-3, 1.0)
+    coarse = fitted_step(theta, r, r, 1e-3, 4.0)
+    assert step <= coarse <= 4.0 * step
+    assert coarse * rate < 2.78 or coarse == 5e-5  # never shorter, whatever a fit tries
+
+
+def test_a_fit_that_went_astray_still_ends():
+    """θ1 θ4 = θ3²: no inertia is left upright."""
+    assert fitted_step(np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 100.0, 100.0, 1e-3, 2.0) == 5e-5
