@@ -12,7 +12,7 @@ from .plant.integration_step import substep
 from .plant.plant import Plant
 from .sensors import Sensors
 
-LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where the friction's sharpness allows it
+LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where friction allows it
 FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
 MOST_STEPS = 10_000  # of integration in one sample; no rig needs a hundred

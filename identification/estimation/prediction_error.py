@@ -50,7 +50,7 @@ class PredictionError:
 
     plant: supplies the structure (effects) and the values of everything that is not free.
     noise: where it is not free.
-    coarser: factor on the integration step that the friction's sharpness allows, for a first look. pool: where filters
+    coarser: factor on the integration step that friction allows, for a first look. pool: where filters
     run side by side (None: in the caller's own thread, as inside a task of a pool they must). physical: penalise what
     no rigid body has. zeros: of the logs' encoders, where they are not free.
     """

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from experiments.bench import HiddenEffect, Rig
 from furuta_gym.plant import Plant
+from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.optimise import Expansion, minimise
 from identification.estimation.prediction_error import PredictionError
@@ -119,18 +120,23 @@ def test_a_play_has_no_error_bar() -> None:
     assert Plant.from_dict(estimate.plant.to_dict()) == estimate.plant
 
 
-def test_what_other_parameters_imitate_has_the_error_bar_of_its_profile() -> None:
-    """A tilt's weight moment beside a cable: the data hardly see it. One standard deviation away from the optimum,
-    with all others refitted, twice the loss of log-likelihood is about one."""
+@pytest.fixture(scope="module")
+def tilted() -> Estimate:
+    """A tilt's weight moment beside a cable: the data hardly see it."""
     effects = [HiddenEffect("arm_cable", 1.3), HiddenEffect("base_tilt", 2.7)]
     log = bench_log(Rig("desk", effects, individual=3), "paper", seed=1, duration=10.0)
-    estimate = identify(log, effects=["arm_cable", "base_tilt"])
-    problem, optimum = estimate.problem, estimate.optimum
+    return identify(log, effects=["arm_cable", "base_tilt"])
+
+
+def test_what_other_parameters_imitate_has_the_error_bar_of_its_profile(tilted: Estimate) -> None:
+    """One standard deviation away from the optimum, with all others refitted, twice the loss of log-likelihood is about
+    one."""
+    problem, optimum = tilted.problem, tilted.optimum
     assert problem is not None
     assert optimum is not None
     name = "base_tilt.G1"
     i = [c.name for c in problem.coordinates].index(name)
-    deviation = estimate.std[estimate.names.index(name)] / problem.coordinates[i].slope(optimum.z[i])
+    deviation = tilted.std[tilted.names.index(name)] / problem.coordinates[i].slope(optimum.z[i])
     for side in (-1.0, 1.0):
         z = optimum.z.copy()
         z[i] += side * deviation
@@ -138,10 +144,8 @@ def test_what_other_parameters_imitate_has_the_error_bar_of_its_profile() -> Non
         assert 0.3 < 2.0 * (refitted.value - optimum.value) < 3.0
 
 
-def test_an_error_bar_does_not_depend_on_the_step_of_the_differences() -> None:
-    log = bench_log(Rig("desk", [HiddenEffect("arm_cable", 1.3), HiddenEffect("base_tilt", 2.7)]), duration=10.0)
-    estimate = identify(log, effects=["arm_cable", "base_tilt"])
-    problem, optimum = estimate.problem, estimate.optimum
+def test_an_error_bar_does_not_depend_on_the_step_of_the_differences(tilted: Estimate) -> None:
+    problem, optimum = tilted.problem, tilted.optimum
     assert problem is not None
     assert optimum is not None
     own = [i for i, c in enumerate(problem.coordinates) if c.of_plant]
