@@ -1,6 +1,5 @@
 """M, C, g, friction, q̈ and energy of the compiled model (5) against SymPy's Lagrangian and the plain equations."""
 
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
