@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..arguments import ArgumentError
 from ..plant.effects import Effect
-from ..plant.integration_step import friction_rate
 from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
@@ -283,8 +282,8 @@ def _friction_rate(plant: Plant, drawn: bool) -> float:
     if drawn and plant.covariance is not None:
         std = dict(zip(plant.covariance.names, np.sqrt(np.diag(plant.covariance.matrix)).tolist(), strict=True))
         r = r + 2.0 * np.array([std.get(name, std.get("r", 0.0)) for name in ("r1", "r2")])
-    r1, r2 = np.maximum(r, plant.sharpest).tolist()
-    return friction_rate(plant.theta, r1, r2) + 1e-9
+    r1, r2 = r.tolist()
+    return plant.replace(friction_sharpness=(r1, r2)).friction_rate + 1e-9
 
 
 def _sensors(plant: Plant, options: Options) -> Sensors:

@@ -2,23 +2,46 @@
 
 import math
 
+import numpy as np
+
 from .compiled import compiled
+from .dynamics import rates
+from .layout import N_BASE
 
 _STEP_TIMES_RATE = 1.5  # of friction
 _STABLE = 2.5  # the same, for a first look; classical Runge–Kutta is stable up to 2.78
 _SHORTEST = 5e-5  # s, where θ is being fitted and may go astray
+_SMALL = 1e-3  # of the speed at which friction turns over
 
 
 @compiled
-def friction_rate(theta, r1, r2):
-    """λ [1/s]: how fast friction stops a slow motion near upright, the largest eigenvalue of M⁻¹ (F_v + F_c r).
+def rest_slopes(p, codes, rows, r1, r2):
+    """(a11, a12, a21, a22) [1/s]: how the accelerations fall with the speeds, −∂q̈/∂q̇, at rest upright, where the
+    inertia is the least.
 
-    theta: θ1 … θ9, in the rows of any array. r1, r2 [s/rad]: the friction's sharpness. M at q2 = 0, where the
-    inertia is the least."""
-    d1, d2 = abs(theta[5]) + abs(theta[7]) * r1, abs(theta[6]) + abs(theta[8]) * r2
-    det = max(theta[0] * theta[3] - theta[2] * theta[2], 1e-12 * theta[0] * theta[3])
-    half = 0.5 * (theta[3] * d1 + theta[0] * d2) / det
-    return half + math.sqrt(max(half * half - d1 * d2 / det, 0.0))
+    p: parameters of a plant as packed, codes: its effects, rows: of its state. r1, r2 [s/rad]: the sharpest frictions.
+    Where both directions differ, those of the steeper one."""
+    lanes = 5
+    P, X, K = np.empty((p.shape[0], lanes)), np.zeros((rows, lanes)), np.zeros((rows, lanes))
+    for k in range(lanes):
+        P[:, k] = p
+    t, W = np.zeros(lanes), np.zeros((2, lanes))
+    d1, d2 = _SMALL / max(r1, 1.0), _SMALL / max(r2, 1.0)
+    X[2, 1], X[2, 2], X[3, 3], X[3, 4] = d1, -d1, d2, -d2
+    rates(t, X, t, W, P, codes, np.empty((N_BASE, lanes)), np.empty((2, lanes)), K)
+    ahead = (K[2, 0] - K[2, 1]) / d1, (K[2, 0] - K[2, 3]) / d2, (K[3, 0] - K[3, 1]) / d1, (K[3, 0] - K[3, 3]) / d2
+    back = (K[2, 2] - K[2, 0]) / d1, (K[2, 4] - K[2, 0]) / d2, (K[3, 2] - K[3, 0]) / d1, (K[3, 4] - K[3, 0]) / d2
+    return ahead if ahead[0] + ahead[3] >= back[0] + back[3] else back
+
+
+@compiled
+def friction_rate(slopes, share1, share2):
+    """λ [1/s]: how fast friction stops a slow motion, the larger eigenvalue of the slopes, of which a share is left in
+    each joint; inf where the inertia vanishes."""
+    a11, a12, a21, a22 = share1 * slopes[0], share2 * slopes[1], share1 * slopes[2], share2 * slopes[3]
+    half = 0.5 * (a11 + a22)
+    rate = abs(half) + math.sqrt(max(half * half - (a11 * a22 - a12 * a21), 0.0))
+    return rate if rate >= 0.0 else math.inf
 
 
 @compiled
@@ -39,8 +62,7 @@ def substep(r, rate, longest):
 
 
 @compiled
-def fitted_step(theta, r1, r2, longest, coarser):
-    """`substep` [s] for a θ that is being fitted. coarser: factor on it for a first look, as far as that is stable."""
-    rate = friction_rate(theta, r1, r2)
-    step = max(_SHORTEST, substep(max(r1, r2), rate, longest))
+def fitted_step(sharpest, rate, longest, coarser):
+    """`substep` [s] for a plant that is being fitted. coarser: factor on it for a first look, as far as that is stable."""
+    step = max(_SHORTEST, substep(sharpest, rate, longest))
     return max(step, min(coarser * step, _STABLE / max(rate, 1e-9)))

@@ -22,7 +22,7 @@ from furuta_gym.files import in_short, read_json, write_whole
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
-from .integration_step import friction_rate
+from .integration_step import friction_rate, rest_slopes
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from .parameters import THETA_NAMES, physical_consistency, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
@@ -147,8 +147,9 @@ class Plant:
 
     @property
     def friction_rate(self) -> float:
-        """λ [1/s]: how fast friction stops a slow motion near upright."""
-        return friction_rate(self.theta, *self.sharpest)
+        """λ [1/s]: how fast friction stops a slow motion near upright, that of the effects included."""
+        p, codes, rows = self._packed
+        return friction_rate(rest_slopes(p, codes, rows, *self.sharpest), 1.0, 1.0)
 
     def default_effect(self, name: str) -> Effect:
         """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""

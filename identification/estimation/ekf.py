@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import shared_steps
-from furuta_gym.plant.integration_step import fitted_step
+from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 from furuta_gym.plant.layout import N_BASE, R1, R2
 
 from ..kalman.arguments import Gaussian, Readings
@@ -138,7 +138,7 @@ def _track(readings, state, scaling, noise, wander, age, history):
     P, X = np.empty((N_BASE, lanes)), np.empty((4, lanes))
     Phi, work, H = np.eye(n), np.empty((n, n)), np.zeros((2, n))
     K, CH, d, e, S, prior = np.empty((n, 2)), np.empty(n), np.empty(2), np.empty(2), np.empty(3), np.empty(2)
-    torques = np.empty(4)
+    torques, no_effects = np.empty(4), np.empty((0, 3), dtype=np.int64)
     H[0, 0] = 1.0
     H[1, 1] = 1.0
     for k in range(y.shape[0]):
@@ -152,7 +152,8 @@ def _track(readings, state, scaling, noise, wander, age, history):
                     P[i, lane] = math.exp(eta) if i < _LOG else eta * scale[i - _LOG]
                 P[R1, lane] = effective_sharpness(r[0], C[2, 2])
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
-            longest = fitted_step(P[:, 0], P[R1, 0], P[R2, 0], 1e-3, 1.0)
+            slopes = rest_slopes(P[:, 0].copy(), no_effects, 4, P[R1, 0], P[R2, 0])
+            longest = fitted_step(max(P[R1, 0], P[R2, 0]), friction_rate(slopes, 1.0, 1.0), 1e-3, 1.0)
             steps = max(1, math.ceil(T / longest - 1e-6))
             shared_steps(X, u[k - 1, 0], T / steps, steps, P)
             for i in range(4):

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance_within, shared_steps, workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.integration_step import fitted_step
+from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 from furuta_gym.plant.layout import ParameterLayout
 
 from .leaders import packed, shaken, step_leaders
@@ -49,6 +49,18 @@ def whole_registers(lanes):
 def effective_sharpness(r, variance):
     """ρ [s/rad]: the sharpness left of r where the velocity is known to this variance [rad²/s²]."""
     return r / math.sqrt(1.0 + 0.5 * math.pi * r * r * variance)
+
+
+@compiled
+def sharpest(p, sharp):
+    """(r1, r2) [s/rad]: the sharpest frictions of a plant, and 1 at least. p: its parameters, sharp: see `Model`."""
+    r1, r2 = 1.0, 1.0
+    for m in range(sharp.shape[0]):
+        if sharp[m, 1] == 2:
+            r1 = max(r1, p[sharp[m, 0]])
+        else:
+            r2 = max(r2, p[sharp[m, 0]])
+    return r1, r2
 
 
 @compiled(nogil=True)
@@ -153,6 +165,8 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
         PL[:, k] = P[:, owner[k]]
     blunt, variance = PL.copy(), np.empty(lanes)
     work, state, source = workspace(n, lanes)
+    full1, full2 = sharpest(P[:, 0], sharp)
+    slopes = rest_slopes(P[:, 0].copy(), codes, n, full1, full2)
     x = first.mean.copy()
     # lanes of leaders beyond the last do as filter 0
     C, theta, intensity, q2 = np.empty((n * (n + 1) // 2, L)), np.empty((4, L)), np.empty((4, L)), np.empty(L)
@@ -176,7 +190,6 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
         if k > 0:
             T = t[k] - t[k - 1]
             _spread(X, x, exact)
-            r1, r2 = 1.0, 1.0
             for m in range(sharp.shape[0]):
                 row, velocity = sharp[m, 0], packed(sharp[m, 1], sharp[m, 1])
                 for i in range(lanes):
@@ -187,11 +200,8 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
                     variance[i] = C[velocity, owner[i]]
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
-                if sharp[m, 1] == 2:
-                    r1 = max(r1, PL[row, 0])
-                else:
-                    r2 = max(r2, PL[row, 0])
-            longest = fitted_step(P[:, 0], r1, r2, _LONGEST, coarser)
+            r1, r2 = sharpest(PL[:, 0], sharp)
+            longest = fitted_step(max(r1, r2), friction_rate(slopes, r1 / full1, r2 / full2), _LONGEST, coarser)
             if plain:
                 steps = max(1, math.ceil(T / longest - 1e-6))
                 shared_steps(X, u[k - 1, 0], T / steps, steps, PL)

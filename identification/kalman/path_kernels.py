@@ -5,9 +5,9 @@ import numpy as np
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.integration_step import fitted_step
+from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 
-from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, whole_registers
+from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, sharpest, whole_registers
 
 
 @compiled(nogil=True)
@@ -32,21 +32,18 @@ def follow_log(readings, used, model, assumed, spread, longest_step, kept, found
     for i in range(lanes):
         PL[:, i] = P[:, 0]
     work, CH = np.empty((n, n)), np.empty((n, 2))
+    full1, full2 = sharpest(P[:, 0], sharp)
+    slopes = rest_slopes(P[:, 0].copy(), codes, rows, full1, full2)
     C, d = first.copy(), np.zeros(n)
     small = 1e-3 * P[3, 0]  # of a torque, for its Jacobian: the motion is nearly linear in it
     for k in range(N):
         if k > 0:
             T = t[k] - t[k - 1]
-            r1, r2 = 1.0, 1.0
             for m in range(sharp.shape[0]):
                 row, v = sharp[m, 0], sharp[m, 1]
                 known = spread[k - 1, v - 2] if given else C[v, v]
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(P[row, 0], known)
-                if v == 2:
-                    r1 = max(r1, PL[row, 0])
-                else:
-                    r2 = max(r2, PL[row, 0])
             for i in range(lanes):
                 X[:, i] = about[k - 1, :rows]
                 for a in range(2):
@@ -55,7 +52,8 @@ def follow_log(readings, used, model, assumed, spread, longest_step, kept, found
                 X[i, 1 + i] += STATE_STEP
             W[0, rows + 1] += small
             W[1, rows + 2] += small
-            step = fitted_step(P[:, 0], r1, r2, longest_step, 1.0)
+            r1, r2 = sharpest(PL[:, 0], sharp)
+            step = fitted_step(max(r1, r2), friction_rate(slopes, r1 / full1, r2 / full2), longest_step, 1.0)
             advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step)
             for i in range(rows):
                 for m in range(rows):

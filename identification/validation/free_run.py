@@ -66,8 +66,7 @@ def free_run(path: FilterPath, windows: Windows, longest_step: float = LONGEST_S
     A run that leaves all bounds gives inf.
     """
     p, codes, rows = path.plant.packed()
-    r1, r2 = (min(1e4, r) for r in path.plant.sharpest)
-    h_max = fitted_step(p, r1, r2, longest_step, 1.0)
+    h_max = fitted_step(min(1e4, max(path.plant.sharpest)), path.plant.friction_rate, longest_step, 1.0)
     errors = np.full((*windows.targets.shape, 2), np.inf)
     states = np.ascontiguousarray(path.filtered[windows.starts, :rows])
     P = np.repeat(p[:, None], windows.open_at_once, axis=1)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furuta_gym.plant import PLANTS, QUBE, TABLE_3
-from furuta_gym.plant.integration_step import fitted_step, friction_rate, substep
+from furuta_gym.plant import PLANTS, QUBE, TABLE_3, Effect, Plant
+from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes, substep
 from tests.furuta_gym.plant.helpers import reference_run, run, square_waves
 from tests.furuta_gym.plant.strategies import thetas
 
@@ -60,23 +60,57 @@ def test_a_sample_takes_as_many_steps_for_every_sharpness_near_the_usual(T, plan
     assert substep(1000.0, 0.0, 1e-3) < 0.5e-3
 
 
+def rate_by_numpy(plant: Plant, level1: float = 0.0, level2: float = 0.0) -> float:
+    """The largest eigenvalue of M⁻¹ (F_v + F_c r) upright, with so much more dry friction in each joint."""
+    theta, (r1, r2) = plant.theta, plant.sharpness
+    mass = np.array([[theta[0], theta[2]], [theta[2], theta[3]]])
+    slope = np.diag([theta[5] + (theta[7] + level1) * r1, theta[6] + (theta[8] + level2) * r2])
+    return float(np.linalg.eigvals(np.linalg.solve(mass, slope)).real.max())
+
+
 @given(thetas(), st.floats(1.0, 1000.0), st.floats(1.0, 1000.0))
 def test_friction_rate_is_the_largest_eigenvalue(theta, r1, r2):
-    mass = np.array([[theta[0], theta[2]], [theta[2], theta[3]]])
-    slope = np.diag([abs(theta[5]) + abs(theta[7]) * r1, abs(theta[6]) + abs(theta[8]) * r2])
-    expected = np.linalg.eigvals(np.linalg.solve(mass, slope)).real.max()
-    assert friction_rate(np.asarray(theta), r1, r2) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    plant = TABLE_3.replace(theta=theta, friction_sharpness=(r1, r2))
+    assert plant.friction_rate == pytest.approx(rate_by_numpy(plant), rel=1e-4, abs=1e-4)
 
 
-@given(thetas(), st.floats(1.0, 1000.0))
-def test_a_first_look_takes_longer_steps_that_are_stable(theta, r):
-    theta = np.asarray(theta)
-    rate, step = friction_rate(theta, r, r), fitted_step(theta, r, r, 1e-3, 1.0)
-    coarse = fitted_step(theta, r, r, 1e-3, 4.0)
+@pytest.mark.parametrize(
+    ("effect", "level1", "level2"),
+    [
+        (Effect("arm_stribeck", {"ΔF": 0.9, "vs": 0.3}), 0.9, 0.0),
+        (Effect("pendulum_stribeck", {"ΔF": 0.02, "vs": 0.3}), 0.0, 0.02),
+        (Effect("arm_coulomb_asymmetry", {"a": -0.05}), 0.05, 0.0),
+    ],
+)
+def test_friction_of_effects_counts(effect, level1, level2):
+    """In the direction in which there is more of it."""
+    assert QUBE.with_effects(effect).friction_rate == pytest.approx(rate_by_numpy(QUBE, level1, level2), rel=1e-3)
+
+
+def test_another_sharpness_counts():
+    sharp = QUBE.with_effects(Effect("friction_sharpness", {"r1": 250.0, "r2": 40.0}))
+    assert sharp.friction_rate == pytest.approx(rate_by_numpy(QUBE.replace(friction_sharpness=(250.0, 40.0))), rel=1e-3)
+
+
+@pytest.mark.parametrize("strength", [3.0, 25.0])
+def test_step_rule_keeps_friction_near_standstill_resolved(strength):
+    """Friction of an effect is as stiff as that of model (5)."""
+    stribeck = Effect("arm_stribeck", {"ΔF": strength * QUBE.theta[7], "vs": 0.3})
+    plant = QUBE.with_effects(stribeck)
+    h = substep(100.0, plant.friction_rate, 0.002)
+    assert worst_error(plant, h) < 0.2 * COUNT
+
+
+@given(st.floats(1.0, 1e4), st.floats(0.0, 1e5))
+def test_a_first_look_takes_longer_steps_that_are_stable(r, rate):
+    step, coarse = (fitted_step(r, rate, 1e-3, coarser) for coarser in (1.0, 4.0))
     assert step <= coarse <= 4.0 * step
     assert coarse * rate < 2.78 or coarse == 5e-5  # never shorter, whatever a fit tries
 
 
-def test_a_fit_that_went_astray_still_ends():
+@pytest.mark.parametrize("lost", [0.0, np.nan])
+def test_a_fit_that_went_astray_still_ends(lost):
     """θ1 θ4 = θ3²: no inertia is left upright."""
-    assert fitted_step(np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 100.0, 100.0, 1e-3, 2.0) == 5e-5
+    p = np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0 + lost, 1.0, 100.0, 100.0])
+    slopes = rest_slopes(p, np.empty((0, 3), dtype=np.int64), 4, 100.0, 100.0)
+    assert fitted_step(100.0, friction_rate(slopes, 1.0, 1.0), 1e-3, 2.0) == 5e-5
