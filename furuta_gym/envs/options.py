@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -184,9 +184,7 @@ class Setup:
 
     def _substeps(self) -> int:
         """Runge–Kutta steps a sample, at least two: see `FurutaEnv` for the rule and its error."""
-        longest = min(
-            self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random.plant, self.draws.posterior)
-        )
+        longest = min(self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random, self.draws.posterior))
         share = self.random.physical
         longest *= (1.0 - share) / (1.0 + share)  # the lightest rig with the most friction
         if self.random.plant.effect("arm_presliding") is not None:
@@ -274,16 +272,17 @@ def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:
     return found
 
 
-def _friction_rate(plant: Plant, drawn: bool) -> float:
+def _friction_rate(random: Randomization, drawn: bool) -> float:
     """λ [1/s]: how fast friction stops a slow motion near upright.
 
     drawn: with an r that two standard deviations of the plant's covariance may make sharper."""
+    plant = random.plant
     r = np.array(plant.sharpness)
     if drawn and plant.covariance is not None:
         std = dict(zip(plant.covariance.names, np.sqrt(np.diag(plant.covariance.matrix)).tolist(), strict=True))
         r = r + 2.0 * np.array([std.get(name, std.get("r", 0.0)) for name in ("r1", "r2")])
     r1, r2 = r.tolist()
-    return plant.replace(friction_sharpness=(r1, r2)).friction_rate + 1e-9
+    return replace(random, plant=plant.replace(friction_sharpness=(r1, r2))).friction_rate + 1e-9
 
 
 def _sensors(plant: Plant, options: Options) -> Sensors:

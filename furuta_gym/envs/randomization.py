@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ..plant.compiled import compiled
 from ..plant.effects import Effect
 from ..plant.effects.declaration import Parameter
-from ..plant.layout import FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
+from ..plant.integration_step import friction_rate, rest_slopes
+from ..plant.layout import BASE_NAMES, FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from ..plant.plant import Plant
 from ..plant.sampling import sampled_plants
 from . import ranges as rg
@@ -74,6 +75,16 @@ class Randomization:
             return float(self.table[_UPPER, row])
         chance = self.table[_TO, row]
         return max(delay.parameters["d"], 0.0 if math.isnan(chance) else float(chance), *drawn.tolist())
+
+    @property
+    def friction_rate(self) -> float:
+        """λ [1/s]: how fast friction stops a slow motion near upright, the largest in any episode as far as effects go:
+        what ranges draw is at its own value, or all at the upper end."""
+        p, codes, rows = self.plant.packed()
+        for row in self.ranges[self.ranges[:, _TARGET] >= len(BASE_NAMES)]:
+            if math.isfinite(row[_MOST]):
+                p[int(row[_TARGET])] = row[_MOST]
+        return max(self.plant.friction_rate, friction_rate(rest_slopes(p, codes, rows), 1.0, 1.0))
 
     def narrowed(self, level: float, rig: NDArray[np.float64]) -> "Randomization":
         """The same with every range drawn in: `level` in [0, 1] is how far it reaches from the plant's own value.

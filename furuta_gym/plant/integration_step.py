@@ -11,27 +11,28 @@ from .layout import N_BASE
 _STEP_TIMES_RATE = 1.5  # of friction
 _STABLE = 2.5  # the same, for a first look; classical Runge–Kutta is stable up to 2.78
 _SHORTEST = 5e-5  # s, where θ is being fitted and may go astray
-_SMALL = 1e-3  # of the speed at which friction turns over
+_SMALL = 1e-7  # rad/s: far below the speed 1/r at which any friction turns over
 
 
 @compiled
-def rest_slopes(p, codes, rows, r1, r2):
+def rest_slopes(p, codes, rows):
     """(a11, a12, a21, a22) [1/s]: how the accelerations fall with the speeds, −∂q̈/∂q̇, at rest upright, where the
     inertia is the least.
 
-    p: parameters of a plant as packed, codes: its effects, rows: of its state. r1, r2 [s/rad]: the sharpest frictions.
-    Where both directions differ, those of the steeper one."""
+    p: parameters of a plant as packed, codes: its effects, rows: of its state. Where both directions differ, those of
+    the steeper one."""
     lanes = 5
     P, X, K = np.empty((p.shape[0], lanes)), np.zeros((rows, lanes)), np.zeros((rows, lanes))
     for k in range(lanes):
         P[:, k] = p
     t, W = np.zeros(lanes), np.zeros((2, lanes))
-    d1, d2 = _SMALL / max(r1, 1.0), _SMALL / max(r2, 1.0)
-    X[2, 1], X[2, 2], X[3, 3], X[3, 4] = d1, -d1, d2, -d2
+    X[2, 1], X[2, 2], X[3, 3], X[3, 4] = _SMALL, -_SMALL, _SMALL, -_SMALL
     rates(t, X, t, W, P, codes, np.empty((N_BASE, lanes)), np.empty((2, lanes)), K)
-    ahead = (K[2, 0] - K[2, 1]) / d1, (K[2, 0] - K[2, 3]) / d2, (K[3, 0] - K[3, 1]) / d1, (K[3, 0] - K[3, 3]) / d2
-    back = (K[2, 2] - K[2, 0]) / d1, (K[2, 4] - K[2, 0]) / d2, (K[3, 2] - K[3, 0]) / d1, (K[3, 4] - K[3, 0]) / d2
-    return ahead if ahead[0] + ahead[3] >= back[0] + back[3] else back
+    still = K[:, 0].copy()
+    for k in range(1, lanes):
+        K[:, k] = (still - K[:, k]) / (_SMALL if k % 2 == 1 else -_SMALL)
+    i = 1 if K[2, 1] + K[3, 3] >= K[2, 2] + K[3, 4] else 2
+    return K[2, i], K[2, i + 2], K[3, i], K[3, i + 2]
 
 
 @compiled
@@ -63,6 +64,6 @@ def substep(r, rate, longest):
 
 @compiled
 def fitted_step(sharpest, rate, longest, coarser):
-    """`substep` [s] for a plant that is being fitted. coarser: factor on it for a first look, as far as that is stable."""
+    """`substep` [s] for a plant that is being fitted. coarser: factor on it for a first look, as far as is stable."""
     step = max(_SHORTEST, substep(sharpest, rate, longest))
     return max(step, min(coarser * step, _STABLE / max(rate, 1e-9)))

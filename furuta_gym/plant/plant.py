@@ -149,7 +149,7 @@ class Plant:
     def friction_rate(self) -> float:
         """λ [1/s]: how fast friction stops a slow motion near upright, that of the effects included."""
         p, codes, rows = self._packed
-        return friction_rate(rest_slopes(p, codes, rows, *self.sharpest), 1.0, 1.0)
+        return friction_rate(rest_slopes(p, codes, rows), 1.0, 1.0)
 
     def default_effect(self, name: str) -> Effect:
         """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""

@@ -152,7 +152,7 @@ def _track(readings, state, scaling, noise, wander, age, history):
                     P[i, lane] = math.exp(eta) if i < _LOG else eta * scale[i - _LOG]
                 P[R1, lane] = effective_sharpness(r[0], C[2, 2])
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
-            slopes = rest_slopes(P[:, 0].copy(), no_effects, 4, P[R1, 0], P[R2, 0])
+            slopes = rest_slopes(P[:, 0].copy(), no_effects, 4)
             longest = fitted_step(max(P[R1, 0], P[R2, 0]), friction_rate(slopes, 1.0, 1.0), 1e-3, 1.0)
             steps = max(1, math.ceil(T / longest - 1e-6))
             shared_steps(X, u[k - 1, 0], T / steps, steps, P)

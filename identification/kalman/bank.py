@@ -166,7 +166,7 @@ def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, r
     blunt, variance = PL.copy(), np.empty(lanes)
     work, state, source = workspace(n, lanes)
     full1, full2 = sharpest(P[:, 0], sharp)
-    slopes = rest_slopes(P[:, 0].copy(), codes, n, full1, full2)
+    slopes = rest_slopes(P[:, 0].copy(), codes, n)
     x = first.mean.copy()
     # lanes of leaders beyond the last do as filter 0
     C, theta, intensity, q2 = np.empty((n * (n + 1) // 2, L)), np.empty((4, L)), np.empty((4, L)), np.empty(L)

@@ -33,7 +33,7 @@ def follow_log(readings, used, model, assumed, spread, longest_step, kept, found
         PL[:, i] = P[:, 0]
     work, CH = np.empty((n, n)), np.empty((n, 2))
     full1, full2 = sharpest(P[:, 0], sharp)
-    slopes = rest_slopes(P[:, 0].copy(), codes, rows, full1, full2)
+    slopes = rest_slopes(P[:, 0].copy(), codes, rows)
     C, d = first.copy(), np.zeros(n)
     small = 1e-3 * P[3, 0]  # of a torque, for its Jacobian: the motion is nearly linear in it
     for k in range(N):

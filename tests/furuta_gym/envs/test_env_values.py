@@ -59,3 +59,11 @@ def test_drawn_sharpness_shortens_the_step():
     assert FurutaEnv(sharp, randomize=True).setup.numbers is not None
     steps = [FurutaEnv(sharp, randomize=drawn).setup._substeps() for drawn in (False, True)]
     assert steps[1] > steps[0]
+
+
+def test_friction_of_effects_shortens_the_step():
+    """Their own value, or what is drawn: up to the end of the range."""
+    stribeck = QUBE.with_effects(Effect("arm_stribeck", {"ΔF": 25.0 * QUBE.theta[7], "vs": 0.3}))
+    plain, strong = (FurutaEnv(plant).setup._substeps() for plant in (QUBE, stribeck))
+    assert strong > 10 * plain
+    assert FurutaEnv(QUBE, randomize="arm_stribeck.ΔF=uniform:0,3").setup._substeps() == strong

@@ -112,5 +112,5 @@ def test_a_first_look_takes_longer_steps_that_are_stable(r, rate):
 def test_a_fit_that_went_astray_still_ends(lost):
     """θ1 θ4 = θ3²: no inertia is left upright."""
     p = np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0 + lost, 1.0, 100.0, 100.0])
-    slopes = rest_slopes(p, np.empty((0, 3), dtype=np.int64), 4, 100.0, 100.0)
+    slopes = rest_slopes(p, np.empty((0, 3), dtype=np.int64), 4)
     assert fitted_step(100.0, friction_rate(slopes, 1.0, 1.0), 1e-3, 2.0) == 5e-5
