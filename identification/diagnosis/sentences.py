@@ -100,10 +100,11 @@ def nearest(names: Sequence[str]) -> str:
 
 def vetoed(names: Sequence[str]) -> str:
     """That held-out data show no gain."""
-    explains = "explains" if len(names) == 1 else "explain"
+    explains, it = ("explains", "It") if len(names) == 1 else ("explain", "They")
     return (
         f"{capital(effects(names))} {explains} the fitted logs, but predictions of held-out data do not improve. No "
-        "name is given. Check that all logs are of one rig, with nothing changed in between."
+        f"name is given. {it} may follow another law than the library's, or imitate something else. Check that all logs "
+        "are of one rig, with nothing changed in between."
     )
 
 
