@@ -103,8 +103,8 @@ def vetoed(names: Sequence[str]) -> str:
     explains, it = ("explains", "It") if len(names) == 1 else ("explain", "They")
     return (
         f"{capital(effects(names))} {explains} the fitted logs, but predictions of held-out data do not improve. No "
-        f"name is given. {it} may follow another law than the library's, or imitate something else. Check that all logs "
-        "are of one rig, with nothing changed in between."
+        f"name is given. {it} may follow another law than the library's, or imitate something else. Check that all "
+        "logs are of one rig, with nothing changed in between."
     )
 
 
