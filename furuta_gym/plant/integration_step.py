@@ -8,8 +8,8 @@ from .compiled import compiled
 from .dynamics import rates
 from .layout import N_BASE
 
-_STEP_TIMES_RATE = 1.5  # of friction
-_STABLE = 2.5  # the same, for a first look; classical Runge–Kutta is stable up to 2.78
+_STEP_TIMES_RATE = 1.0  # of friction
+_AT_FIRST = 1.5  # the same, for a first look
 _SHORTEST = 5e-5  # s, where θ is being fitted and may go astray
 _SMALL = 1e-7  # rad/s: far below the speed 1/r at which any friction turns over
 
@@ -55,8 +55,8 @@ def substep(r, rate, longest):
     the usual r = 100 to 130 the step stays as it is: one more in a sample changes a likelihood by tens of nats, and an
     estimate of r near 100 would take that for evidence.
 
-    Where the arm is light for its friction, the rate bounds the step further: h λ ≤ 1.5. At h λ = 5 the error of a
-    prediction 0.3 s ahead is a count of an 8192-count encoder, at 1.5 a hundredth.
+    Where the arm is light for its friction, the rate bounds the step further: h λ ≤ 1. At h λ = 5 the error of a
+    prediction 0.3 s ahead is a count of an 8192-count encoder, at 1 a hundredth or less.
     """
     resolved = r if r < 100.0 else max(100.0, r / 1.3)
     return min(longest, 1e-3 * (100.0 / max(resolved, 1.0)) ** 0.6, _STEP_TIMES_RATE / max(rate, 1e-9))
@@ -64,6 +64,6 @@ def substep(r, rate, longest):
 
 @compiled
 def fitted_step(sharpest, rate, longest, coarser):
-    """`substep` [s] for a plant that is being fitted. coarser: factor on it for a first look, as far as is stable."""
+    """`substep` [s] for a plant that is being fitted. coarser: factor on it for a first look, as far as h λ ≤ 1.5."""
     step = max(_SHORTEST, substep(sharpest, rate, longest))
-    return max(step, min(coarser * step, _STABLE / max(rate, 1e-9)))
+    return max(step, min(coarser * step, _AT_FIRST / max(rate, 1e-9)))
