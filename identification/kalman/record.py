@@ -19,6 +19,7 @@ SHORTEST = 20
 
 _SAME_STEP = 0.1  # an encoder step that the samples show differs from the declared one beyond this fraction
 _LOST = 0.05  # share of a log's samples in short stretches from which it is told
+_LEAST_PARABOLA = 5  # readings through which a parabola's first slope is taken; a line where there are fewer
 _LEAST = 1e-14  # rad², of a reading's variance
 
 
@@ -75,8 +76,7 @@ class Record:
         stamps, readings = np.array(t, dtype=float), np.array(y, dtype=float)
         stamps -= stamps[0]
         m = min(len(stamps), max(6, int(np.searchsorted(stamps, 0.02))))
-        slope = np.polyfit(stamps[:m], readings[:m], 1 if m < 12 else 2)[-2]
-        spread = 3.0 * math.sqrt(12.0 * float(np.max(variance)) / m) / max(stamps[m - 1], 1e-6)
+        slope, spread = _first_velocity(stamps[:m], readings[:m], float(np.max(variance)))
         commands = np.array(u, dtype=float).reshape(-1, 1)
         known = np.array(quantum, dtype=float), np.array(variance, dtype=float)
         return cls(stamps + start, readings, commands, *known, slope, 0.1 + spread)
@@ -132,6 +132,19 @@ def stretches(logs: Sequence[Log]) -> list[Stretch]:
             "Expected spacings that rarely exceed one and a half times their median; check the time column."
         )
     return found
+
+
+def _first_velocity(
+    t: NDArray[np.float64], y: NDArray[np.float64], variance: float
+) -> tuple[NDArray[np.float64], float]:
+    """Slope (2,) [rad/s] of a parabola through the readings at the first one, and three of its standard deviations.
+
+    A straight line is off by half the acceleration times the duration, which its own scatter does not show.
+    """
+    n, duration = len(t), max(float(t[-1]), 1e-6)
+    curved = n >= _LEAST_PARABOLA
+    spread = math.sqrt((192.0 if curved else 12.0) * variance / n) / duration
+    return np.polyfit(t, y, 2 if curved else 1)[-2], 3.0 * spread
 
 
 def _record(piece: Log, log: Log, quantum: NDArray[np.float64], variance: NDArray[np.float64]) -> Record:
