@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from itertools import groupby, zip_longest
 
 from experiments.bench import SETS, catalogue
+from furuta_gym.plant.effects import where_to_look
 
 from .draws import COMPOSITE, Maker, allowed_pairs
 from .trial import KINDS, PLAIN, SPLITS, Trial
@@ -73,8 +74,8 @@ def make_plan(
 def _among(what: str, given: Sequence[str], known: Sequence[str]) -> list[str]:
     strange = sorted(set(given) - set(known))
     if strange:
-        there = "`furuta effects` lists them" if what == "effects" else f"there are {', '.join(known)}"
-        raise ValueError(f"unknown {what}: {', '.join(strange)}; {there}")
+        there = where_to_look(strange, known) if what == "effects" else f"; there are {', '.join(known)}"
+        raise ValueError(f"unknown {what}: {', '.join(strange)}{there}")
     return [name for name in known if name in given] if given else list(known)
 
 

@@ -225,7 +225,7 @@ ODD: dict[str, tuple[str, tuple[str, ...]]] = {
     "an effect in detail": ("effects foo", ("`furuta effects` lists the library",)),
     "an effect to separate": ("excite --plant qube --between input_delay,foo -o d.csv", ("--between foo: no such",)),
     "one effect to separate": ("excite --plant qube --between base_tilt -o d.csv", ("two effects or more, such as",)),
-    "an effect of trials": ("trials --effects foo -o t", ("unknown effects: foo; `furuta effects` lists them",)),
+    "an effect of trials": ("trials --effects foo -o t", ("unknown effects: foo. `furuta effects` lists the library",)),
     "no seeds": ("trials --seeds 0 -o t", ("--seeds 0: expected 1 to 1000",)),
     "a horizon": ("validate qube LOG --horizon -1", ("--horizon -1: expected seconds, above 0 and at most 5",)),
     "plant and log swapped": ("validate LOG rig.json", ("validate PLANT LOG…",)),

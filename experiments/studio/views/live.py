@@ -111,17 +111,19 @@ async def compute(frame: Frame, live: Live, settle: bool = False) -> None:
     if not settle and began - live.told < SELDOM:
         return  # the hand moves on: the next picture comes first, and the numbers are told when it rests
     live.told = began
-    await _numbers(frame, live, picture)
+    await _numbers(frame, live, window, picture)
 
 
-async def _numbers(frame: Frame, live: Live, picture: Picture) -> None:
-    """Measure a picture, and say the numbers."""
-    assert live.window is not None
+async def _numbers(frame: Frame, live: Live, window: PredictionWindow, picture: Picture) -> None:
+    """Measure a picture of a window, and say the numbers."""
     try:
-        live.last = await off_loop(live.window.measured, picture)
+        measured = await off_loop(window.measured, picture)
     except Exception as error:
         put_texts({live.detail: sentence(error)})
         return
+    if live.window is not window:  # its floor was measured anew meanwhile, and a picture of that follows
+        return
+    live.last = measured
     say(live, moving=not picture.settled)
     if picture.settled:
         say_command(frame, live)
