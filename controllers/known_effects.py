@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import rates
-from furuta_gym.plant.effects.dispatch import add_torques, map_command, read_sensors
+from furuta_gym.plant.effects.dispatch import add_torques, map_command
 from furuta_gym.plant.layout import N_BASE
+from furuta_gym.sensors import angles_read
 
 from .base import DesignError
 
 _TABLE = 513  # points of the tabulated command map
-_ROUNDS = 50  # of the search for the angles that a reading stands for
 
 
 class KnownEffects:
@@ -67,15 +67,7 @@ class KnownEffects:
         if not self.reads_wrong:
             return y
         wanted = y.reshape(2, -1)
-        P = np.repeat(self._p, wanted.shape[1], axis=1)
-        q = wanted.copy()
-        for _ in range(_ROUNDS):  # each gains as many digits as the reading's slope is near one
-            Y = q.copy()
-            read_sensors(np.concatenate([q, np.zeros((self._rows - 2, q.shape[1]))]), P, self._codes, Y)
-            q += wanted - Y
-            if not np.abs(wanted - Y).max() > 1e-9:
-                break
-        return q.reshape(y.shape)
+        return angles_read(wanted, np.repeat(self._p, wanted.shape[1], axis=1), self._codes).reshape(y.shape)
 
     def command(self, torque: Any) -> Any:
         """The command whose static map gives the wanted motor torque."""

@@ -14,6 +14,9 @@ from .plant.compiled import compiled
 from .plant.effects.dispatch import read_sensors
 from .plant.plant_file import SensorsEntry
 
+_ROUNDS = 100  # of the search for the angles that a reading stands for
+_CLOSE = 1e-13  # rad
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -82,6 +85,23 @@ class Sensors:
         offset[:] = np.asarray(self.offset)[:, None]
         read_encoders(X, P, codes, offset, noise, self.resolution, Y)
         return Y
+
+
+def angles_read(readings: NDArray[np.float64], P: NDArray[np.float64], codes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Angles (2, L) [rad] at which encoders without offset, noise and rounding read `readings` (2, L).
+
+    P (n, L), codes: the plants as packed, for their sensor effects. Each round gains as many digits as the readings'
+    slope is near one."""
+    q = readings.copy()
+    for _ in range(_ROUNDS):
+        read = q.copy()
+        if not read_sensors(q, P, codes, read):
+            break
+        missed = readings - read
+        q += missed
+        if not np.abs(missed).max() > _CLOSE:
+            break
+    return q
 
 
 @compiled

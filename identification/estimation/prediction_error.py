@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.layout import N_BASE
 
 from ..kalman.arguments import BankResult, Gaussian, LeaderReadings, Model
@@ -128,15 +127,10 @@ class PredictionError:
         B, N = len(bank), len(record.t)
         if not np.isfinite(P[:N_BASE]).all() or np.any(P[0] * P[3] <= P[2] ** 2):
             return None
-        x0 = np.zeros((self.rows, B))
         zeros = np.ascontiguousarray(
             np.array([filled_zeros(self.coordinates, z, record.log, self.zeros) for z in bank]).T
         )
-        x0[:2] = record.y[0][:, None] - zeros
-        reading = x0[:2].copy()
-        read_sensors(x0, P, self.codes, reading)
-        x0[:2] -= reading - x0[:2]
-        x0[2:4] = record.velocity[:, None]
+        x0 = record.first_state(P, self.codes, self.rows, zeros)
         C0 = np.zeros((self.rows, self.rows))
         C0[[0, 1], [0, 1]] = _VAGUE * record.variance
         C0[[2, 3], [2, 3]] = record.velocity_std**2

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.effects.dispatch import read_sensors
 
 from .arguments import Assumed, Filtered, Linearised, Model
 from .bank import sharpness_rows
@@ -181,12 +180,7 @@ def _empty(plant: Plant, record: Record, noise: RecordNoise, walk: Array | None)
     first[[2, 3], [2, 3]] = record.velocity_std**2
     if walk is not None:
         first[[-2, -1], [-2, -1]] = walk
-    x0 = np.zeros((rows, 1))
-    x0[:2, 0] = record.y[0]
-    reading = x0[:2].copy()
-    read_sensors(x0, p[:, None], codes, reading)
-    x0[:2] -= reading - x0[:2]
-    x0[2:4, 0] = record.velocity
+    x0 = record.first_state(p[:, None], codes, rows)
     kept = Linearised(*(np.zeros((N, *shape)) for shape in ((n,), (n,), (2,), (n, n), (n, 2), (2, n))))
     kept.carried[0, :rows] = x0[:, 0]
     found = Filtered(*(np.zeros((N, *shape)) for shape in ((n,), (n, n), (n, 2), (2,), (3,))))

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from furuta_gym.sensors import angles_read
+
 from ..logs.checks import LogError, warn
 from ..logs.encoders import FEWEST_STEPS
 from ..logs.log import Log
@@ -20,6 +22,7 @@ SHORTEST = 20
 _SAME_STEP = 0.1  # an encoder step that the samples show differs from the declared one beyond this fraction
 _LOST = 0.05  # share of a log's samples in short stretches from which it is told
 _LEAST_PARABOLA = 5  # readings through which a parabola's first slope is taken; a line where there are fewer
+_MOMENT = 1e-3  # s, over which a change of the readings is taken for a velocity
 _LEAST = 1e-14  # rad², of a reading's variance
 
 
@@ -49,6 +52,18 @@ class Record:
     def moved(self, zeros: ArrayLike) -> Record:
         """The readings less zeros (2,) [rad]."""
         return replace(self, y=self.y - np.asarray(zeros, dtype=float))
+
+    def first_state(
+        self, P: NDArray[np.float64], codes: NDArray[np.int64], rows: int, zeros: NDArray[np.float64] | float = 0.0
+    ) -> NDArray[np.float64]:
+        """States (rows, B) in which encoders of the plants P (n, B), effects `codes`, whose zeros are off by `zeros`
+        (2, B) [rad], read the first angles and velocities; what else a state has is zero."""
+        read = np.repeat(self.y[0][:, None], P.shape[1], axis=1) - zeros
+        later = read + _MOMENT * self.velocity[:, None]
+        x = np.zeros((rows, P.shape[1]))
+        x[:2] = angles_read(read, P, codes)
+        x[2:4] = (angles_read(later, P, codes) - x[:2]) / _MOMENT
+        return x
 
     @property
     def duration(self) -> float:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import TABLE_3, Effect
+from furuta_gym.plant.effects.dispatch import read_sensors
 from identification.diagnosis.locate.locate import locate
 from identification.estimation.ekf import track
 from identification.estimation.estimate import Estimate
@@ -130,3 +131,30 @@ def test_the_first_velocity_is_within_its_error_where_a_log_starts_with_an_accel
         y = np.round(np.column_stack([path, -path]) / count) * count
         record = Record.from_arrays(t, y, np.zeros(60), [count**2 / 12.0] * 2, [count] * 2)
         assert np.abs(record.velocity - [speed, -speed]).max() < record.velocity_std < 1.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 7.0])
+@pytest.mark.parametrize("q2", [0.1, 1.5, np.pi])
+def test_the_first_state_is_that_of_the_rig_and_not_what_its_encoders_read(q2: float, speed: float) -> None:
+    """Encoders off their centre by much, and off zero: one step of an iteration is 40 mrad off where it hangs."""
+    rig = TABLE_3.with_effects(
+        Effect("pendulum_encoder_eccentricity", {"a": -0.21, "b": -0.3}),
+        Effect("arm_encoder_eccentricity", {"a": 0.3, "b": 0.1}),
+    )
+    packed = rig.packed()
+    t = 0.001 * np.arange(40)
+    q = np.array([[0.4], [q2]]) + np.array([[-0.5], [1.0]]) * speed * t
+    y = q.copy()
+    read_sensors(q, np.repeat(packed.p[:, None], t.size, axis=1), packed.codes, y)
+    zeros = np.array([[0.2], [-0.003]])
+    record = Record.from_arrays(t, (y + zeros).T, np.zeros(t.size), [1e-7] * 2)
+    x = record.first_state(packed.p[:, None], packed.codes, packed.rows, zeros)[:, 0]
+    assert x[:2] == pytest.approx(q[:, 0], abs=1e-9)
+    assert x[2:4] == pytest.approx([-0.5 * speed, speed], abs=0.1)
+
+
+def test_without_effects_of_the_encoders_the_first_state_is_what_they_read() -> None:
+    packed = TABLE_3.packed()
+    record = Record.from_log(loop_log(duration=3.0)[0])
+    x = record.first_state(packed.p[:, None], packed.codes, packed.rows)[:, 0]
+    assert x.tolist() == pytest.approx([*record.y[0], *record.velocity], abs=1e-9)
