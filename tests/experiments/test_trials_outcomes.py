@@ -18,6 +18,8 @@ from experiments.trials.summary import power_curves, summarize
 
 DOCS = Path(__file__).parents[2] / "docs"
 KEPT = DOCS / "data" / "trials_outcomes.csv"
+PRESENT = ("42", "44", "46", "47", "48", "49")
+PRESENT_COMPOSITE = ("41_composite", "43_composite", "45_composite")
 
 names = st.from_regex(r"[a-zφω][a-z0-9_φω]{0,12}", fullmatch=True)
 numbers = st.none() | st.floats(0, 1e6)
@@ -80,7 +82,7 @@ def test_the_documented_figures_are_those_of_the_kept_outcomes():
         assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
 
 
-def test_the_documented_figures_of_the_present_search_are_those_of_its_runs():
+def test_the_documented_figures_of_each_run_are_those_of_its_file():
     for run, name in (
         ("49", "research-log/diagnosis_runs.md"),
         ("48", "research-log/diagnosis_runs.md"),
@@ -103,6 +105,16 @@ def test_the_documented_figures_of_the_present_search_are_those_of_its_runs():
         lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
         for row in headline(summarize(read_outcomes(DOCS / "data" / f"trials_outcomes_{run}.csv"))):
             assert tuple(row) in lines, f"docs/{name} has no row: | {' | '.join(row)} |"
+
+
+@pytest.mark.parametrize("together", [PRESENT, PRESENT_COMPOSITE])
+def test_the_page_counts_the_runs_of_the_present_library_together(together: tuple[str, ...]) -> None:
+    page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
+    lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
+    files = [DOCS / "data" / f"trials_outcomes_{run}.csv" for run in together]
+    assert all(f"docs/data/{file.name}" in page for file in files)
+    for row in headline(summarize([outcome for file in files for outcome in read_outcomes(file)])):
+        assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
 
 
 def test_the_command_counts_a_kept_file_again(monkeypatch):
