@@ -72,9 +72,14 @@ def test_what_cannot_be_read_is_said(change, message, tmp_path):
         read_outcomes(file)
 
 
+def _rows(page: str) -> set[tuple[str, ...]]:
+    """Rows of the tables of a page, as cells."""
+    lines = (DOCS / page).read_text(encoding="utf-8").splitlines()
+    return {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines}
+
+
 def test_the_documented_figures_are_those_of_the_kept_outcomes():
-    page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
-    lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
+    lines = _rows("diagnosis_trials.md")
     outcomes, more = read_outcomes(KEPT), read_outcomes(DOCS / "data" / "power_outcomes.csv")
     summary = summarize(outcomes)
     rows = [*headline(summary), *limits_rows(summary, power_curves([*outcomes, *more]))]
@@ -102,8 +107,7 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
         ("33_strong", "research-log/diagnosis_draws.md"),
         ("30", "research-log/diagnosis_draws.md"),
     ):
-        page = (DOCS / name).read_text(encoding="utf-8")
-        lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
+        lines = _rows(name)
         for row in headline(summarize(read_outcomes(DOCS / "data" / f"trials_outcomes_{run}.csv"))):
             assert tuple(row) in lines, f"docs/{name} has no row: | {' | '.join(row)} |"
 
@@ -111,7 +115,7 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
 @pytest.mark.parametrize("together", [PRESENT, PRESENT_COMPOSITE])
 def test_the_page_counts_the_runs_of_the_present_library_together(together: tuple[str, ...]) -> None:
     page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
-    lines = {tuple(cell.strip() for cell in line.strip("|").split("|")) for line in page.splitlines()}
+    lines = _rows("diagnosis_trials.md")
     files = [DOCS / "data" / f"trials_outcomes_{run}.csv" for run in together]
     assert all(f"docs/data/{file.name}" in page for file in files)
     for row in headline(summarize([outcome for file in files for outcome in read_outcomes(file)])):
