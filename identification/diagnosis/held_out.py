@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeGuard
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from ..estimation.identify import identify
+from ..estimation.pool import mapped, shared_pool
 from ..estimation.zeros import moved
 from ..kalman.coordinates import Zeros, placed
 from ..kalman.noise_model import Noise
@@ -51,6 +53,10 @@ class HeldOut:
         if known is None:
             known = self._known[id(plant)] = plant, self._measured(plant, noise, zeros)
         return known[1]
+
+    def gaps(self, *asked: tuple[Plant, Noise | None, Zeros | None]) -> list[Gap]:
+        """`gap` of several plants, at once."""
+        return list(mapped(shared_pool(), lambda one: self.gap(*one), asked))
 
     def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
         if self.whole:
@@ -89,6 +95,11 @@ class HeldOut:
         """How much of the gap closes from one plant to another; nothing from one to itself."""
         closed = closed_fraction(before, after) if after is not before else ClosedFraction(0.0, (0.0, 0.0))
         return GapChange(before, after, closed, self.whole or self.logs, None if self.whole else self.policy.tail)
+
+    def hears(self, fits: Sequence[Fit]) -> None:
+        """Measures the gaps of several fits at once; those that cannot be had are none when they are asked for."""
+        with suppress(ValueError):
+            self.gaps(*((f.plant, f.noise, f.zeros) for f in fits))
 
     def far(self, fitted: Fit) -> bool:
         """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""
@@ -154,7 +165,7 @@ class HeldOut:
 
     def _between(self, without: Fit, fitted: Fit) -> GapChange | None:
         try:
-            before, after = (self.gap(f.plant, f.noise, f.zeros) for f in (without, fitted))
+            before, after = self.gaps(*((f.plant, f.noise, f.zeros) for f in (without, fitted)))
         except ValueError:
             return None
         return self.change(before, after)

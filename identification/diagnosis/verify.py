@@ -66,14 +66,15 @@ def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:
     """
     if diagnosis.before is None or diagnosis.after is None:
         raise ValueError("there is no plant to predict with")
-    before = held.gap(diagnosis.before.plant)
     if not diagnosis.added:
+        before = held.gap(diagnosis.before.plant)
         return held.change(before, before)
     final = diagnosis.naming.final if diagnosis.naming else None
     if held.whole or final is None:
-        after = held.gap(diagnosis.after.plant)
+        named = diagnosis.after.plant, None, None
     else:  # the first part of the logs is fitted anew anyway
-        after = held.gap(final.plant, final.noise, final.zeros)
+        named = final.plant, final.noise, final.zeros
+    before, after = held.gaps((diagnosis.before.plant, None, None), named)
     change = held.change(before, after)
     plants = (diagnosis.before.plant, diagnosis.after.plant)
     beyond = held.searched_angles(after, plants, diagnosis.after.zeros)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import lru_cache, wraps
@@ -15,20 +16,25 @@ _Out = TypeVar("_Out")
 _Arguments = ParamSpec("_Arguments")
 
 
+_thread = threading.local()
+
+
+def _enter() -> None:
+    _thread.shared = True
+
+
 @lru_cache
 def shared_pool() -> Executor:
-    """The pool of whoever brings none, made once: a thread for every core this process may use, at least two.
-
-    Never hand it to work that runs in it: a task that waits for others of its own pool may wait for ever.
-    """
+    """The pool of whoever brings none, made once: a thread for every core this process may use, at least two."""
     # not every system tells a process its own cores
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return ThreadPoolExecutor(max_workers=max(2, cores), thread_name_prefix="furuta")
+    return ThreadPoolExecutor(max_workers=max(2, cores), thread_name_prefix="furuta", initializer=_enter)
 
 
 def mapped(pool: Executor | None, work: Callable[[_In], _Out], items: Iterable[_In]) -> Iterable[_Out]:
-    """work(item) of every item, in order: in the pool, or without one in the caller's own thread."""
-    return map(work, items) if pool is None else pool.map(work, items)
+    """work(item) of every item, in order: in the pool, or in the caller's own thread if there is none, or if that is a
+    thread of the shared pool, where a task that waits for others might wait for ever."""
+    return map(work, items) if pool is None or getattr(_thread, "shared", False) else pool.map(work, items)
 
 
 @lru_cache

@@ -7,24 +7,24 @@ of an integration. The path is followed anew when the intensities have moved.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
-from .arguments import Assumed, Filtered
+from .arguments import Assumed
 from .bank import whole_registers
 from .likelihood import innovation_cost
 from .noise_kernels import differentiate_noise, run_bank
 from .noise_model import READING, TORQUE, RecordNoise
 from .path import FilterPath, follow
-from .path_kernels import run_filter
 from .record import Record
 
 _BANDWIDTHS = (30.0, 300.0)  # rad/s, of the filters that are tried first
 _SHIFT = 1e-3  # of a coordinate, for derivatives
+_PROMISED = 0.01  # of the tolerance: a smaller decrease of V is not looked for
 _FACTOR_PRIOR = 0.5  # the readings' variances are known from the log itself within about this factor (log scale)
 
 
@@ -104,16 +104,17 @@ def _descend(problem: _Problem, iterations: int = 30, tolerance: float = 0.02) -
             A = H[np.ix_(free, free)]
             step = np.zeros_like(z)
             step[free] = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-9), -g[free])
+            if -0.5 * float(g @ step) < _PROMISED * tolerance:
+                return z, H
             trial = np.clip(z + np.clip(step, -2.0, 2.0), problem.low, problem.high)
-            value = problem.value(trial)
-            if value < before:
+            there = problem.expand(trial)  # most steps are taken, and then it is needed anyway
+            if there[0] < before:
                 break
             damping = max(10.0 * damping, 1e-3)
         else:
             break
-        quiet = quiet + 1 if before - value < tolerance else 0
-        z, damping = trial, max(damping / 10.0, 1e-6)
-        expansion = problem.expand(z)
+        quiet = quiet + 1 if before - there[0] < tolerance else 0
+        z, damping, expansion = trial, max(damping / 10.0, 1e-6), there
         if quiet == 2:
             break
     return z, expansion[2]
@@ -141,19 +142,6 @@ class _Problem:
         noise = np.concatenate([self.base, self.path.record.variance]) * np.exp(z[:4])
         return RecordNoise(noise[TORQUE], noise[READING]), self.base * np.exp(z[4:]) if self.walk else None
 
-    def run(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        p = self.path
-        noise, walk = self.unpack(z)
-        first = p.first.copy()
-        if walk is not None:
-            first[[-2, -1], [-2, -1]] = walk
-        e, S = np.empty_like(p.e), np.empty_like(p.S)
-        n = p.about.shape[1]
-        found = Filtered(np.empty((0, n)), np.empty((0, n, n)), np.empty((0, n, 2)), e, S)
-        assumed = replace(p, first=first, noise=noise, walk=walk).assumed
-        run_filter(p.record.t, p.used, p.inertias, p.linearised, assumed, found)
-        return e, S
-
     def _bank(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """e (N, 2, L) and S (N, 3, L) of the filters at points (L or less, n)."""
         lanes = whole_registers(len(points))
@@ -167,10 +155,6 @@ class _Problem:
         e, S = np.empty((len(p.e), 2, lanes)), np.empty((len(p.e), 3, lanes))
         run_bank(p.record.t, p.used, p.inertias, p.linearised, Assumed(C, noise, walk), e, S)
         return e, S
-
-    def value(self, z: NDArray[np.float64]) -> float:
-        value = innovation_cost(*self.run(z)) + self._prior(z)[0]
-        return value if math.isfinite(value) else math.inf
 
     def _prior(self, z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         weight = np.zeros(len(z))

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from furuta_gym.plant import Plant
 
-from ..estimation.pool import one_blas_thread, shared_pool
+from ..estimation.pool import mapped, one_blas_thread, shared_pool
 from ..estimation.zeros import moved
 from ..kalman.coordinates import Coordinate, Zeros, filled_plant, plant_coordinates
 from ..kalman.noise import fit_noise
@@ -124,7 +124,7 @@ class _Problem:
         steps = np.where(z + steps > self.bounds[1], -steps, steps)
         tried = np.repeat(z[None], len(z) + 1, axis=0)
         tried[np.arange(1, len(z) + 1), np.arange(len(z))] += steps
-        base, *others = shared_pool().map(self.errors, tried)
+        base, *others = mapped(shared_pool(), self.errors, tried)
         return np.stack([(other - base) / step for other, step in zip(others, steps, strict=True)], axis=1)
 
     def covariance(self, z: Array) -> Array:

@@ -17,6 +17,7 @@ from ...discrepancy.basis import Family, Signals, parameter_torques
 from ...discrepancy.correction import Flexible, combined
 from ...discrepancy.prediction_change import prediction_change
 from ...discrepancy.response import Normal
+from ...estimation.pool import mapped, shared_pool
 from ...kalman.likelihood import innovation_cost
 from ...kalman.noise import likeliest
 from ...kalman.path import FilterPath, refilter
@@ -66,8 +67,7 @@ def evidence_of(
     shrinks tenfold.
     """
     own = [[f for f in group if _merged(f) in chosen] for group in columns]
-    with_it = _refit(looks, own)
-    without = _refit(looks, [[] for _ in looks])
+    with_it, without = mapped(shared_pool(), lambda added: _refit(looks, added), (own, [[] for _ in looks]))
     samples = sum(2 * int(look.plain.used.sum()) for look in looks)
     price = 0.5 * with_it.directions * math.log(samples) + sum(f.price for f in own[0])
     return Evidence(without.value - with_it.value - price, with_it.change())

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from furuta_gym.plant import EFFECTS
 
-from ...estimation.pool import shared_pool
+from ...estimation.pool import mapped, shared_pool
 from ...estimation.start import Start as LogStart
 from ...estimation.start import reduced
 from .discrete import grid_of
@@ -52,7 +52,7 @@ def afresh(
     if not (plants and effects):
         return {}
     every = [start for group in tried.values() for start in group]
-    rounds = shared_pool().map(lambda start: one_round(start, thin, search, "screen"), every)
+    rounds = mapped(shared_pool(), lambda start: one_round(start, thin, search, "screen"), every)
     first = dict(zip(every, rounds, strict=True))
     best = [first[min(group, key=lambda start: first[start].value)] for group in tried.values()]
     on = [_start_at(fitted, nominal) for fitted in best]

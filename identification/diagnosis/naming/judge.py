@@ -40,6 +40,10 @@ class NoRest:
 class Witness(Protocol):
     """Data that no fit saw."""
 
+    def hears(self, fits: Sequence[Fit]) -> None:
+        """Fits that will be asked about: together they take less time than one by one."""
+        ...
+
     def far(self, fitted: Fit) -> bool:
         """Whether a fit predicts them much worse than noise would."""
         ...
@@ -67,6 +71,9 @@ class Witness(Protocol):
 
 class NoWitness:
     """A `Witness` that never says anything."""
+
+    def hears(self, fits: Sequence[Fit]) -> None:
+        pass
 
     def far(self, fitted: Fit) -> bool:
         return False

@@ -17,7 +17,7 @@ import numpy as np
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ...estimation.grids import at_grid_points
-from ...estimation.pool import shared_pool
+from ...estimation.pool import mapped, shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
@@ -71,11 +71,11 @@ def multi_start(
     policy = setting.policy
     halve = math.isinf(ahead) if halve is None else halve
     fits: dict[Start, Fit] = {}
-    running = [(start, start) for start in starts]
+    running: list[tuple[Start, Start | Fit]] = [(start, start) for start in starts]
     for turn in range(policy.rounds):
         if not running:
             break
-        results = shared_pool().map(lambda entry: one_round(entry[1], current, setting, effort), running)
+        results = mapped(shared_pool(), lambda entry: one_round(entry[1], current, setting, effort), running)
         pace = {}
         for (start, _), result in zip(running, results, strict=True):
             pace[start] = fits[start].value - result.value if start in fits else math.inf

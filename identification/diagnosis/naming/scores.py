@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ...discrepancy.correction import HIGHEST_FREQUENCY
-from ...estimation.pool import shared_pool
+from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
 from ...kalman.coordinates import Coordinate
 from ...kalman.likelihood import whiten
@@ -61,8 +61,7 @@ def scores(
     found: dict[str, Score] = {}
     position = 0
     for name in chosen:
-        best = Score(name, 0.0, None, 1.0)
-        absorbed = 1.0
+        absorbed, suggested = 1.0, []
         for cell in trial[name]:
             gram = sum(t.gram[position] for t in tables)
             raw = sum(t.raw[position] for t in tables)
@@ -70,11 +69,10 @@ def scores(
             position += 1
             gain, weights = _best_weights(gram, right)
             absorbed = min(absorbed, 1.0 - float(np.trace(gram)) / max(raw, 1e-300))
-            if weights is not None and gain > best.gain:
-                start = cell.start(weights, np.asarray(gram))
-                if start is not None:
-                    best = Score(name, gain, start, absorbed)
-        found[name] = Score(name, best.gain, best.start, absorbed)
+            if weights is not None and gain > 0.0:
+                suggested.append((gain, cell, weights, np.asarray(gram)))
+        gain, start = _best_start(suggested)
+        found[name] = Score(name, gain, start, absorbed)
     return found
 
 
@@ -96,6 +94,15 @@ def _peaks(nominal: Fit, noise: Noise, periods: float, most: int = 5) -> NDArray
         found += [top - 0.25 * cell, top, top + 0.25 * cell]
         total[np.abs(f - top) < 1.5 * cell] = 0.0
     return np.array(found)
+
+
+def _best_start(suggested: list[tuple[float, Cell, NDArray[np.float64], NDArray[np.float64]]]):
+    """Gain and effect of the best cell whose weights stand for an effect; a start takes time, so only as many as need
+    be are made."""
+    for gain, cell, weights, gram in sorted(suggested, key=lambda entry: -entry[0]):
+        if (start := cell.start(weights, gram)) is not None:
+            return gain, start
+    return 0.0, None
 
 
 def _best_weights(gram, right):
@@ -132,7 +139,7 @@ def _answers(nominal: Fit, noise: Noise, record: Record, trial: Sequence[Cell]) 
     found = _Answers([], [], [])
     groups = _grouped(trial)
     for group, de in zip(
-        groups, shared_pool().map(lambda g: _probe_answers(nominal.plant, noise, record, g), groups), strict=True
+        groups, mapped(shared_pool(), lambda g: _probe_answers(nominal.plant, noise, record, g), groups), strict=True
     ):
         if de is None:
             for cell in group:

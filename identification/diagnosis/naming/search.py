@@ -15,6 +15,7 @@ import numpy as np
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
+from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .discrete import starts_of, stepped
@@ -198,17 +199,20 @@ class Search:
         best = chase.best.value
         least = {n: price(n, current.samples) + policy.believed - policy.reach for n in chase.fits}
         hopeful = [n for n in chase.fits if current.value - chase.fits[n].value > least[n]]
-        for name in sorted(hopeful, key=lambda name: chase.fits[name].value)[: policy.finalists]:
-            fitted = chase.fits[name]
-            if (
-                fitted.value < best + policy.reach
-                and fitted is not chase.held
-                and fitted is not chase.finished.get(name)
-            ):
-                self.progress(f"fitting {name} to the end")
-                nearest = stepped(fitted, current, self)
-                effort = chase.effort if fitted.value == best else "full"
-                chase.fits[name] = chase.finished[name] = self.fitted(nearest.plant, nearest, effort)
+        ranked = sorted(hopeful, key=lambda name: chase.fits[name].value)[: policy.finalists]
+        near = [name for name in ranked if chase.fits[name].value < best + policy.reach]
+        names = [n for n in near if chase.fits[n] is not chase.held and chase.fits[n] is not chase.finished.get(n)]
+
+        def to_the_end(name: str) -> Fit:
+            nearest = stepped(chase.fits[name], current, self)
+            effort = chase.effort if chase.fits[name].value == best else "full"
+            return self.fitted(nearest.plant, nearest, effort)
+
+        if names:
+            self.progress(f"fitting {', '.join(names)} to the end")
+        pool = shared_pool() if len(names) > 1 else None  # a single fit uses the threads by itself
+        chase.finished |= zip(names, mapped(pool, to_the_end, names), strict=True)
+        chase.fits |= {name: chase.finished[name] for name in names}
         self.progress("fitting the model without it")
         again = self._rival(dropped(chase.best, added(chase.best, current).name), current, chase.best)
         return again if again.value < current.value else current

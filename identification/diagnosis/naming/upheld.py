@@ -4,7 +4,9 @@ so that a false one goes and the right ones stay."""
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
+from ...estimation.pool import mapped, shared_pool
 from ..locate.laws import own_variables
 from .fits import Fit
 from .forward import Naming
@@ -20,14 +22,16 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
     stays."""
     while len(naming.accepted) > 1:
         search.progress("verifying the names one by one")
-        reduced = [search.reduced(naming.final, suspect.name) for suspect in naming.accepted]
+        final = naming.final
+        names = [suspect.name for suspect in naming.accepted]
+        reduced = list(mapped(shared_pool(), partial(search.reduced, final), names))
+        witness.hears([final, *reduced])
         idle = [
             i
             for i, fitted in enumerate(reduced)
-            if _pays_nothing(naming.accepted[i], fitted, naming.final, search)
-            and not witness.confirms(fitted, naming.final)
+            if _pays_nothing(naming.accepted[i], fitted, final, search) and not witness.confirms(fitted, final)
         ]
-        denied = idle or [i for i, fitted in enumerate(reduced) if witness.denies(fitted, naming.final)]
+        denied = idle or [i for i, fitted in enumerate(reduced) if witness.denies(fitted, final)]
         for gone in sorted(denied, key=lambda i: reduced[i].value):
             in_place = None if idle else _exchanged(naming, gone, reduced[gone], search, witness)
             if in_place or idle or not witness.excuses(reduced[gone], naming.final):

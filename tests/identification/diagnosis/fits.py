@@ -299,6 +299,9 @@ class Told:
     by: float = 10.0
     elsewhere: tuple[str, ...] = ()
 
+    def hears(self, fits: Any) -> None:
+        pass
+
     def far(self, fitted: Any) -> bool:
         return self.far_off
 
