@@ -37,6 +37,28 @@ def mapped(pool: Executor | None, work: Callable[[_In], _Out], items: Iterable[_
     return map(work, items) if pool is None or getattr(_thread, "shared", False) else pool.map(work, items)
 
 
+class _OneBlasThread:
+    """Linear algebra on one thread, as long as any thread of the program is inside; then as it was before the first."""
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._limit = threading.Lock(), 0, None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._inside == 0:
+                self._limit = _libraries().limit(limits=1, user_api="blas")
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0 and self._limit is not None:
+                self._limit.restore_original_limits()
+
+
+_one_thread = _OneBlasThread()
+
+
 @lru_cache
 def _libraries() -> ThreadpoolController:
     return ThreadpoolController()
@@ -48,7 +70,7 @@ def one_blas_thread(work: Callable[_Arguments, _Out]) -> Callable[_Arguments, _O
 
     @wraps(work)
     def limited(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Out:
-        with _libraries().limit(limits=1, user_api="blas"):
+        with _one_thread:
             return work(*args, **kwargs)
 
     return limited

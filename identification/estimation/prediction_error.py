@@ -87,6 +87,12 @@ class PredictionError:
         other.records = list(records)
         return other
 
+    def alone(self) -> PredictionError:
+        """The same in the caller's own thread, as a task of a pool needs it."""
+        other = copy.copy(self)
+        other.pool = None
+        return other
+
     def start(self) -> NDArray[np.float64]:
         """The coordinates of the plant and noise given."""
         z = [c.to_z(self._given(c)) for c in self.coordinates]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..kalman.noise_model import TORQUE
 from .long_logs import glimpse_of
 from .optimise import Optimum, minimise
+from .pool import mapped
 from .prediction_error import PredictionError, quietest
 from .uncertainty import inverse_information
 
@@ -79,9 +80,14 @@ def _best_of(problem: PredictionError, starts: list[NDArray[np.float64]], reach:
     """The best of short fits with frozen gains. After each round the worse half is dropped, and all are once the best
     one's pace cannot reach the value `reach` in two more rounds."""
     at = [(math.inf, z) for z in starts]
-    best = None
+    best, alone = None, problem.alone()
+
+    def shortly(z: NDArray[np.float64]) -> Optimum:
+        return minimise(alone, z, _SHORT, tolerance, exact=False)
+
     while at:
-        fits = [(value, minimise(problem, z, _SHORT, tolerance, exact=False)) for value, z in at]
+        ends = mapped(problem.pool, shortly, [z for _, z in at])
+        fits = [(value, end) for (value, _), end in zip(at, ends, strict=True)]
         fits.sort(key=lambda item: item[1].value)
         before, first = fits[0]
         if best is None or first.value < best.value:

@@ -20,7 +20,7 @@ from furuta_gym.plant import EFFECTS, Effect, EffectType, Parameter, Plant
 
 _SMALL = 0.1  # of the default size, where an effect is linear in its size
 _EVALUATIONS = 100  # of a descent to the nearest effect within bounds; one that takes more has gone astray
-_CLOSE = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+_CLOSE = 1e-12  # of its tolerances
 _KEPT = 0.5  # of what the best weights explain, at least, where bounds forbid them
 
 
@@ -153,8 +153,9 @@ def _nearest(cell: Cell, weights: NDArray[np.float64], gram: NDArray[np.float64]
         side = iter(sides)
         first = np.clip([size if p.name in units else next(side) for p in free], low, high)
         found = least_squares(
-            misses, first, bounds=(low, high), method="dogbox", x_scale="jac", max_nfev=_EVALUATIONS, **_CLOSE
-        )
+            misses, first, bounds=(low, high), method="dogbox", x_scale="jac",
+            xtol=_CLOSE, ftol=_CLOSE, gtol=_CLOSE, max_nfev=_EVALUATIONS,
+        )  # fmt: skip
         if 2.0 * found.cost < least:
             best, least = found.x, 2.0 * found.cost
     return (

@@ -112,6 +112,18 @@ def test_a_tail_needs_its_share_of_the_likelihood_only() -> None:
     assert not _held(*unsure, whole=False).denies(BARE, CABLE)
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_several_gaps_at_once_are_those_of_one_by_one(whole: bool) -> None:
+    log, other = loop_log(duration=4.0)[0], loop_log(duration=4.0, seed=1)[0]
+    plants = [TABLE_3, TABLE_3.replace(theta=1.3 * TABLE_3.theta)]
+    single, together = (HeldOut((log,), (other,) if whole else (), POLICY) for _ in range(2))
+    one_by_one = [single.gap(plant) for plant in plants]
+    for alone, beside in zip(one_by_one, together.gaps(*((plant, None, None) for plant in plants)), strict=True):
+        np.testing.assert_array_equal(alone.errors, beside.errors)
+        np.testing.assert_array_equal(alone.floor, beside.floor)
+    assert together.gap(plants[1]) is together.gaps((plants[1], None, None))[0]  # and they are kept
+
+
 def test_where_nobody_can_tell_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     def too_short(*_: Any) -> Gap:
         raise ValueError("no log is long enough")

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import threading
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from furuta_gym.plant import TABLE_3
 from identification.estimation.identify import identify
-from identification.estimation.pool import mapped, shared_pool
+from identification.estimation.pool import mapped, one_blas_thread, shared_pool
 from identification.estimation.prediction_error import PredictionError
 from identification.kalman.coordinates import noise_coordinates, plant_coordinates
 from identification.kalman.noise_model import Noise
@@ -63,6 +65,46 @@ def test_the_shared_pool_is_one_and_of_the_machines_size() -> None:
     assert len(set(mapped(shared_pool(), abs, range(-5, 5)))) == 6
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     assert shared_pool()._max_workers == max(2, cores)  # type: ignore[attr-defined]
+
+
+def test_a_task_of_the_shared_pool_may_hand_out_work() -> None:
+    """More tasks than threads, each of which waits for others: they run where they were started."""
+
+    def outer(i: int) -> tuple[list[int], set[str]]:
+        inner = list(mapped(shared_pool(), lambda j: (i * j, threading.current_thread().name), range(4)))
+        return [value for value, _ in inner], {name for _, name in inner} - {threading.current_thread().name}
+
+    found = list(mapped(shared_pool(), outer, range(16)))
+    assert [values for values, _ in found] == [[i * j for j in range(4)] for i in range(16)]
+    assert not any(elsewhere for _, elsewhere in found)
+
+
+def test_linear_algebra_has_one_thread_until_the_last_has_ended() -> None:
+    """Two calls that overlap: the first to end gives no threads to the other, and the last gives back what was."""
+
+    def threads() -> list[int]:
+        return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
+
+    begun, first_ended = threading.Event(), threading.Event()
+
+    @one_blas_thread
+    def short() -> None:
+        begun.wait(10.0)
+
+    @one_blas_thread
+    def long() -> list[int]:
+        begun.set()
+        first_ended.wait(10.0)
+        return threads()
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = threads()
+        with ThreadPoolExecutor(2) as pool:
+            first, last = pool.submit(short), pool.submit(long)
+            first.result()
+            first_ended.set()
+            assert set(last.result()) == {1}
+        assert threads() == before
 
 
 def test_noise_of_another_kind_is_refused() -> None:

@@ -12,7 +12,7 @@ from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.probes import cells
-from identification.diagnosis.naming.scores import scores
+from identification.diagnosis.naming.scores import _best_start, scores
 from identification.diagnosis.naming.search import Search
 from identification.kalman.record import Record
 from tests.factories import noisy_log
@@ -61,6 +61,35 @@ def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
         combined = sum(w * s for w, s in zip(weights, signals[:-1], strict=False))
         assert np.abs(combined).max() > 0
         np.testing.assert_allclose(signals[-1], combined, rtol=1e-9, atol=1e-12)
+
+
+def test_a_cable_with_its_rest_far_away_is_a_start_too() -> None:
+    """As an offset of the command looks: the descent to it is long and curved."""
+    cable = EFFECTS["arm_cable"]
+    (cell, *_) = cells(cable, TABLE_3, 20.0, np.array([1.0]))
+    far = {"k": 0.02, "q1n": 15.0, "k3": 0.001, "q1s": 4.0}
+    probes = np.array([cable.coefficients(probe) for probe in cell.probes]).T
+    start = cell.start(np.linalg.lstsq(probes, cable.coefficients(far))[0])
+    assert start is not None
+    assert start.parameters == pytest.approx(far, rel=1e-6)
+
+
+def test_only_as_many_starts_are_made_as_need_be() -> None:
+    made = []
+
+    class Asked:
+        def __init__(self, answer: str | None) -> None:
+            self.answer = answer
+
+        def start(self, weights: object, gram: object) -> str | None:
+            made.append(self.answer)
+            return self.answer
+
+    none = np.zeros(0)
+    order = [(3.0, Asked("third"), none, none), (9.0, Asked(None), none, none), (5.0, Asked("second"), none, none)]
+    assert _best_start(order) == (5.0, "second")  # type: ignore[arg-type]
+    assert made == [None, "second"]
+    assert _best_start([]) == (0.0, None)
 
 
 @pytest.mark.parametrize("name", ["actuator_lag", "arm_spring"])
