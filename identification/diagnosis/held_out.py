@@ -56,7 +56,9 @@ class HeldOut:
 
     def gaps(self, *asked: tuple[Plant, Noise | None, Zeros | None]) -> list[Gap]:
         """`gap` of several plants, at once."""
-        return list(mapped(shared_pool(), lambda one: self.gap(*one), asked))
+        fresh = [plant for plant, *_ in asked if id(plant) not in self._known]
+        pool = shared_pool() if len(fresh) > 1 else None  # a single one uses the threads by itself
+        return list(mapped(pool, lambda one: self.gap(*one), asked))
 
     def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
         if self.whole:
