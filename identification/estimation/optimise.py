@@ -28,8 +28,11 @@ class Expansion:
 
 
 class Problem(Protocol):
-    """An objective V(z) in nats, within bounds. noisy (n,): which coordinates are logarithms of variances. `moved` is
-    where a step ends: at z + step, or near it where a curve leads lower."""
+    """An objective V(z) in nats, within bounds. noisy (n,): which coordinates are logarithms of variances.
+
+    `moved` is where a step ends: at z + step, or near it where a curve leads lower. `axes` (n, n) has in its columns
+    the directions that damping holds back, each by its own curvature; parameters that imitate each other are slow in
+    any others."""
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
@@ -37,11 +40,15 @@ class Problem(Protocol):
 
     def value(self, z: NDArray[np.float64]) -> float: ...
 
-    def expand(self, z: NDArray[np.float64], exact: bool = False, scores: bool = False) -> Expansion: ...
+    def expand(
+        self, z: NDArray[np.float64], exact: bool = False, scores: bool = False, central: bool = False
+    ) -> Expansion: ...
 
     def moved(
         self, z: NDArray[np.float64], step: NDArray[np.float64], information: NDArray[np.float64]
     ) -> NDArray[np.float64]: ...
+
+    def axes(self, z: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 
 @dataclass(frozen=True)
@@ -66,9 +73,10 @@ def minimise(
 ) -> Optimum:
     """Levenberg–Marquardt on V from z, within the bounds. `free`: indices that move (default all).
 
-    Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum. Stops
-    when the decrease of V that the quadratic model promises (a log-likelihood: absolute, in nats) is below
-    `tolerance`, or two steps in a row brought less. With `exact` the expansion returned is exact.
+    Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum: differences
+    to both sides, as one-sided ones lead astray where parameters imitate each other. Stops when the decrease of V that
+    the quadratic model promises (a log-likelihood: absolute, in nats) is below `tolerance`, or two steps in a row
+    brought less. With `exact` the expansion returned is exact.
     """
     free = np.arange(len(z)) if free is None else np.asarray(free)
     z = np.clip(z, problem.low, problem.high)
@@ -77,7 +85,9 @@ def minimise(
     if not math.isfinite(expansion.value):
         return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
     for iteration in range(1, iterations + 1):
-        trial, there, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance, polishing)
+        trial, there, predicted, damping = _descend(
+            problem, z, expansion, free, damping, tolerance, polishing, polishing or not exact
+        )
         if trial is None:  # nothing lower on the way the derivatives show
             # closer than that the quadratic model itself is not
             done = predicted < 10.0 * tolerance or (polishing and predicted < _UNSEEN)
@@ -91,21 +101,26 @@ def minimise(
             small = small + 1 if expansion.value - there.value < tolerance else 0
             polishing = exact and (polishing or expansion.value - there.value < _POLISH)
         if polishing or there is None:
-            there = problem.expand(z, exact=polishing)
+            there = problem.expand(z, exact=polishing, central=polishing)
         expansion = there
         if small >= 2 and (polishing or not exact):
-            return Optimum(z, expansion.value, expansion, iteration, True, "converged")
+            done = not polishing or predicted < _UNSEEN
+            message = "converged" if done else "no further descent"
+            return Optimum(z, expansion.value, expansion, iteration, done, message)
     return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
 
 
 _RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
 
 
-_NEAR = 2.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
+_NEAR = 50.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
+_CURVED = 1.0  # nats that a step promises, from which the way back to a valley's floor is worth its derivatives
+_FAR = 30.0  # times what a step promises: beyond it a trial is too far off the valley's floor to go back
 _SHARES = (1.0, 0.3, 0.1)  # of that step, as the valley may bend
+_TRIES, _FEWER = 12, 6  # of damping; fewer where exact derivatives follow
 
 
-def _descend(problem, z, expansion, free, damping, tolerance, polishing):
+def _descend(problem, z, expansion, free, damping, tolerance, polishing, last):
     """One step that lowers V: (trial, expansion there, promised decrease, damping); trial is None if there is none.
 
     Most steps with frozen gains succeed, and their expansion costs little more than V alone; exact ones are dear, so
@@ -114,19 +129,23 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     g, H = expansion.gradient, expansion.information
     held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
     move = np.array([i for i in free if not held[i]], dtype=int)
+    axes = problem.axes(z)
     hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
     if hoped < tolerance:
         return None, None, hoped, damping
     for share in _SHARES if polishing and hoped < _NEAR else ():
-        moved = share * _bounded_step(z, g, H, move, 0.0, problem.low, problem.high)
+        moved = share * _bounded_step(z, g, H, move, 0.0, problem.low, problem.high, axes)
         if np.abs(moved[~problem.noisy]).max(initial=0.0) > 1.0:
             continue
         trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial))
+        if hoped > _CURVED and -_FAR * hoped < expansion.value - there.value <= 0.5 * share * hoped:
+            trial = _back(problem, trial, problem.expand(trial, exact=True, central=True), g + H @ moved, move)
+            there = replace(expansion, value=problem.value(trial))
         if expansion.value - there.value > 0.5 * share * hoped:
             return trial, there, hoped, damping
-    for tries in range(12):
-        moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high)
+    for tries in range(_TRIES if last else _FEWER):
+        moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high, axes)
         predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
         # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
         # it aims at is the logarithm of that ratio
@@ -134,6 +153,9 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
         moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
         trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial)) if polishing else problem.expand(trial)
+        if not polishing and tries == 0 and expansion.value <= there.value < math.inf:
+            trial = _back(problem, trial, there, g + H @ moved, move)
+            there = problem.expand(trial)
         if there.value < expansion.value:
             gained = expansion.value - there.value > 0.5 * predicted
             easier = 1.0 if tries else 0.1  # not at once back to what has just failed
@@ -142,17 +164,25 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     return None, None, hoped, damping
 
 
-def _bounded_step(z, g, H, move, damping, low, high):
+def _back(problem, trial, there, expected, move):
+    """From where a step along a curved valley ended back to its floor: a Gauss-Newton step on what the gradient there
+    has beyond what the step expected."""
+    beyond = there.gradient - expected
+    back = _bounded_step(trial, beyond, there.information, move, 0.0, problem.low, problem.high, problem.axes(trial))
+    return problem.moved(trial, back / np.abs(back).max(initial=1.0), there.information)
+
+
+def _bounded_step(z, g, H, move, damping, low, high, axes):
     """The damped Gauss–Newton step of the coordinates `move`; those that would pass a bound go to it, and the others
     make the best of that."""
     step = np.zeros_like(z)
     while len(move):
-        A = H[np.ix_(move, move)]
-        right = g[move] + H[move] @ step
+        own = axes[np.ix_(move, move)]
+        A = own.T @ (H[np.ix_(move, move)] + _RIDGE * np.eye(len(move))) @ own
+        right = own.T @ (g[move] + H[move] @ step)
         scaled = ScaledGram.of(A, 1e-12)
-        scale = scaled.scale
-        damped = scaled.matrix + damping * np.eye(len(move)) + _RIDGE * np.diag(scale**-2.0)
-        wanted = -np.linalg.solve(damped, right / scale) / scale
+        damped = scaled.matrix + damping * np.eye(len(move))
+        wanted = -own @ (np.linalg.solve(damped, right / scaled.scale) / scaled.scale)
         out = (z[move] + wanted < low[move]) | (z[move] + wanted > high[move])
         if not out.any():
             step[move] = wanted

@@ -29,7 +29,7 @@ from ..kalman.record import Record
 from .optimise import Expansion
 from .pool import mapped
 from .priors import Priors
-from .steps import LinearEffect
+from .steps import CommonScale, LinearEffect
 
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
 _BANDWIDTH = 3.0  # rad/s
@@ -78,6 +78,7 @@ class PredictionError:
             axis = c.row - READING.start
             if c.noise and axis >= 0 and all(r.quantum[axis] > 0 for r in self.records):
                 self.low[i] = max(self.low[i], 0.0)
+        self._scale = CommonScale.among(plant, self.coordinates)
         self._linear = LinearEffect.among(plant, self.coordinates)
         self.noisy = np.array([c.noise for c in self.coordinates])
 
@@ -169,11 +170,17 @@ class PredictionError:
     def moved(
         self, z: NDArray[np.float64], step: NDArray[np.float64], information: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Where a step from z ends: within the bounds, and bent as the effects ask for (see `steps`)."""
+        """Where a step from z ends: within the bounds, and bent as scale and effects ask for (see `steps`)."""
         end = np.clip(z + step, self.low, self.high)
+        if self._scale is not None:
+            end = np.clip(self._scale.bent(z, end), self.low, self.high)
         for effect in self._linear:
             end = effect.bent(z, end, information)
         return end
+
+    def axes(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, n), in columns: the directions that damping holds back, each by its own curvature."""
+        return np.eye(len(z)) if self._scale is None else self._scale.axes(z)
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""

@@ -1,9 +1,13 @@
-"""A descent's steps, bent where an effect is a sum of fixed functions whose coefficients its parameters make up.
+"""A descent's steps, bent where parameters imitate each other along a curve.
 
-A cable's torque is a cubic in the angle, but its stiffness, softest place and stiffening are not the cubic's
-coefficients. Where the arm stays far from the softest place they imitate each other: the likelihood has a narrow valley
-that curves, and a straight step leaves it after a hundredth of the way. The readings answer linearly to the
-coefficients, so a step that is straight in those stays in the valley.
+The pendulum's row has no input, so its numbers share a scale that only the reaction on the arm fixes. Logarithms of
+θ2 … θ5 move along that scale on a straight line, friction, which may be zero and so is no logarithm, does not.
+
+And an effect may be a sum of fixed functions whose coefficients its parameters make up. A cable's torque is a cubic
+in the angle, but its stiffness, softest place and stiffening are not the cubic's coefficients. Where the arm stays far
+from the softest place they imitate each other: the likelihood has a narrow valley that curves, and a straight step
+leaves it after a hundredth of the way. The readings answer linearly to the coefficients, so a step that is straight in
+those stays in the valley.
 """
 
 from __future__ import annotations
@@ -28,6 +32,54 @@ _INSIDE = 1e-9  # of a coordinate: a search between bounds must not start on one
 _EXACT = 1e-10  # tolerances of that search
 _SEARCH = 50  # evaluations of it
 _FACTOR = 1.0  # of a logarithm at most: straight in the value, a step would lead below zero
+_SCALED = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")  # of the pendulum's row
+_REFERENCE = "theta4"
+_SQUARED = "torque_noise2"  # its intensity goes with the square of the scale
+
+
+@dataclass(frozen=True)
+class CommonScale:
+    """The common scale of the pendulum's row among the coordinates of a fit.
+
+    reference: position of ln θ4, whose change is that of the scale's logarithm. values: positions of what goes with
+    the scale and is no logarithm. rates (n,): d z / d ln scale of the logarithms, zero elsewhere.
+    """
+
+    reference: int
+    values: NDArray[np.int64]
+    rates: Array
+
+    @classmethod
+    def among(cls, plant: Plant, coordinates: Sequence[Coordinate]) -> CommonScale | None:
+        """None where θ4 is not free."""
+        index = {c.name: i for i, c in enumerate(coordinates)}
+        if _REFERENCE not in index or not coordinates[index[_REFERENCE]].log:
+            return None
+        scaled = [*_SCALED, *(f"{e.name}.{p.name}" for e in plant.effects for p in e.type.parameters if p.scales)]
+        free = [index[name] for name in scaled if name in index]
+        rates = np.zeros(len(coordinates))
+        rates[[i for i in free if coordinates[i].log]] = 1.0
+        if _SQUARED in index:
+            rates[index[_SQUARED]] = 2.0
+        return cls(index[_REFERENCE], np.array([i for i in free if not coordinates[i].log], dtype=np.int64), rates)
+
+    def axes(self, z: Array) -> Array:
+        """(n, n), in columns: the common scale in place of ln θ4, and every other coordinate by itself."""
+        axes = np.eye(len(z))
+        axes[:, self.reference] = self.rates
+        axes[self.values, self.reference] = z[self.values]
+        return axes
+
+    def bent(self, z: Array, straight: Array) -> Array:
+        """Where a step from z (n,) ends whose straight end is `straight` (n,).
+
+        What goes with the scale keeps the change relative to the scale that the straight step has to first order; what
+        the straight step leaves where it is stays there."""
+        change, own = straight[self.reference] - z[self.reference], self.values
+        end = straight.copy()
+        bent = (straight[own] - change * z[own]) * np.exp(change)
+        end[own] = np.where(straight[own] == z[own], z[own], bent)
+        return end
 
 
 @dataclass(frozen=True)

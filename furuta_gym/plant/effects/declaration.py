@@ -74,6 +74,11 @@ class Parameter:
         return self.lower >= 0.0
 
     @property
+    def scales(self) -> bool:
+        """Whether it goes with the common scale of θ3, θ4, θ5, θ7 and θ9: a torque on the pendulum."""
+        return self.unit.startswith("{u}") and self.relative_to in ("theta7", "theta9")
+
+    @property
     def logarithmic(self) -> bool:
         """Whether its logarithm is what is known about it: a positive shape, or one with a log-normal prior."""
         return (self.role == "shape" and self.lower > 0.0) or self.spread > 0.0

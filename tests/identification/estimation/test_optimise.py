@@ -21,11 +21,14 @@ class Valley:
     def value(self, z: Array) -> float:
         return float(0.5 * z @ self.A @ z)
 
-    def expand(self, z: Array, exact: bool = False, scores: bool = False) -> Expansion:
+    def expand(self, z: Array, exact: bool = False, scores: bool = False, central: bool = False) -> Expansion:
         return Expansion(self.value(z), self.A @ z, self.A)
 
     def moved(self, z: Array, step: Array, information: Array) -> Array:
         return np.clip(z + step, self.low, self.high)
+
+    def axes(self, z: Array) -> Array:
+        return np.eye(len(z))
 
 
 def test_a_descent_arrives_along_what_the_data_hardly_see() -> None:
@@ -44,7 +47,7 @@ class Promised(Valley):
 
     A = np.eye(2)
 
-    def expand(self, z: Array, exact: bool = False, scores: bool = False) -> Expansion:
+    def expand(self, z: Array, exact: bool = False, scores: bool = False, central: bool = False) -> Expansion:
         return Expansion(self.value(z), self.A @ z + self.slope, self.A)
 
 
@@ -55,3 +58,29 @@ def test_where_no_step_comes_lower_half_a_nat_may_be_promised_still(nats: float,
     assert found.value == 0.0
     assert found.converged is converged
     assert found.message == ("converged" if converged else "no further descent")
+
+
+class Banana(Valley):
+    """A valley whose floor y = 0.009 x² curves: a straight step along it ends high on the wall."""
+
+    def __init__(self) -> None:
+        self.expanded = 0
+
+    def residuals(self, z: Array) -> Array:
+        return np.array([1e3 * (z[1] - 0.009 * z[0] ** 2), 3.0 * (1.0 - z[0])])
+
+    def value(self, z: Array) -> float:
+        return float(0.5 * np.sum(self.residuals(z) ** 2))
+
+    def expand(self, z: Array, exact: bool = False, scores: bool = False, central: bool = False) -> Expansion:
+        self.expanded += 1
+        J = np.array([[-18.0 * z[0], 1e3], [-3.0, 0.0]])
+        return Expansion(self.value(z), J.T @ self.residuals(z), J.T @ J)
+
+
+def test_a_step_that_left_a_curved_valley_goes_back_to_its_floor() -> None:
+    problem = Banana()
+    found = minimise(problem, np.array([0.1, 0.00009]))
+    assert found.converged
+    assert found.value == pytest.approx(0.0, abs=0.01)
+    assert problem.expanded < 8  # 13 with damping alone
