@@ -85,9 +85,7 @@ def minimise(
     if not math.isfinite(expansion.value):
         return Optimum(z, math.inf, expansion, 0, False, "the filter diverges at the start values")
     for iteration in range(1, iterations + 1):
-        trial, there, predicted, damping = _descend(
-            problem, z, expansion, free, damping, tolerance, polishing, polishing or not exact
-        )
+        trial, there, predicted, damping = _descend(problem, z, expansion, free, damping, tolerance, polishing)
         if trial is None:  # nothing lower on the way the derivatives show
             # closer than that the quadratic model itself is not
             done = predicted < 10.0 * tolerance or (polishing and predicted < _UNSEEN)
@@ -113,14 +111,14 @@ def minimise(
 _RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
 
 
-_NEAR = 50.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
+_NEAR = 1000.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
 _CURVED = 1.0  # nats that a step promises, from which the way back to a valley's floor is worth its derivatives
 _FAR = 30.0  # times what a step promises: beyond it a trial is too far off the valley's floor to go back
 _SHARES = (1.0, 0.3, 0.1)  # of that step, as the valley may bend
-_TRIES, _FEWER = 12, 6  # of damping; fewer where exact derivatives follow
+_TRIES = 12  # of damping
 
 
-def _descend(problem, z, expansion, free, damping, tolerance, polishing, last):
+def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     """One step that lowers V: (trial, expansion there, promised decrease, damping); trial is None if there is none.
 
     Most steps with frozen gains succeed, and their expansion costs little more than V alone; exact ones are dear, so
@@ -134,9 +132,9 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing, last):
     if hoped < tolerance:
         return None, None, hoped, damping
     for share in _SHARES if polishing and hoped < _NEAR else ():
-        moved = share * _bounded_step(z, g, H, move, 0.0, problem.low, problem.high, axes)
-        if np.abs(moved[~problem.noisy]).max(initial=0.0) > 1.0:
-            continue
+        straight = _bounded_step(z, g, H, move, 0.0, problem.low, problem.high, axes)
+        share /= np.abs(straight[~problem.noisy]).max(initial=1.0)
+        moved = share * straight
         trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial))
         if hoped > _CURVED and -_FAR * hoped < expansion.value - there.value <= 0.5 * share * hoped:
@@ -144,7 +142,7 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing, last):
             there = replace(expansion, value=problem.value(trial))
         if expansion.value - there.value > 0.5 * share * hoped:
             return trial, there, hoped, damping
-    for tries in range(_TRIES if last else _FEWER):
+    for tries in range(_TRIES):
         moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high, axes)
         predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
         # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
