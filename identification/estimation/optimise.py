@@ -112,7 +112,7 @@ _RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a van
 _NEAR = 1000.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
 _CURVED = 1.0  # nats that a step promises, from which the way back to a valley's floor is worth its derivatives
 _FAR = 30.0  # times what a step promises: beyond it a trial is too far off the valley's floor to go back
-_SHARES = (1.0, 0.3, 0.1)  # of that step, as the valley may bend
+_SHARES = np.array([1.0, 0.3, 0.1])  # of that step, as the valley may bend
 _TRIES = 12  # of damping
 
 
@@ -129,9 +129,9 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
     if hoped < tolerance:
         return None, None, hoped, damping
-    for share in _SHARES if polishing and hoped < _NEAR else ():
-        straight = _bounded_step(z, g, H, move, 0.0, problem.low, problem.high, axes)
-        share /= np.abs(straight[~problem.noisy]).max(initial=1.0)
+    near = polishing and hoped < _NEAR
+    straight = _bounded_step(z, g, H, move, 0.0, problem.low, problem.high, axes) if near else np.zeros_like(z)
+    for share in _SHARES / np.abs(straight[~problem.noisy]).max(initial=1.0) if near else ():
         moved = share * straight
         trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial))
@@ -161,8 +161,8 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
 
 
 def _back(problem, trial, there, expected, move):
-    """From where a step along a curved valley ended back to its floor: a Gauss-Newton step on what the gradient there
-    has beyond what the step expected."""
+    """The trial moved back to the bottom of a curved valley that a straight step has left: a Gauss–Newton step on what
+    the gradient there has beyond what that step expected."""
     beyond = there.gradient - expected
     back = _bounded_step(trial, beyond, there.information, move, 0.0, problem.low, problem.high, problem.axes(trial))
     return problem.moved(trial, back / np.abs(back).max(initial=1.0), there.information)

@@ -1,7 +1,7 @@
 """A descent's steps, bent where parameters imitate each other along a curve.
 
 The pendulum's row has no input, so its numbers share a scale that only the reaction on the arm fixes. Logarithms of
-θ2 … θ5 move along that scale on a straight line, friction, which may be zero and so is no logarithm, does not.
+θ2 … θ5 move along that scale on a straight line. Friction may be zero and so is no logarithm: its way is bent.
 
 And an effect may be a sum of fixed functions whose coefficients its parameters make up. A cable's torque is a cubic
 in the angle, but its stiffness, softest place and stiffening are not the cubic's coefficients. Where the arm stays far
