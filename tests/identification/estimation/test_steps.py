@@ -157,8 +157,8 @@ def test_a_known_theta4_leaves_no_common_scale() -> None:
 def test_fits_from_another_scale_of_the_pendulum_arrive_soon(
     effect: str | None, torque_noise: tuple[float, float]
 ) -> None:
-    """The paper's experiment with torque noise, [{u}² s] on each row. With much on the arm and straight steps a start at
-    three tenths of the scale took 44 iterations, and beside the effects it ended 0.8 and 2.3 nats above the optimum."""
+    """The paper's experiment with torque noise, [{u}² s] on each row. With much on the arm and straight steps, a start
+    at three tenths of the scale took 44 iterations, and beside the effects ended 0.8 and 2.3 nats above the optimum."""
     plant = TABLE_3 if effect is None else TABLE_3.with_effects(TABLE_3.default_effect(effect))
     run = closed_loop(plant, 0.008, 10.0, 4096, 1, torque_noise=torque_noise)
     records, ends = [Record.from_log(Log.from_run(run, plant.unit, 4096))], []
