@@ -8,7 +8,7 @@ EXTRAS := rl,report,matlab,labview,ros,mujoco,video,studio,lab,plan,docs,dev
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup demo test fast slow lint docs bench matrix core constraints clean
+.PHONY: setup demo test fast slow thorough lint docs bench matrix core constraints clean
 
 setup: $(READY)  ## the virtual environment, and everything compiled
 	$(BIN)/furuta warm-up
@@ -24,14 +24,17 @@ demo: $(READY)  ## the main job on bundled logs; writes out/demo
 	$(BIN)/furuta demo --out out/demo
 
 # pytest ends with 5 where PYTEST_ARGS select nothing of one part
-test:  ## the whole test suite: the fast part first, then the slow one, whatever the first says
+test:  ## every change is tested with these: the fast part first, then the slow one, whatever the first says
 	@failed=0; $(MAKE) fast || failed=1; $(MAKE) slow || failed=1; exit $$failed
 
 fast: $(READY)  ## every test that fits nothing, trains nothing and records nothing long
-	$(PYTEST) -m "not slow" $(PYTEST_ARGS) || test $$? -eq 5
+	$(PYTEST) -m "not slow and not thorough" $(PYTEST_ARGS) || test $$? -eq 5
 
 slow: $(READY)  ## the tests of tests/slow.txt
 	$(PYTEST) -m slow $(PYTEST_ARGS) || test $$? -eq 5
+
+thorough: $(READY)  ## the longest tests, those of tests/thorough.txt and whole studies: an hour and more
+	$(PYTEST) -m thorough $(PYTEST_ARGS) || test $$? -eq 5
 
 lint: $(READY)  ## formatting, style, types, the import contracts, and how the docs read
 	$(BIN)/ruff format --check .
@@ -42,7 +45,7 @@ lint: $(READY)  ## formatting, style, types, the import contracts, and how the d
 
 docs: $(READY)  ## the site, to out/site: generated pages, the tutorials run, a strict build that checks every link
 	$(BIN)/python docs/generate.py
-	FURUTA_TUTORIALS=all $(BIN)/python -m pytest -q tests/test_docs.py -k tutorial_runs
+	$(BIN)/python -m pytest -q tests/test_docs.py -k tutorial_runs
 	$(BIN)/mkdocs build --strict  # not --quiet, which keeps warnings from being counted
 
 bench: $(READY)  ## speed against named references, as ratios

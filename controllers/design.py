@@ -12,10 +12,9 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.linearization import Linearization, linearize, state_derivative
 from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import period_of
 
 from .base import DesignError
-
-DEFAULT_SAMPLE_TIME = 0.002  # s, where neither caller nor plant says
 
 
 @dataclass(frozen=True)
@@ -86,12 +85,8 @@ class DesignModel:
 
 
 def choose_sample_time(plant: Plant, sample_time: float | None) -> float:
-    """The caller's, else the plant's, else 2 ms. Raises ValueError unless in (0, 1] s."""
-    given = plant.sample_time if sample_time is None else sample_time
-    T = DEFAULT_SAMPLE_TIME if given is None else given
-    if not (np.isfinite(T) and 0 < T <= 1):
-        raise ValueError(f"sample_time must lie in (0, 1] s, got {sample_time!r}")
-    return float(T)
+    """The caller's, else the plant's, else 2 ms. Raises ArgumentError, a ValueError, unless it is 1 µs to 1 s."""
+    return period_of(sample_time, plant.sample_time)
 
 
 def choose_sensors(plant: Plant, sensors: Sensors | None) -> Sensors:

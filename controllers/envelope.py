@@ -24,6 +24,8 @@ from numpy.typing import ArrayLike
 from .base import Controller
 from .trials import HORIZONTAL
 
+LONGEST_START = 60.0  # s of a soft start
+
 REASONS = ("on", "reading", "arm", "speed", "tilt", "law")  # indexed by the C header's numbers
 FARTHEST = 1e4  # rad; no rig turns so far
 _LARGEST = 1e30  # a single-precision number still, and no command
@@ -52,6 +54,8 @@ class Envelope:
                 raise ValueError(f"envelope: {field.name} must be a positive number, got {value!r}")
         if not (math.isfinite(self.u_max) and math.isfinite(self.soft_start)):
             raise ValueError("envelope: u_max and soft_start must be finite")
+        if self.soft_start > LONGEST_START:
+            raise ValueError(f"envelope: soft_start {self.soft_start:g} s, expected {LONGEST_START:g} s at most")
 
     @classmethod
     def of(cls, controller: Any, **changes: Any) -> "Envelope":

@@ -8,11 +8,12 @@ from typing import Any
 from furuta_gym.plant import Plant
 from furuta_gym.processes import worker_options
 from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import DEFAULT_SAMPLE_TIME
 
 from .base import Controller, DesignError
 from .comparison import Comparison
 from .conditions import USUAL_GROUPS, Condition, conditions
-from .design import DEFAULT_SAMPLE_TIME, choose_sample_time, choose_sensors
+from .design import choose_sample_time, choose_sensors
 from .registry import make_controller
 from .statistics import Interval
 
@@ -78,6 +79,11 @@ def compare(
         for row in rows
         if row.kind != "swing_up" or "swing_up" in getattr(policy, "tasks", ())
     ]
+    if not tasks:
+        raise ValueError(
+            f"nothing to compare: {', '.join(policies)} cannot swing up; "
+            "add swing-up or a policy, or groups in which it balances"
+        )
     scores: dict[str, dict[str, dict[str, Interval]]] = {name: {} for name in policies}
     for done, (task, figures) in enumerate(zip(tasks, _run(tasks, jobs), strict=True), start=1):
         scores[task.name][task.condition.name] = figures

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT, TASKS
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
+from furuta_gym.simulation import period_of
 
 from .base import Controller, Reference
 from .design import choose_sensors
@@ -147,7 +148,7 @@ def load_policy(
             f"{path} was trained on a plant whose command is in {rig['unit']}; this plant's is in {plant.unit}"
         )
     trained = float(env.get("sample_time") or plant.sample_time or SAMPLE_TIME)
-    T = float(sample_time or _clock(plant, trained))
+    T = _clock(plant, trained) if sample_time is None else period_of(sample_time)
     every = max(1, round(trained / T))
     if env.get("sample_time") is None:  # nothing is known: it acts at every sample
         every = 1

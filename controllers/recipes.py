@@ -12,6 +12,7 @@ from typing import Any
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.simulation import period_of
 
 HORIZON = 2.0  # s; rewards so far ahead count 1/e. A swing-up takes half a second to two
 EPISODE = 8.0  # s; long enough to swing up and then to hold, which is where most of the reward is
@@ -152,8 +153,10 @@ def training_period(plant: Plant, sample_time: float | None) -> float:
 
     A policy acts on every n-th sample of a rig whose clock is n times faster, see `LearnedController`.
     """
-    if sample_time is not None or plant.sample_time is None:
-        return sample_time or PERIOD
+    if sample_time is not None:
+        return period_of(sample_time)
+    if plant.sample_time is None:
+        return PERIOD
     return plant.sample_time * max(1, round(PERIOD / plant.sample_time))
 
 

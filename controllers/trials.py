@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.arguments import ArgumentError
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import advance
@@ -156,7 +157,8 @@ def run_trials(
     check_clock(policy, T)
     n = round(duration / T)
     if n < 1 or (swing_up and duration <= hold):
-        raise ValueError(f"duration {duration:g} s is too short (swing-up needs more than {hold:g} s)")
+        least = f"more than the {hold:g} s that it must stay up" if swing_up else f"at least one sample of {T:g} s"
+        raise ArgumentError("duration", f"{duration:g} s", f"expected {least}")
     sensors = sensors or Sensors()
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)

@@ -84,7 +84,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise OSError(f"{path}: {error}") from None
         raise type(error)(error.errno, error.strerror or str(error), str(path)) from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # the error of the file that the user knows is the one to be told
+            temporary.unlink(missing_ok=True)
     sync_folder(path.parent)
 
 

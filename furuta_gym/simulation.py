@@ -7,12 +7,14 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import ArgumentError
 from .plant.dynamics import advance
 from .plant.integration_step import substep
 from .plant.plant import Plant
 from .sensors import Sensors
 
 LONGEST_STEP = 2e-3  # s; longest Runge–Kutta step, where friction allows it
+DEFAULT_SAMPLE_TIME = 2e-3  # s, where neither the caller nor the plant says one
 FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
 MOST_STEPS = 10_000  # of integration in one sample; no rig needs a hundred
@@ -33,6 +35,14 @@ def integration_step(plant: Plant, longest_step: float, sample_time: float) -> f
             "friction_sharpness or the sample time"
         )
     return h_max
+
+
+def period_of(*given: float | None) -> float:
+    """The first sample time [s] that is given, else 2 ms. Raises ArgumentError unless it is 1 µs to 1 s."""
+    T = next((T for T in given if T is not None), DEFAULT_SAMPLE_TIME)
+    if not 1e-6 <= T <= 1:
+        raise ArgumentError("sample_time", repr(T), "expected seconds, from 1e-6 to 1")
+    return float(T)
 
 
 @runtime_checkable
@@ -62,8 +72,13 @@ class Simulation:
 
 
 def open_loop(values: Sequence[float] | NDArray[np.float64] | float = 0.0) -> Callable[[NDArray[np.float64]], float]:
-    """A policy that ignores the readings: a constant, or a sequence whose last value holds on."""
-    return _OpenLoop(np.atleast_1d(np.asarray(values, dtype=float)))
+    """A policy that ignores the readings: a constant, or a sequence whose last value holds on.
+
+    Raises ValueError for no value, or one that is not finite."""
+    given = np.atleast_1d(np.asarray(values, dtype=float))
+    if not given.size or not np.isfinite(given).all():
+        raise ArgumentError("values", repr(values), "expected a finite number, or a sequence of them")
+    return _OpenLoop(given)
 
 
 class _OpenLoop:
@@ -95,7 +110,8 @@ class LivePlant:
     """One plant, its encoders and its clock. `read`, then `step`, once a sample.
 
     sample_time [s]: default is the plant's, else 2 ms. x0: q1, q2, q̇1, q̇2 [rad, rad/s]. seed: of the sensors' noise.
-    samples: the length of the run where it is known. Raises ValueError where a sample takes too many steps.
+    samples: the length of the run where it is known. Raises ValueError where a sample takes too many steps, or an
+    argument cannot be.
     """
 
     def __init__(
@@ -108,10 +124,12 @@ class LivePlant:
         longest_step: float = LONGEST_STEP,
         samples: int = _KEPT,
     ) -> None:
-        self.sample_time = float(sample_time or plant.sample_time or 0.002)
+        self.sample_time = period_of(sample_time, plant.sample_time)
         self.sensors = sensors or Sensors()
         self.rng = np.random.default_rng(seed)
         self.samples = 0
+        if not longest_step > 0:
+            raise ArgumentError("longest_step", repr(longest_step), "expected seconds, above 0")
         self._longest_step = longest_step
         self._row = 0  # the newest row of the commands
         self._U = np.zeros((samples + 1, 1))  # row 0: nothing is commanded before the run
@@ -119,7 +137,10 @@ class LivePlant:
         self._W = np.zeros((2, 1))
         self._take(plant)
         self._X = np.zeros((self._rows, 1))
-        self._X[:4, 0] = np.asarray(x0, dtype=float)
+        start = np.asarray(x0, dtype=float)
+        if start.shape != (4,) or not np.isfinite(start).all():
+            raise ArgumentError("x0", repr(x0), "expected finite q1, q2, q̇1, q̇2")
+        self._X[:4, 0] = start
 
     @property
     def t(self) -> float:
@@ -214,13 +235,15 @@ def simulate(
     sample of more than `MOST_STEPS` steps, and FloatingPointError if the motion leaves all bounds.
     """
     plant = Plant.resolve(plant)
-    T = float(sample_time or getattr(policy, "sample_time", None) or plant.sample_time or 0.002)
+    T = period_of(sample_time, getattr(policy, "sample_time", None), plant.sample_time)
     check_clock(policy, T)
     n = round(duration / T) if np.isfinite(duration) else 0
     if n < 1:
         raise ValueError(f"duration must be finite and hold at least one sample of {T:g} s, got {duration!r}")
     if n > MOST_SAMPLES:
-        raise ValueError(f"{duration:g} s at {T:g} s are {n} samples; expected at most {MOST_SAMPLES}")
+        raise ValueError(f"{duration:g} s at {T:g} s are {n:.3g} samples; expected at most {MOST_SAMPLES}")
+    if not q2_limit > 0:
+        raise ValueError(f"q2_limit must be an angle above 0 [rad], got {q2_limit!r}")
     if not (np.isfinite(torque_noise).all() and np.min(torque_noise) >= 0):
         raise ValueError(f"torque_noise must be two finite numbers that are not negative, got {torque_noise!r}")
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""What every test shares: deterministic hypothesis, the mark of slow tests, and the measured logs where they are."""
+"""What every test shares: deterministic hypothesis, the parts of the tests, and the measured logs where they are."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).resolve().parent.parent
-SLOW = ROOT / "tests" / "slow.txt"
+PARTS = ("thorough", "slow")
+"""Parts of the tests, each listed in a file of its name. A test of neither is fast, one of both is thorough."""
 
 # Compilation happens inside the first example, so deadlines would measure the compiler.
 settings.register_profile(
@@ -18,35 +19,42 @@ settings.register_profile(
 settings.load_profile("furuta")
 
 
-def _slow() -> list[str]:
-    """Entries of tests/slow.txt, files or tests."""
-    return [line for line in SLOW.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
+def _listed(part: str) -> list[str]:
+    """Entries of tests/PART.txt, files or tests."""
+    lines = (ROOT / "tests" / f"{part}.txt").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """The fast part does not import what is slow as a whole."""
-    if config.option.markexpr == "not slow" and collection_path.suffix == ".py":
-        return collection_path.relative_to(ROOT).as_posix() in _slow() or None
+    if "not slow" in config.option.markexpr and collection_path.suffix == ".py":
+        return collection_path.relative_to(ROOT).as_posix() in _listed("slow") or None
     return None
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what tests/slow.txt lists, in its order. Raises pytest.UsageError for an entry that is no test."""
-    listed = _slow()
-    files, found = set(), set()
-    for item in items:
-        file, *names = item.nodeid.split("[")[0].split("::")
-        files.add(file)
-        levels = {"::".join([file, *names[:depth]]) for depth in range(len(names) + 1)}
-        if entries := levels.intersection(listed):
-            found |= entries
-            item.add_marker(pytest.mark.slow)
-    rank = {file: i for i, file in enumerate(dict.fromkeys(entry.split("::")[0] for entry in listed))}
+    """Mark what the lists of the parts name, in their order. Raises pytest.UsageError for an entry that is no test."""
+    levels = [_levels(item) for item in items]
+    for part in PARTS:
+        listed = set(_listed(part))
+        for item, names in zip(items, levels, strict=True):
+            if listed.intersection(names) and not any(item.iter_markers("thorough")):
+                item.add_marker(part)
+        found = listed.intersection(name for names in levels for name in names)
+        files = {names[0] for names in levels}
+        stale = [entry for entry in sorted(listed - found) if entry.split("::")[0] in files]
+        if stale and not any("::" in argument for argument in config.args):
+            raise pytest.UsageError(f"tests/{part}.txt lists what is no test: {', '.join(stale)}")
+    order = dict.fromkeys(entry.split("::")[0] for part in reversed(PARTS) for entry in _listed(part))
+    rank = {file: i for i, file in enumerate(order)}
     items.sort(key=lambda item: rank.get(item.nodeid.split("::")[0], len(rank)))
-    whole = not any("::" in argument for argument in config.args)
-    if whole and (stale := [entry for entry in listed if entry not in found and entry.split("::")[0] in files]):
-        raise pytest.UsageError(f"tests/slow.txt lists what is no test: {', '.join(stale)}")
+
+
+def _levels(item: pytest.Item) -> list[str]:
+    """What an entry of a list may call a test: its file, its class there, itself with all its cases, or one case."""
+    file, *names = item.nodeid.split("[")[0].split("::")
+    return list(dict.fromkeys(["::".join([file, *names[:depth]]) for depth in range(len(names) + 1)] + [item.nodeid]))
 
 
 @pytest.fixture(scope="session")

@@ -25,7 +25,7 @@ import readability  # noqa: E402
 import run_pages  # noqa: E402
 
 TUTORIALS = sorted(page.stem for page in (DOCS / "tutorials").glob("*.md"))
-LONG = ("missing_effect", "reidentify_and_retrain")
+LONG = ("design_an_experiment", "missing_effect", "train_a_policy", "reidentify_and_retrain")
 NUMBER = re.compile(r"(?<![\wθ])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -92,13 +92,13 @@ def test_a_diagnosis_file_follows_its_schema(kept: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", TUTORIALS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.thorough if name in LONG else []) for name in TUTORIALS]
+)
 def test_a_tutorial_runs_as_it_stands_and_prints_what_it_shows(name: str, tmp_path: Path) -> None:
     """Same words, and numbers within 5 %, as processors round differently; what was trained may differ more."""
     blocks = run_pages.kept(DOCS / "tutorials" / f"{name}.md")
     assert blocks
-    if name in LONG and os.environ.get("FURUTA_TUTORIALS") != "all":
-        pytest.skip("takes half a minute: run it with FURUTA_TUTORIALS=all")
     trains = any("train(" in code for code, _ in blocks)
     if trains:
         pytest.importorskip("stable_baselines3")
@@ -166,9 +166,7 @@ def test_the_effect_of_the_page_is_a_declaration_and_equals_its_oracle() -> None
         assert effect.kernels["torque"].py_func(v1, r1, tau, μ) == (pytest.approx(oracle["arm"]), 0.0)
 
 
-@pytest.mark.skipif(
-    os.environ.get("FURUTA_TUTORIALS") != "all", reason="compiles anew: run it with FURUTA_TUTORIALS=all"
-)
+@pytest.mark.thorough
 @pytest.mark.timeout(1800)
 def test_the_effect_of_the_page_is_simulated_estimated_and_named(tmp_path: Path) -> None:
     """The page, step by step, on a copy of the packages."""
@@ -284,14 +282,13 @@ def test_what_is_no_message_is_not_measured() -> None:
 SHELL = re.compile(r"^```\n(.*?)^```\n\n```text\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(3600)
 @pytest.mark.filterwarnings("ignore")
 def test_the_solutions_of_the_lab_are_what_the_commands_print(tmp_path: Path) -> None:
     """Each line that the page shows is printed by the commands above it, with numbers within 5 %."""
     blocks = SHELL.findall((DOCS / "lab" / "solutions.md").read_text(encoding="utf-8"))
     assert len(blocks) >= 6
-    if os.environ.get("FURUTA_TUTORIALS") != "all":
-        pytest.skip("takes about ten minutes: run it with FURUTA_TUTORIALS=all")
     pytest.importorskip("cryptography")
     script = f'set -e\nfuruta() {{ "{sys.executable}" "{ROOT / "furuta_command.py"}" "$@"; }}\n'
     script += "\n".join(f"{commands}echo 'end of block'" for commands, _ in blocks)

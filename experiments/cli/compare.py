@@ -29,7 +29,7 @@ def compare_command(
         int,
         typer.Option(help="Of the main group. Other conditions have a quarter: at least 10, at most this.", min=1),
     ] = 100,
-    duration: Annotated[float, typer.Option(help="Length of a trial in seconds.")] = 10.0,
+    duration: Annotated[float, typer.Option(help="Length of a trial in seconds; of a swing-up 15 at least.")] = 10.0,
     groups: Annotated[
         str,
         typer.Option(
@@ -50,8 +50,7 @@ def compare_command(
     names = [name.strip() for name in controllers.split(",") if name.strip()]
     if not names:
         raise ValueError("--controllers is empty; expected names such as paper-lqr,lqr,lqg")
-    if not 0 < duration <= 600:
-        raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
+    opt.within("--duration", duration, 0.0, 600.0, "seconds, above 0 and at most 600")
     from controllers.conditions import GROUPS, check_groups
     from controllers.evaluation import compare
     from controllers.film import require_film
@@ -67,7 +66,10 @@ def compare_command(
     if gif:
         require_film()
     check_folder(output)
-    with whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder:
+    with (
+        whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder,
+        opt.as_typed("sample_time", "duration"),
+    ):
         with counted("trials") as tell:
             result = compare(
                 plant,
@@ -98,7 +100,9 @@ def compare_command(
     typer.echo(f"Written in {output}: {', '.join(written)}")
     linear = [name for name, policy in result.policies.items() if isinstance(policy, LinearController)]
     if own := [name for name in linear if name != "paper-lqr"]:
-        typer.echo(f"Next: furuta export {shlex.quote(plant)} --controller {own[-1]} -o {own[-1]}.h")
+        designed_for = shlex.quote(plant if design_plant is None else design_plant)
+        period = "" if sample_time is None else f" --sample-time {sample_time!r}"
+        typer.echo(f"Next: furuta export {designed_for} --controller {own[-1]}{period} -o {own[-1]}.h")
 
 
 def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -34,11 +35,14 @@ class DiagnoseCommand(Command):
 
 
 def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]) -> list[str]:
-    """`option a b c` as `option a option b option c`, up to the next option, where `may` says so of what is before."""
+    """`option a b c`, or `option=a b c`, as `option a option b option c`, up to the next option, where `may` says so of
+    what is before."""
     given: list[str] = []
     rest = list(args)
     while rest:
         word = rest.pop(0)
+        if word.startswith(f"{option}="):
+            word, rest = option, [word.removeprefix(f"{option}="), *rest]
         given.append(word)
         if word == option and rest and may(given[:-1]):
             given.append(rest.pop(0))
@@ -48,8 +52,8 @@ def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]
 
 
 @contextmanager
-def _kept_until_it_ends(journal: Path) -> Iterator[None]:
-    """A search that ended, or that cannot end, needs no journal; one that was stopped goes on from it.
+def _kept_until_written(journal: Path) -> Iterator[None]:
+    """Once its results are on the disk a search needs no journal; one that was stopped goes on from it.
 
     What Ctrl-C leaves is said here, as it depends on whether a fit was kept."""
     try:
@@ -63,9 +67,6 @@ def _kept_until_it_ends(journal: Path) -> Iterator[None]:
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
-    except ValueError:
-        journal.unlink(missing_ok=True)
-        raise
     journal.unlink(missing_ok=True)
 
 
@@ -125,13 +126,18 @@ def diagnose_command(
     from identification.diagnosis.policy import DecisionPolicy
 
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
-    journal = output.resolve().with_name(f"{output.resolve().name}.search.jsonl")
+    there = Path(os.path.realpath(output))
+    journal = there.with_name(f"{there.name}.search.jsonl")
     with (
+        _kept_until_written(journal),
         whole_folder(output, own) as folder,
-        _kept_until_it_ends(journal),
         steps("diagnose", min(sum(map(len, read)), DecisionPolicy().samples)) as tell,
     ):
-        found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
+        try:
+            found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
+        except ValueError:  # a search that cannot end needs no journal
+            journal.unlink(missing_ok=True)
+            raise
         examination = examine(found, read, held, progress=tell)
         result = examination.to_dict()
         write_json(folder / "diagnosis.json", result)

@@ -40,10 +40,8 @@ def excite_command(
 ) -> None:
     """Design an experiment: D-optimal for θ, or the one that separates effects, with the precision to expect."""
     opt.log_file(output, [Path(plant)])
-    if duration is not None and not 0 < duration <= 600:
-        raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 600")
-    if sample_time is not None and not 0 < sample_time <= 1:
-        raise ValueError(f"--sample-time {sample_time}: expected seconds, above 0 and at most 1")
+    opt.within("--duration", duration, 0.0, 600.0, "seconds, above 0 and at most 600")
+    opt.within("--sample-time", sample_time, 0.0, 1.0, "seconds, above 0 and at most 1")
     given = _limits(limits)
     if between is not None:
         suspects = opt.names(between)

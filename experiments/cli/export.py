@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import options as opt
 from .output import print_json
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Plant
 
 
 class Format(StrEnum):
@@ -51,10 +54,32 @@ def export_command(
     chosen = policy or controller
     from furuta_gym.plant import Plant
 
+    opt.within("--soft-start", None if soft_start == 0 else soft_start, 0.0, 60.0, "seconds, from 0 to 60")
     rig = Plant.resolve(plant)
+    with opt.as_typed("sample_time"):
+        _write(kind, rig, plant, chosen, output, sample_time, single, soft_start, trust)
+    if as_json:
+        print_json({"written": str(output), "format": kind.value, "plant": plant, "controller": chosen})
+    else:
+        typer.echo(f"{output}: {chosen or plant} as {kind.value}")
+
+
+def _write(
+    kind: Format,
+    rig: Plant,
+    plant: str,
+    chosen: str | None,
+    output: Path,
+    sample_time: float | None,
+    single: bool,
+    soft_start: float | None,
+    trust: bool,
+) -> None:
     if kind is Format.mjcf:
         if chosen is not None:
             raise ValueError(f"MJCF holds the plant alone; leave {chosen} out, or take --format c or onnx")
+        if sample_time is not None or trust:
+            raise ValueError("--sample-time and --trust are for controllers; leave them out with mjcf")
         from controllers.exports.mjcf import export_mjcf
 
         export_mjcf(rig, output)
@@ -83,10 +108,6 @@ def export_command(
             from controllers.exports.c import export_c
 
             export_c(made, output, **options)
-    if as_json:
-        print_json({"written": str(output), "format": kind.value, "plant": plant, "controller": chosen})
-    else:
-        typer.echo(f"{output}: {chosen or plant} as {kind.value}")
 
 
 def _format_of(output: Path) -> Format:

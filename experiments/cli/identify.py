@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+import warnings
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -42,9 +43,7 @@ def identify_command(
     prior: Annotated[list[str] | None, typer.Option(help="Roughly known: theta2=0.012±0.001 (or +-).")] = None,
     effects: Annotated[
         str,
-        typer.Option(
-            help="Fit these effects too, with all their parameters: arm_spring,input_delay (names: furuta effects)."
-        ),
+        typer.Option(help="Fit these effects too: arm_spring,input_delay (names: furuta effects)."),
     ] = "",
     physical: Annotated[
         bool, typer.Option("--physical", help="Keep to what a rigid arm and pendulum can have.")
@@ -92,6 +91,9 @@ def identify_command(
     _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
 
+    for name in ("theta1", "theta4"):
+        if (value := fixed.get(name)) is not None and value <= 0:
+            raise ValueError(f"--fix {name}={value:g}: it is an inertia; expected a number above 0")
     known = None if start is None else Plant.resolve(start)  # a wrong name is told before the logs are read
     _check_known([*fixed, *priors], named, known)
     read = read_logs(logs, reading, known)
@@ -113,7 +115,13 @@ def identify_command(
             every_sample=every_sample,
         )
     gap, remark = _adequacy(estimate, read)
+    profiles = []
+    for name in profiled:
+        with busy(f"profiling {name} …"):
+            profiles.append(estimate.profile(name))
     page = _page(estimate, read, gap, remark, output) if report is not None else ""
+    if lost := _limits_lost(output, estimate.plant):
+        warnings.warn(lost, stacklevel=1)
     estimate.save(output)
     if report is not None:
         from furuta_gym.files import write_whole
@@ -121,10 +129,6 @@ def identify_command(
         write_whole(report, page)
     if plot is not None and gap is not None:
         _draw(gap, read, plot)
-    profiles = []
-    for name in profiled:
-        with busy(f"profiling {name} …"):
-            profiles.append(estimate.profile(name))
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
         measured = gap.to_dict() if gap is not None else {"gap": None, "gap_remark": remark}
@@ -140,6 +144,23 @@ def identify_command(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )
     typer.echo(f"Next: {_next(gap, logs, output)}")
+
+
+def _limits_lost(output: Path, plant: Plant) -> str:
+    """What to say where the plant file that is replaced holds limits of the rig, and the new one would not."""
+    from furuta_gym.plant import Plant
+
+    try:
+        limits = Plant.load(output).limits if output.exists() and not plant.limits else None
+    except ValueError:  # what is replaced is no plant file
+        limits = None
+    if not limits:
+        return ""
+    told = ", ".join(f"{name} {value:g}" for name, value in limits.items())
+    return (
+        f"{output}: the file that is replaced had the rig's limits ({told}); the new one has none, so controllers and "
+        f"designs keep to u_max alone. Copy them into it, or start from a plant file that has them (--start)"
+    )
 
 
 def _fitted(samples: int, method: str, every_sample: bool) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
@@ -91,6 +91,12 @@ def numbers(option: str, text: str, count: tuple[int, ...] = (1, 2)) -> tuple[fl
     return values
 
 
+def within(option: str, value: float | None, low: float, high: float, what: str) -> None:
+    """Before the work: a number that an option cannot have. low itself is left out. Raises ValueError."""
+    if value is not None and not low < value <= high:
+        raise ValueError(f"{option} {value:g}: expected {what}")
+
+
 def names(text: str) -> list[str]:
     """Names separated by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
@@ -111,14 +117,23 @@ def library_effects(option: str, texts: Iterable[str]) -> None:
         raise ValueError(f"{option} {','.join(given)}: an effect stands there twice; name each once")
 
 
-def _parts(texts: Iterable[str] | None) -> list[str]:
-    return [part for text in texts or () for part in text.split(",")]
+def _parts(option: str, texts: Iterable[str] | None) -> list[str]:
+    """What commas separate, each of another NAME. Raises ValueError."""
+    parts = [part for text in texts or () for part in text.split(",")]
+    once(option, [part.partition("=")[0].strip() for part in parts])
+    return parts
+
+
+def once(option: str, given: Sequence[str]) -> None:
+    """Raises ValueError for a name that is given twice."""
+    if twice := [name for name in dict.fromkeys(given) if name and given.count(name) > 1]:
+        raise ValueError(f"{option}: {', '.join(twice)} stands there twice; give each once")
 
 
 def fixed_values(texts: Iterable[str] | None) -> dict[str, float | None]:
     """`theta4=0.012` (or `theta4` alone: the start plant's value) as {name: value or None}. Raises ValueError."""
     found: dict[str, float | None] = {}
-    for text in _parts(texts):
+    for text in _parts("--fix", texts):
         name, equals, value = (s.strip() for s in text.partition("="))
         if not name or (equals and not value):
             raise ValueError(f"--fix {text!r}: expected NAME=VALUE such as theta4=0.012")
@@ -129,7 +144,7 @@ def fixed_values(texts: Iterable[str] | None) -> dict[str, float | None]:
 def prior_values(texts: Iterable[str] | None) -> dict[str, tuple[float, float]]:
     """`theta2=0.012±0.001` (± may be typed +-) as {name: (mean, std)}. Raises ValueError."""
     found: dict[str, tuple[float, float]] = {}
-    for text in _parts(texts):
+    for text in _parts("--prior", texts):
         parts = re.split(r"±|\+/-|\+-", text.partition("=")[2])
         name = text.partition("=")[0].strip()
         if not name or len(parts) != 2:
@@ -145,6 +160,7 @@ def with_effects(plant: Plant, texts: Iterable[str] | None) -> Plant:
     """The plant with `NAME:p=v,…` added; parameters left out have a size worth noticing. Raises ValueError."""
     from furuta_gym.plant import Effect
 
+    once("--effect", [text.partition(":")[0].strip() for text in texts or ()])
     for text in texts or ():
         plant = plant.with_effects(Effect.parse(text, plant.default_effect))
     return plant

@@ -73,8 +73,8 @@ def simulate_command(
     opt.log_file(output, [Path(plant), Path(excitation)])
     if not 0 < duration <= 3600:
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
-    if sample_time is not None and not 0 < sample_time <= 1:
-        raise ValueError(f"--sample-time {sample_time}: expected seconds, above 0 and at most 1")
+    opt.within("--sample-time", sample_time, 0.0, 1.0, "seconds, above 0 and at most 1")
+    opt.within("--amplitude", amplitude, -1e9, 1e9, "a finite number")
     import numpy as np
 
     from furuta_gym.plant import Plant

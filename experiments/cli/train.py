@@ -92,7 +92,11 @@ def train_command(
     from furuta_gym.plant import Plant
 
     check_folder(output.parent)
-    with opt.as_typed("randomize"):
+    opt.within("--noise", noise, -1e-300, 1.0, "rad, from 0 to 1")
+    opt.within("--arm-limit", arm_limit, 0.0, 1e6, "rad, above 0")
+    opt.within("--arm-margin", arm_margin, 0.0, 1e6, "rad, above 0")
+    opt.within("--curriculum", curriculum, 0.0, 1.0, "a share of successes above 0, at most 1, such as 0.9")
+    with opt.as_typed("randomize", "sample_time"):
         training = Training.of_recipe(
             Plant.resolve(plant),
             recipe,
@@ -192,9 +196,12 @@ def _randomize(wanted: bool, ranges: list[str] | None) -> bool | dict[str, str] 
 def _chances(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
     """`NAME=p` as {name: p}. Raises ValueError."""
     found = {}
+    opt.once(option, [text.partition("=")[0].strip() for text in texts or ()])
     for text in texts or ():
         name, equals, value = (part.strip() for part in text.partition("="))
         if not name or not equals:
             raise ValueError(f"{option} {text!r}: expected NAME=p such as {example}")
         (found[name],) = opt.numbers(f"{option} {name}", value, (1,))
+        if not 0.0 <= found[name] <= 1.0:
+            raise ValueError(f"{option} {name}={value}: expected a number from 0 to 1, such as {example}")
     return found

@@ -26,7 +26,7 @@ def whole_folder(path: Path, own: Iterable[str] = ()) -> Iterator[Path]:
     stay, and then the new files go there one by one. Raises ValueError while another furuta writes to `path`, and
     OSError that names the file in `path`.
     """
-    target = path.resolve()
+    target = Path(os.path.realpath(path))
     with locked(target):
         recover(target)
         room = target if target.is_dir() and not _beside(target) else target.parent

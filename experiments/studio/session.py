@@ -76,7 +76,7 @@ class Session:
 
     def was_dropped(self, path: Path) -> bool:
         """Whether a file came into the page and lies in no folder of the user."""
-        return path.parent == self._dropped
+        return self._dropped is not None and path.parent == self._dropped / "logs"
 
     @property
     def journal(self) -> Path:
@@ -86,9 +86,9 @@ class Session:
     def drop(self, name: str, content: bytes) -> None:
         """Take in a dropped file. Raises LogError for one that no reader knows, or that is too large; one of the same
         name that was there before then stays."""
-        path = self.private / bare_name(name)
+        path = self.private / "logs" / bare_name(name)
         before = path.read_bytes() if path.exists() else None
-        self._kept(name, content)
+        self._kept(path, content)
         try:
             self.add(path)
         except LogError:
@@ -99,14 +99,18 @@ class Session:
 
     def take_policy(self, name: str, content: bytes) -> None:
         """Take in a dropped policy file, which is not read yet. Raises LogError for one that is too large."""
-        self.policy, self.trusted = self._kept(name, content), False
+        path = self.private / "policies" / bare_name(name)
+        self._kept(path, content)
+        self.policy, self.trusted = path, False
 
-    def _kept(self, name: str, content: bytes) -> Path:
+    def _kept(self, path: Path, content: bytes) -> None:
+        """A dropped file in a folder of its kind, so that none takes the place of another kind."""
         if len(content) > LARGEST_FILE:
-            raise LogError(f"{name}: {len(content)} bytes. Expected at most {LARGEST_FILE}; cut it, or use the shell.")
-        path = self.private / bare_name(name)
+            raise LogError(
+                f"{path.name}: {len(content)} bytes. Expected at most {LARGEST_FILE}; cut it, or use the shell."
+            )
+        path.parent.mkdir(mode=0o700, exist_ok=True)
         path.write_bytes(content)
-        return path
 
     def add(self, path: Path) -> None:
         """Take in a file, or read it again. Raises LogError."""

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Collection
 from typing import Any
 
 import gymnasium as gym
@@ -78,7 +79,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## End of an episode
     terminated: |q1| > arm_limit (the cable), |q̇1| > the plant file's `arm_speed` if it has one, in `balance`
     |q2| > pendulum_limit, or a state that is no longer finite; all at the end of an action.
-    truncated: only by the time limit: `time_limit` in seconds, and for `FurutaID-v0` 1000 samples unless
+    truncated: only by the time limit: `time_limit` in seconds, and for `FurutaID-v0` 1000 actions unless
     `max_episode_steps` is given to `gymnasium.make`.
 
     ## Options
@@ -95,7 +96,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     action_time (T): how long an action is held [s], rounded up to whole samples; readings and velocities go on at T.
     time_limit (none): length of an episode [s].
     jitter (0): every period is T (1 + jitter · uniform(−1, 1)), at most 0.3. The velocity filter goes on assuming T.
-    delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included (`input_delay`).
+    delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included. It takes the
+        place of the plant's own `input_delay`.
     encoder_counts, noise_std [rad], encoder_offset [rad], velocity_cutoff ωc [rad/s]: see `Sensors`; default is what
         the plant file says, else 4096 counts, no noise, no offset, 100 rad/s.
     history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
@@ -239,9 +241,12 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._viewer = None
 
 
-def start_state(options: dict[str, Any] | None, shape: tuple[int, ...] = (4,)) -> NDArray[np.float64]:
-    """options["state"], (4,) or of the given shape, NaN where it is left to chance. Raises ValueError otherwise."""
-    if strange := set(options or {}) - {"state", "reset_mask"}:
+def start_state(
+    options: dict[str, Any] | None, shape: tuple[int, ...] = (4,), known: Collection[str] = ("state",)
+) -> NDArray[np.float64]:
+    """options["state"], (4,) or of the given shape, NaN where it is left to chance. known: options that there are.
+    Raises ValueError otherwise."""
+    if strange := set(options or {}) - set(known):
         raise ValueError(
             f"reset has no option {', '.join(sorted(map(repr, strange)))}; it takes 'state' (q1, q2, q̇1, q̇2)"
         )

@@ -10,6 +10,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from numba import types
@@ -104,7 +105,7 @@ class _Helper:
 
     def give(self, job: Callable[[], None]) -> None:
         self._job = job
-        if self._bell.locked():
+        with suppress(RuntimeError):  # it rings already
             self._bell.release()
 
     def _serve(self) -> None:

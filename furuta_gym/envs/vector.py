@@ -29,12 +29,12 @@ _FEWEST_TO_SHARE = 256  # envs; below it, waking another thread costs more than 
 class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """N environments `FurutaID-v0` (see `FurutaEnv` for task, spaces, reward and options), stepped by compiled code.
 
-    Env i equals `FurutaEnv` with the same options and seed, step for step and bit for bit, resets included; with
+    Env i equals `FurutaEnv` with the same options, seed and float32 actions, bit for bit, resets included; with
     `reset(seed=s)` env i has seed s + i, and a list gives each its own. Batches of 256 and more are spread over
     the cores; `threads` limits how many.
 
     max_episode_steps: episodes are truncated here, since a batch has no TimeLimit wrapper; 1000 unless `time_limit` or
-    another number is given.
+    another number is given (`gymnasium.make_vec` gives the 1000 of its id).
     autoreset_mode: NEXT_STEP (default), SAME_STEP (`final_obs` and `final_info` in info) or DISABLED (use
     `reset(options={"reset_mask": mask})`), with Gymnasium's semantics.
     options of reset: `state` (4,) or (N, 4) starts from q1, q2, q̇1, q̇2; NaN is drawn. `reset_mask` (N,) bool.
@@ -107,7 +107,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         mask = _reset_mask(options, self.num_envs)
         self._seed(seed, mask)
-        state = start_state(options, (self.num_envs, 4))
+        state = start_state(options, (self.num_envs, 4), ("state", "reset_mask"))
         if not self._ready and not mask.all():
             raise ResetNeeded("the first reset() must reset every environment")
         out = self._arrays()

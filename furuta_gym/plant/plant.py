@@ -1,6 +1,7 @@
 """A plant as a value: parameters, effects, uncertainty and where they came from; one JSON file each."""
 
 import dataclasses
+import difflib
 import json
 import math
 import os
@@ -40,7 +41,7 @@ class Packed(NamedTuple):
 
 
 def _assumed(plant: "Plant", data: Mapping[str, Any]) -> Iterator[str]:
-    """What a plant file leaves open, and what is taken instead."""
+    """What a plant file leaves open, and what is taken instead; what it says that nobody reads."""
     if "unit" not in data:
         yield 'has no "unit"; its command is taken to be in V. Write "unit": "V" or "unit": "N·m" into it.'
     if "u_max" not in data:
@@ -48,6 +49,10 @@ def _assumed(plant: "Plant", data: Mapping[str, Any]) -> Iterator[str]:
             f'has no "u_max"; its largest command is taken to be {plant.u_max:g} {plant.unit}. Write "u_max" with the '
             "rig's own into it."
         )
+    for key in sorted(set(data) - set(PlantFile.__struct_fields__)):
+        near = difflib.get_close_matches(key, PlantFile.__struct_fields__, n=1)
+        meant = f"; did you mean {near[0]!r}?" if near else "."
+        yield f"has the key {key!r:.80}, which is not known and is left out{meant}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.linearization import state_derivative
 
 from ..discrepancy.basis import Signals
+from ..kalman.record import stretches
 from ..logs.log import Log
 from ..validation.gap import filtered
 
@@ -25,11 +26,12 @@ def is_function_of_motion(effect: EffectType) -> bool:
 
 
 def motion_of(plant: Plant, logs: Sequence[Log]) -> Signals:
-    """Up to 1500 points of the filtered motion along the longest of the logs.
+    """Up to 1500 points of the filtered motion along the longest stretch of the logs without a gap.
 
     Raises ValueError where the plant's filter loses the log.
     """
-    signals = Signals.of(filtered(plant, max(logs, key=len)))
+    longest = max((stretch.piece for stretch in stretches(logs)), key=len)
+    signals = Signals.of(filtered(plant, longest))
     every = slice(None, None, -(-len(signals.t) // _MOST))
     return Signals(*(getattr(signals, f)[every] for f in ("t", "q", "v", "a", "u", "expected")))
 

@@ -161,7 +161,8 @@ def _of_logs(gap: Gap, which: list[int], floor: Array) -> Gap:
     kept = np.isin(gap.log, which)
     errors = gap.errors[kept]
     rms = np.sqrt(np.mean(errors**2, axis=0))
-    return replace(gap, rms=rms, floor=floor, errors=errors, times=gap.times[kept], log=gap.log[kept])
+    windows = {name: getattr(gap, name)[kept] for name in ("floors", "reading_floors", "times", "log")}
+    return replace(gap, rms=rms, floor=floor, errors=errors, **windows)
 
 
 def rms_interval(gap: Gap, seed: int = 0, draws: int = 500, block: float = 1.0) -> Array:

@@ -79,9 +79,9 @@ class HeldOut:
             warnings.simplefilter("ignore", LogWarning)  # that their zeros lie apart, which is allowed for
             try:
                 fitted = identify((*self.logs, *self.whole), plant)
+                return validate(fitted.plant, self.whole).ratio_to_floor
             except ValueError:
                 return None
-        return validate(fitted.plant, self.whole).ratio_to_floor
 
     def searched_angles(self, gap: Gap, plants: Sequence[Plant], zeros: Zeros) -> tuple[float, float] | None:
         """The arm's angles [rad] in the searched logs, whose zeros are given, from and to, if some of the plants depend
@@ -179,23 +179,27 @@ def _cut(log: Log, tail: float) -> float:
 
 
 def _of_tails(plant: Plant, logs: Sequence[Log], tail: float) -> Gap:
-    """The gap in the windows that lie in the last part of each log. The filter runs from the start, so that what
-    changes with time is predicted at its time."""
+    """The gap in the windows that lie in the last part of each log, over their own floor. The filter runs from the
+    start, so that what changes with time is predicted at its time."""
     gap = validate(plant, logs, own_zeros=False)
     cut = np.array([_cut(log, tail) for log in logs])
     late = gap.times - gap.horizon >= cut[gap.log]
     if late.sum() < 10:
         raise ValueError(f"the last {100 * tail:.0f} % of the logs are too short for prediction over {gap.horizon:g} s")
     errors = gap.errors[late]
-    rms = np.sqrt(np.mean(errors**2, axis=0))
+    rms, floor, only = (np.sqrt(np.mean(x, axis=0)) for x in (errors**2, gap.floors[late], gap.reading_floors[late]))
     reading = np.concatenate([readings_at(logs[i], gap.times[late & (gap.log == i)]) for i in range(len(logs))])
     size = np.maximum(np.sqrt(np.mean((reading - reading.mean(axis=0)) ** 2, axis=0)), 1e-12)
     return replace(
         gap,
         rms=rms,
+        floor=floor,
+        reading_floor=np.minimum(only, floor),
         fit_percent=100.0 * (1.0 - rms / size),
-        curve=np.concatenate([[gap.horizon], rms, gap.floor])[None],
+        curve=np.concatenate([[gap.horizon], rms, floor])[None],
         errors=errors,
+        floors=gap.floors[late],
+        reading_floors=gap.reading_floors[late],
         times=gap.times[late],
         log=gap.log[late],
         surprise=gap.surprise[gap.surprise[:, 1] >= cut[gap.surprise[:, 0].astype(int)]],

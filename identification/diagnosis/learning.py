@@ -91,10 +91,12 @@ def _judged(plant: Plant, found: Plant, held: HeldOut) -> tuple[GapChange | None
         return None, f"held-out data could not be predicted with it: {error}"
     fitted = {kind_of(log) for log in held.logs}
     others = [part for part in change.by_kind if part.name not in fitted]
+    if not others:
+        return change, "the held-out logs of another kind of experiment are too short to judge it"
     if worse := [part.name for part in change.by_kind if part.closed.value < 0.0]:
         return change, f"the error on held-out data grows: {', '.join(worse)}"
-    if not all(part.closed.interval[0] > 0.0 for part in others):
-        return change, f"it closes nothing for certain where the experiment is another: {others[0].name}"
+    if open_ones := [part.name for part in others if not part.closed.interval[0] > 0.0]:
+        return change, f"it closes nothing for certain where the experiment is another: {', '.join(open_ones)}"
     if not _worth(change, held.policy):
         return change, f"it closes {100 * change.closed.value:.2g} % of the gap, too little to be worth it"
     return change, ""

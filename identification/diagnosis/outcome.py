@@ -12,7 +12,6 @@ from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
 from ..estimation.informative import spans_text
-from ..validation.adequacy import ADEQUATE_BELOW
 from . import sentences
 from .diagnosis_file import (
     SCHEMA,
@@ -107,8 +106,8 @@ class Diagnosis:
 
     @property
     def leftover(self) -> bool:
-        """Whether the final model leaves structure that no effect found explains."""
-        refused = self.naming is not None and self.naming.refused is not None
+        """Whether the final model leaves structure that no effect found explains, as where names were taken back."""
+        refused = not self.confirmed or (self.naming is not None and self.naming.refused is not None)
         return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
 
     @property
@@ -116,7 +115,7 @@ class Diagnosis:
         """Whether data that no fit saw are predicted worse than noise alone would, and that noise is nearly all torque
         noise: torques that the plant misses, or wrong parameters, pass for it."""
         after = self.gap.after if self.gap is not None else None
-        return after is not None and after.judgement.mostly_torque and after.ratio_to_floor >= ADEQUATE_BELOW
+        return after is not None and after.judgement.mostly_torque and after.ratio_to_floor >= self.policy.adequate
 
     @property
     def added(self) -> bool:
@@ -195,6 +194,8 @@ class Diagnosis:
     def _left(self) -> str:
         """Where what is left over shows; never that nothing is, beside a summary that says that something is."""
         assert self.rest is not None
+        if not self.confirmed:
+            return "held-out data are not predicted better by what explains the searched logs"
         if self.rest.found:
             return self.rest.sentence
         where = "on data that no fit saw alone" if self.still_off > 1.0 else "in other tests"
@@ -287,7 +288,7 @@ class Diagnosis:
                 lines.append("  the error bars above assume that nothing is left: here they are too small")
         if self.learned:
             lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
-        if self.plant is not None:
+        if self.plant is not None and self.confirmed:
             lines.append(f"  {sentences.unexplained(self.left_over, self.command_rms, self.plant.unit)}")
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())
         lines.append(f"  never named, as θ takes them in: {taken}")

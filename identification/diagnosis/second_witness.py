@@ -15,17 +15,13 @@ from ..validation.shooting import Shooting, shooting
 from .held_out import HeldOut
 from .outcome import Diagnosis, SecondWitness
 
-_APART = (
-    4.0  # standard deviations of the difference, from which two estimates disagree: one of fifteen by chance in 10⁴
-)
-
 
 def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     """The diagnosis with the plant after the search fitted by multiple shooting as well, if held-out logs are still
     predicted much worse than noise would, or the noise that they are measured by is nearly all torque noise. Without
-    such logs nobody could say which plant is better."""
+    such logs nobody could say which plant is better. Names that were taken back are in no plant to be fitted."""
     after = diagnosis.after
-    if after is None or diagnosis.gap is None or not held.whole:
+    if after is None or diagnosis.gap is None or not held.whole or not diagnosis.confirmed:
         return diagnosis
     if diagnosis.still_off <= 1.0 and not diagnosis.floor_in_doubt:
         return diagnosis

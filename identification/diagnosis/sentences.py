@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from furuta_gym.plant import EFFECTS
 
+from ..validation.gap import HORIZON
 from .locate.location import Where
 from .naming.forward import Naming
 
@@ -68,9 +69,10 @@ def left(rest: Where) -> str:
     """A torque or reading error that remains, with its size."""
     what = capital(_PLACES.get(rest.channel or "", "something"))
     counts = f"{rest.counts.max():.2g}"
+    how = "is constant" if rest.variable == "constant" else f"depends on {rest.variable}"
     return (
-        f"{what} remains. It depends on {rest.variable}, and no effect of the library explains it. It changes a "
-        f"prediction 0.3 s ahead by {counts} count{'' if counts == '1' else 's'} ({rest.evidence:.0f} nats)."
+        f"{what} remains. It {how}, and no effect of the library explains it. It changes a "
+        f"prediction {HORIZON:g} s ahead by {counts} count{'' if counts == '1' else 's'} ({rest.evidence:.0f} nats)."
     )
 
 

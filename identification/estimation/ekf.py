@@ -64,16 +64,17 @@ def track(
 ) -> OnlineHistory:
     """Run the joint filter over the logs, one after the other, parameters carried on.
 
-    start: where θ starts (default: smoothed regression on the first seconds). wander: how far η may drift in a second,
-    to follow a plant that changes. Torque noise is taken to be two percent of the command for 10 ms; the friction's
-    sharpness r is the start plant's. Raises ValueError for bad arguments, or if the filter diverges.
+    start: where θ starts (default: smoothed regression on the first seconds of the first log with a command). wander:
+    how far η may drift in a second, to follow a plant that changes. Torque noise is taken to be two percent of the
+    command for 10 ms; the friction's sharpness r is the start plant's. Raises ValueError for bad arguments, or if the
+    filter diverges.
     """
     logs = as_logs(logs)
     if not logs:
         raise ValueError("track needs at least one log, got none")
     if not (math.isfinite(wander) and wander >= 0):
         raise ValueError(f"wander must be a number that is not negative [1/√s], got {wander!r}")
-    first = logs[0]
+    first = next((log for log in logs if np.ptp(log.u) > 0), logs[0])  # a free decay says nothing of the scale
     if start is None:
         early = first.slice(stop=float(first.t[0]) + _WARM_UP)
         start = candidates([early], Plant(np.array([1, 0.1, 0.1, 1, 1, 0, 0, 0, 0.0]), unit=first.input_unit))[0].plant

@@ -89,4 +89,8 @@ def value_of(plant: Plant, name: str) -> float:
         return plant.sharpness[1]
     effect, _, parameter = name.partition(".")
     found = plant.effect(effect)
-    return math.nan if found is None else float(found.parameters[parameter])
+    if found is None:
+        return math.nan
+    if parameter not in found.parameters:
+        raise ValueError(f"{effect} has no parameter {parameter!r}; it has {', '.join(found.parameters)}")
+    return float(found.parameters[parameter])

@@ -205,8 +205,8 @@ def _noticeable(plant: Plant) -> dict[str, float]:
 
 
 def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
-    signs = {log.source: motion_signs(log.t, log.q1, log.q2, log.u) for log in logs}
-    doubted = any(found.wrong for found in signs.values())
+    signs = [(log.source, motion_signs(log.t, log.q1, log.q2, log.u)) for log in logs]
+    doubted = any(found.wrong for _, found in signs)
     if frictions := [name for name in at_bound if name in THETA_NAMES[5:]]:
         ends = "ends at zero, its bound" if len(frictions) == 1 else "end at zero, their bound"
         cause = "as a wrong sign does, see below" if doubted else "so an effect is probably missing"
@@ -220,7 +220,7 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
             yield f"{name} ends at its bound {value:.3g} s/rad: the logs do not show friction near rest; fix r"
         else:
             yield f"{spoken([name])} ends at its bound; give a prior, or question the log"
-    for source, found in signs.items():
+    for source, found in signs:
         if wrong := found.wrong:
             yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
     if failures := physical_consistency(plant.theta).failures:

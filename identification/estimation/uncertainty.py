@@ -61,7 +61,8 @@ def inverse_information(H: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Profile:
-    """Profile likelihood of one coordinate: values (m,), twice the loss of log-likelihood (m,), 95 % interval."""
+    """Profile likelihood of one coordinate: values (m,), twice the loss of log-likelihood (m,), 95 % interval, of
+    which an end that was not found is NaN."""
 
     name: str
     values: NDArray[np.float64]
@@ -70,20 +71,24 @@ class Profile:
 
     def to_dict(self) -> dict[str, Any]:
         return {
-            "interval": list(self.interval),
+            "interval": [end if math.isfinite(end) else None for end in self.interval],
             "values": self.values.tolist(),
             "deviance": self.deviance.tolist(),
         }
 
     def __str__(self) -> str:
-        return f"Profile of {self.name}: 95 % interval {self.interval[0]:.4g} to {self.interval[1]:.4g}"
+        low, high = (f"{end:.4g}" if math.isfinite(end) else "open" for end in self.interval)
+        return f"Profile of {self.name}: 95 % interval {low} to {high}"
 
 
 def profile(
     problem: PredictionError, z: NDArray[np.float64], name: str, std: float, points: int = 4, iterations: int = 15
 ) -> Profile:
-    """Refit everything else with `name` held at `points` values on either side, one standard deviation `std`
-    (of the coordinate) apart, widened until the deviance passes 3.84 or a bound is met.
+    """Refit everything else with `name` held at values on either side, three quarters of a standard deviation `std`
+    (of the coordinate) apart with four `points`, until the deviance passes 6 or a bound is met, nine of them at most.
+
+    An end of the interval is NaN where the deviance does not reach 3.84 within that, and there is no bound. Raises
+    ValueError for a name that is no free parameter.
     """
     names = [c.name for c in problem.coordinates]
     if name not in names:
@@ -106,18 +111,22 @@ def profile(
     found.sort()
     zs, deviance = np.array(found).T
     to_value = problem.coordinates[i].to_value
-    interval = (to_value(_crossing(zs, deviance, -1)), to_value(_crossing(zs, deviance, 1)))
+    bounds = float(problem.low[i]), float(problem.high[i])
+    low, high = (_crossing(zs, deviance, side, bound) for side, bound in zip((-1, 1), bounds, strict=True))
+    interval = (to_value(low), to_value(high))
     return Profile(name, np.array([to_value(x) for x in zs]), deviance, interval)
 
 
-def _crossing(z: NDArray[np.float64], deviance: NDArray[np.float64], side: int, level: float = 3.84) -> float:
-    """Where the signed root of the deviance passes the level on one side; the last point if it does not."""
+def _crossing(
+    z: NDArray[np.float64], deviance: NDArray[np.float64], side: int, bound: float, level: float = 3.84
+) -> float:
+    """Where the signed root of the deviance passes the level on one side; else the bound if it was met, or NaN."""
     low = int(np.argmin(deviance))
     zs, roots = (z[low:], deviance[low:]) if side > 0 else (z[: low + 1][::-1], deviance[: low + 1][::-1])
     roots = np.sqrt(np.maximum(roots - deviance[low], 0.0))
     past = np.flatnonzero(roots >= math.sqrt(level))
     if not past.size:
-        return float(zs[-1])
+        return bound if zs[-1] == bound else math.nan
     k = int(past[0])
     w = (math.sqrt(level) - roots[k - 1]) / (roots[k] - roots[k - 1])
     return float(zs[k - 1] + w * (zs[k] - zs[k - 1]))

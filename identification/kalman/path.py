@@ -161,7 +161,7 @@ def informative(record: Record) -> NDArray[np.bool_]:
     """
     t, y = record.t, record.y
     T = float(np.median(np.diff(t)))
-    span = max(1, round(0.02 / T))
+    span = max(1, min(round(0.02 / T), len(t) - 1))
     moved = np.mean((y[span:] - y[:-span]) ** 2, axis=0)
     rounding = np.minimum(record.quantum**2 / 12.0, record.variance)
     other = record.variance - rounding  # noise before rounding whitens as motion does
@@ -202,6 +202,6 @@ def _filled(path: FilterPath, velocity_variance: Array) -> bool:
     model = Model(p[:, None], codes, sharpness_rows(path.plant.layout))
     ok = follow_log(
         *(path.record.readings, path.used, model, path.assumed),
-        *(velocity_variance, LONGEST_STEP, path.linearised, path.found),
+        *(np.ascontiguousarray(velocity_variance), LONGEST_STEP, path.linearised, path.found),
     )
     return bool(ok) and bool(np.isfinite(path.e).all())

@@ -130,14 +130,13 @@ class RigMapping:
             "--unit": units["q1"] if same else ",".join(f"{axis}={unit}" for axis, unit in units.items()),
             "--pendulum-zero": self.pendulum_zero,
             "--flip": ",".join(self.flip or ()),
-            "--encoder-counts": counts
-            and ",".join(f"{c:g}" for c in (counts[:1] if counts[0] == counts[1] else counts)),
+            "--encoder-counts": counts and ",".join(map(_exact, counts[:1] if counts[0] == counts[1] else counts)),
             "--input-unit": self.input_unit,
-            "--input-scale": self.input_scale and f"{self.input_scale:g}",
-            "--skip": self.skip and f"{self.skip:g}",
+            "--input-scale": self.input_scale and _exact(self.input_scale),
+            "--skip": self.skip and _exact(self.skip),
         }
         options = [f"{option} {shlex.quote(value)}" for option, value in said.items() if value]
-        return " ".join(options + [f"--cut {start:g}:{stop:g}" for start, stop in self.cut or ()])
+        return " ".join(options + [f"--cut {_exact(start)}:{_exact(stop)}" for start, stop in self.cut or ()])
 
     def to_dict(self) -> dict[str, Any]:
         """What is said, as JSON and TOML hold it."""
@@ -154,6 +153,11 @@ class RigMapping:
             raise LogError(f"a mapping of a log: {', '.join(strange)} is not known. Expected of {', '.join(names)}")
         values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
         return cls(**values)
+
+
+def _exact(number: float) -> str:
+    """As few digits as give the same number again."""
+    return str(int(number)) if float(number).is_integer() and abs(number) < 1e15 else repr(float(number))
 
 
 def _short(value: Any) -> Any:

@@ -46,6 +46,7 @@ class Gap:
     q2 at shorter horizons. counts (2,): one encoder count [rad], 0 where unknown. repeats: whether all logs
     were repeated, and the floor is their spread. whiteness: largest correlation of an innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
+    floors, reading_floors (M, 2) [rad²]: of every window, whose means are the squares of the two floors.
     surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
     zeros: of the encoders [rad] in each log, estimated before it was predicted.
     """
@@ -61,6 +62,8 @@ class Gap:
     curve: Array
     tests: tuple[Innovations, ...] = field(repr=False)
     errors: Array = field(repr=False)
+    floors: Array = field(repr=False)
+    reading_floors: Array = field(repr=False)
     times: Array = field(repr=False)
     log: NDArray[np.int64] = field(repr=False)
     surprise: Array = field(repr=False)
@@ -191,8 +194,9 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     for group in groups:
         between = spread([by_log[i].errors for i in group])
         own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
-    floor = np.sqrt(np.mean(np.concatenate(list(own.values())), axis=0))
-    only = np.sqrt(np.mean(np.concatenate([p.readings_floor for p in kept]), axis=0))
+    floors = np.concatenate(list(own.values()))
+    only = np.concatenate([p.readings_floor for p in kept])[:, -1]
+    floor = np.sqrt(np.mean(floors, axis=0))
     last = error[:, -1], reading
     centred = last[1] - last[1].mean(axis=0)
     size = np.maximum(np.linalg.norm(centred, axis=0), 1e-12)
@@ -202,7 +206,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         horizon=horizon,
         rms=rms[-1],
         floor=floor[-1],
-        reading_floor=np.minimum(only[-1], floor[-1]),
+        reading_floor=np.minimum(np.sqrt(np.mean(only, axis=0)), floor[-1]),
         fit_percent=100.0 * (1.0 - np.linalg.norm(last[0], axis=0) / size),
         whiteness=max(float(np.abs(test.correlation[0]).max()) for test in tests),
         counts=np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0),
@@ -210,6 +214,8 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         curve=np.column_stack([[f * horizon for f in _CURVE], rms, floor]),
         tests=tests,
         errors=last[0],
+        floors=floors[:, -1],
+        reading_floors=only,
         times=np.concatenate([p.times for p in kept]),
         log=np.concatenate([np.full(len(p.errors), p.log) for p in kept]),
         surprise=np.concatenate([p.surprise for p in kept]),

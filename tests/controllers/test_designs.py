@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_continuous_are
 
 from controllers import CONTROLLERS, DesignError, make_controller
-from controllers.design import DEFAULT_SAMPLE_TIME, Weights, balance_point, design_model, linear_plant
+from controllers.design import Weights, balance_point, design_model, linear_plant
 from controllers.lqg import kalman_gain, measurement_noise
 from controllers.lqr import dlqr_gain, lqr_gain
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
 from furuta_gym.plant.linearization import discretize, linearize
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulation import simulate
+from furuta_gym.simulation import DEFAULT_SAMPLE_TIME, simulate
 
 LINEAR = ("lqr", "dlqr", "lqg", "lqr-friction", "lqg-friction", "lqi")
 

@@ -261,3 +261,62 @@ def test_a_refusal_names_the_option_and_what_to_write(
     assert len(told.stderr) < 300, "the whole library is no help"
     assert told.stderr.startswith("Error: "), "before any work"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "rig.json"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--groups", "swing_up"), ("nothing to compare", "lqr cannot swing up")),
+        (("--groups", "balance", "--duration", "0.0001"), ("--duration 0.0001 s", "one sample")),
+        (("--sample-time", "0"), ("--sample-time 0.0", "seconds")),
+    ],
+)
+def test_a_comparison_of_nothing_is_refused(arguments: tuple[str, ...], words: tuple[str, ...], tmp_path: Path):
+    given = ("compare", "--plant", "qube", "--controllers", "lqr", "--trials", "2", *arguments)
+    result = furuta(*given, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    for word in words:
+        assert word in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--curriculum", "2", "--randomize"), ("--curriculum 2", "share of successes")),
+        (("--noise", "nan"), ("--noise nan", "rad")),
+        (("--arm-margin", "nan"), ("--arm-margin nan", "rad")),
+        (("--sample-time", "0"), ("--sample-time 0.0", "seconds")),
+    ],
+)
+def test_a_training_names_the_option_that_cannot_be(arguments: tuple[str, ...], words: tuple[str, ...], tmp_path: Path):
+    refused(furuta("train", "--plant", "qube", *arguments, "-o", tmp_path / "policy.zip"), *words)
+
+
+def test_an_amplitude_that_is_no_number_is_not_the_files_fault(tmp_path: Path):
+    (tmp_path / "u.csv").write_text("t,d\n0,1\n1,0\n")
+    given = ("simulate", "--plant", "qube", "--excitation", tmp_path / "u.csv", "--amplitude", "nan")
+    refused(furuta(*given, "-o", tmp_path / "log.csv"), "--amplitude nan")
+    assert not (tmp_path / "log.csv").exists()
+
+
+def test_a_link_to_itself_is_told_by_name(tmp_path: Path):
+    """As a file of an export, and as a folder."""
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    result = furuta("export", "qube", "--controller", "lqr", "-o", tmp_path / "loop" / "x.h")
+    assert result.exit_code == 2
+    assert "loop/x.h" in result.stderr
+    assert ".new" not in result.stderr, "no name of a temporary file"
+    result = furuta("compare", "--plant", "qube", "--controllers", "lqr", "--trials", "2", "-o", tmp_path / "loop")
+    assert result.exit_code == 2, result.output
+    assert "loop" in result.stderr
+
+
+def test_what_is_recommended_is_what_was_compared(tmp_path: Path):
+    """The gains of the plant that was designed for, at the period that was played."""
+    other = QUBE.replace(sample_time=0.01).save(tmp_path / "other.json")
+    given = ("--controllers", "lqr", "--trials", "2", "--groups", "balance", "--duration", "1")
+    result = furuta("compare", "--plant", "qube", "--design-plant", other, *given, "-o", tmp_path / "a")
+    assert f"Next: furuta export {other} --controller lqr -o" in result.stdout
+    result = furuta("compare", "--plant", "qube", "--sample-time", "0.01", *given, "-o", tmp_path / "b")
+    assert "Next: furuta export qube --controller lqr --sample-time 0.01 -o" in result.stdout

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from experiments.cli.diagnose import _repeated
+from identification.diagnosis.diagnose import diagnose
 from tests.commands import furuta, some_log
 
 
@@ -29,3 +34,33 @@ def test_without_a_plant_there_is_no_file_of_one_and_it_says_why(tmp_path: Path)
         assert "too little to fit a plant" in written["remarks"][part]
     assert "there is no plant.json: these logs move the rig too little" in result.stdout
     assert "not known" in result.stdout
+
+
+@pytest.mark.parametrize("first", [["--held-out", "b.csv"], ["--held-out=b.csv"]])
+def test_logs_after_one_held_out_are_held_out_as_well(first: list[str]) -> None:
+    """With a space and with an equals sign: none of them is fitted."""
+    given = _repeated(["a.csv", *first, "c.csv", "-o", "found"], "--held-out", lambda before: "a.csv" in before)
+    assert given == ["a.csv", "--held-out", "b.csv", "--held-out", "c.csv", "-o", "found"]
+
+
+def test_a_full_disk_at_the_end_loses_no_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The journal stays until the results are on the disk."""
+    log = some_log(tmp_path / "log.csv", q1=np.zeros(400))
+    journal = tmp_path / "found.search.jsonl"
+
+    def searched(*given: Any, **more: Any) -> Any:
+        journal.write_text("a fit")
+        return diagnose(*given, **more)
+
+    def full(folder: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("identification.diagnosis.diagnose.diagnose", searched)
+    with monkeypatch.context() as context:
+        context.setattr("experiments.cli.whole._sync", full)
+        result = furuta("diagnose", log, "-o", tmp_path / "found")
+        assert result.exit_code == 2
+        assert "No space left" in result.stderr
+    assert journal.exists()
+    assert furuta("diagnose", log, "-o", tmp_path / "found").exit_code == 0
+    assert not journal.exists()

@@ -27,6 +27,7 @@ def test_exports(arguments: tuple[str, ...], name: str, words: tuple[str, ...], 
     assert all(word in text for word in words)
 
 
+POLICY = Path(__file__).parents[2] / "controllers" / "policies" / "balance-qube.zip"
 REFUSED = {
     "inconsistent": (("table3",), "rig.xml", ("θ4 ≥ θ2", "Export qube, large or an identified plant instead")),
     "controller in MJCF": (("qube", "lqr"), "rig.xml", ("MJCF", "lqr")),
@@ -38,6 +39,12 @@ REFUSED = {
     "other ending": (("qube", "--format", "mjcf"), "rig.h", (".xml",)),
     "single ONNX": (("qube", "none.zip", "--single"), "none.onnx", ("--single", "C")),
     "swing-up": (("qube", "swing-up"), "up.h", ("no C export",)),
+    "period of MJCF": (("qube", "--sample-time", "0.01"), "rig.xml", ("--sample-time", "mjcf")),
+    "endless start": (("qube", "lqr", "--soft-start", "1e300"), "lqr.h", ("--soft-start 1e+300", "60")),
+    "no period": (("qube", "lqr", "--sample-time", "0"), "lqr.h", ("--sample-time 0.0", "seconds")),
+    "no period of a policy": (("qube", str(POLICY), "--sample-time", "0"), "p.h", ("--sample-time 0.0", "seconds")),
+    "tiny period": (("qube", str(POLICY), "--sample-time", "1e-320"), "p.h", ("--sample-time", "1e-6")),
+    "period that is none": (("qube", str(POLICY), "--sample-time", "nan"), "p.h", ("--sample-time nan",)),
 }
 
 

@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli.app import app
-from furuta_gym.plant import Plant
+from experiments.cli.identify import _limits_lost
+from furuta_gym.plant import QUBE, Plant
 from identification.logs.log import write_log
 from tests.factories import loop_log
 
@@ -128,3 +129,33 @@ def test_the_time_to_expect_is_that_of_the_samples_that_are_fitted() -> None:
     assert _fitted(3_600_000, DEFAULT, False) == BUDGET
     assert _fitted(3_600_000, DEFAULT, True) == _fitted(3_600_000, "least-squares", False) == 3_600_000
     assert _fitted(1000, DEFAULT, False) == 1000
+
+
+def test_ctrl_c_in_a_profile_leaves_nothing_new(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("identification.estimation.estimate.Estimate.profile", stopped)
+    result = run(file, "-o", tmp_path / "rig.json", "--profile", "theta2")
+    assert result.exit_code == 130
+    assert "Nothing was written" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_limits_of_the_rig_that_a_new_file_would_lose_are_said(tmp_path: Path) -> None:
+    limited = QUBE.replace(limits={"supply": 5.0, "arm_travel": 2.0})
+    rig = limited.save(tmp_path / "rig.json")
+    told = _limits_lost(rig, QUBE)
+    assert "supply 5, arm_travel 2" in told
+    assert "--start" in told
+    assert _limits_lost(rig, limited) == ""
+    assert _limits_lost(tmp_path / "new.json", QUBE) == ""
+    (tmp_path / "no_plant.json").write_text("{}")
+    assert _limits_lost(tmp_path / "no_plant.json", QUBE) == ""
+
+
+def test_an_inertia_that_cannot_be_is_refused_before_the_log_is_read(tmp_path: Path) -> None:
+    result = run(tmp_path / "missing.csv", "-o", tmp_path / "rig.json", "--fix", "theta1=-1")
+    assert result.exit_code == 2
+    assert "--fix theta1=-1" in result.stderr
+    assert "inertia" in result.stderr

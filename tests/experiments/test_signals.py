@@ -17,7 +17,7 @@ from furuta_gym.processes import temporary_folder
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "tests" / "data"
-STOPS = 10 if os.environ.get("FURUTA_STUDIES") else int(os.environ.get("FURUTA_STOPS", "0"))
+STOPS = 3
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="these signals are POSIX's")
 
@@ -136,7 +136,7 @@ def test_a_stopped_diagnosis_keeps_its_search_and_no_result(tmp_path: Path, monk
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.skipif(not STOPS, reason="takes minutes: run it with FURUTA_STUDIES=1, or FURUTA_STOPS=3 for three stops")
+@pytest.mark.thorough
 @pytest.mark.timeout(3600)
 def test_a_diagnosis_stopped_at_any_moment_goes_on_to_the_same_answer(tmp_path: Path) -> None:
     """The command itself, on a stranger's log: stopped by Ctrl-C or killed, and given again."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 
@@ -57,7 +56,7 @@ def test_nothing_is_announced_where_nothing_is_compiled(monkeypatch: pytest.Monk
     assert cache_folder._listeners == []
 
 
-@pytest.mark.skipif("FURUTA_WARM_UP" not in os.environ, reason="takes minutes: run it with FURUTA_WARM_UP=1")
+@pytest.mark.thorough
 def test_after_it_nothing_is_left() -> None:
     """Every kernel that warming up uses is kept: a second time compiles nothing."""
     run = [sys.executable, "-m", "furuta_command", "warm-up"]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from furuta_gym import LivePlant, Sensors, simulate
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import QUBE, TABLE_3
+from furuta_gym.simulation import open_loop
 from tests.factories import PaperPolicy
 
 LATE = TABLE_3.with_effects(TABLE_3.default_effect("input_delay"), TABLE_3.default_effect("actuator_lag"))
@@ -89,3 +91,26 @@ def test_what_leaves_all_bounds_is_said() -> None:
 def test_a_run_that_cannot_be_is_refused_at_once(duration: float, noise: tuple[float, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         simulate(TABLE_3, lambda y: 0.0, duration, 0.002, torque_noise=noise)
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"x0": (0.0, 0.0)}, "x0"),
+        ({"x0": (0.0, math.nan, 0.0, 0.0)}, "x0"),
+        ({"longest_step": 0.0}, "longest_step"),
+        ({"longest_step": -1.0}, "longest_step"),
+        ({"sample_time": 0.0}, "sample_time"),
+        ({"sample_time": math.nan}, "sample_time"),
+        ({"q2_limit": math.nan}, "q2_limit"),
+    ],
+)
+def test_a_run_that_cannot_be_is_refused(given: dict[str, Any], word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        simulate(QUBE, open_loop(), 0.1, **given)
+
+
+@pytest.mark.parametrize("values", [[], math.nan])
+def test_a_command_of_no_value_is_refused(values: Any) -> None:
+    with pytest.raises(ValueError, match="values"):
+        open_loop(values)

@@ -7,7 +7,6 @@ compares two commits bit for bit, and renews the expected results where numbers 
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,8 @@ from tests.golden.results import EXPECTED, LOGS, diagnose_arguments, names, run_
 pytest.importorskip("jinja2", reason="furuta diagnose needs the extra 'report'")
 
 CASES = sorted(path.stem for path in EXPECTED.glob("*.json") if path.stem != "envs")
-QUICK = ("lag-faint-desk", "lag-servo", "none-servo", "still-pendulum", "still-rig")
-"""Those that are quick. The others take minutes: FURUTA_GOLDEN=all, or `python -m tests.golden.results`."""
+QUICK = ("lag-faint-desk", "none-servo", "still-pendulum", "still-rig")
+"""Those that are quick. The others are of `make thorough`, or `python -m tests.golden.results`."""
 SHARE = 0.01  # of a standard deviation
 GAP = 5e-3  # of a ratio to the noise floor, which follows a torque noise that a log determines to a few percent
 FLOAT32 = 2.0**-23  # observations are stored so: their last bit may turn
@@ -51,10 +50,10 @@ def test_every_stored_log_has_an_expected_result() -> None:
     assert {path.name.removesuffix(".fit.parquet") for path in LOGS.glob("*.fit.parquet")} <= set(CASES)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.thorough) for name in CASES]
+)
 def test_a_stored_log_gives_what_it_gave(name: str, tmp_path: Path) -> None:
-    if name not in QUICK and os.environ.get("FURUTA_GOLDEN") != "all":
-        pytest.skip("takes long: run it with FURUTA_GOLDEN=all")
     if name not in names():
         pytest.skip("its measured log is not here: set FURUTA_DATA to the folder that holds qube_darmstadt/")
     before = expected(name)

@@ -17,12 +17,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Constancy:
-    """statistic (n,) and p (n,) of each parameter, `joint_p` of all; moved (blocks, n): first-order estimate of how far
-    each parameter lies from its mean in equal stretches of time, and shift (blocks, n): the same in its own standard
-    deviations there."""
+    """p (n,) of each parameter, `joint_p` of all; moved (blocks, n): first-order estimate of how far each parameter
+    lies from its mean in equal stretches of time, and shift (blocks, n): the same in its own standard deviations
+    there."""
 
     names: tuple[str, ...]
-    statistic: Array
     p: Array
     joint_p: float
     moved: Array
@@ -55,7 +54,7 @@ def constancy(answers: Array, innovations: Array, names: Sequence[str], blocks: 
         moved[b] = local @ scores[part].sum(axis=0)
         shift[b] = moved[b] / np.sqrt(np.maximum(np.diag(local), 1e-300))
     p = np.array([tail(x, 1) for x in statistic])
-    return Constancy(tuple(names), statistic, p, tail(joint, max(rank, 1)), moved, shift)
+    return Constancy(tuple(names), p, tail(joint, max(rank, 1)), moved, shift)
 
 
 def tail(x: float, dimension: int) -> float:

@@ -22,13 +22,11 @@ from ...kalman.likelihood import innovation_cost
 from ...kalman.noise import likeliest
 from ...kalman.path import FilterPath, refilter
 from ...normal_equations import Gained, ScaledGram
+from ...validation.gap import HORIZON
 from ..policy import DecisionPolicy
 from .location import Suspicion
 
 _REFITS = 4
-HORIZON = 0.3
-"""Seconds ahead, as gaps are measured."""
-
 Array = NDArray[np.float64]
 
 

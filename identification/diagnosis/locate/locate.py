@@ -2,12 +2,11 @@
 
 The decision is made on the innovations, where the noise model holds: families of torques (functions of each angle,
 speed, the command and its past, time) compete in generalised least squares beside free values of θ. The smoothed
-torques, their maps and their predictability are for the eye and for the leftover tests of naming.
+torques, their maps and their predictability are for the eye.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -60,14 +59,15 @@ def located(seen: Seen, policy: DecisionPolicy) -> Where:
     suspicions = suspicions_of(looks, columns, policy)
     best = suspicions[0]
     evidence = evidence_of(looks, columns, {(best.channel, best.variable)})
-    counts = evidence.change / _count(logs)
+    count = _count(looks)
+    counts = evidence.change / count
     found = evidence.nats > policy.left
     torques = tuple(_missing(look, logs[look.log].source) for look in looks)
     spans = tuple(_spans(torque, policy.stands_out) if found else () for torque in torques)
     longest = max(range(len(looks)), key=lambda i: len(torques[i].t))
     r2, line, frequencies = _structure(looks[longest], torques[longest])
     steady = _constancy(looks[longest])
-    drift = _drift(looks[longest], steady) / _count(logs)
+    drift = _drift(looks[longest], steady) / count
     return Where(
         found=found,
         sentence=_sentence(best, spans, torques, frequencies, evidence.nats, counts, plant.unit)
@@ -98,11 +98,11 @@ def located(seen: Seen, policy: DecisionPolicy) -> Where:
     )
 
 
-def _count(logs: Sequence[Log]) -> Array:
+def _count(looks: Sequence[Look]) -> Array:
     """One count of each encoder (2,) [rad]; of readings that are not rounded, the step that would give their noise."""
-    counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
-    noise = math.sqrt(12.0) * np.asarray(logs[0].noise_std)
-    return np.where(counts > 0, 2 * np.pi / np.maximum(counts, 1.0), noise)
+    records = [look.plain.record for look in looks]
+    quantum, variance = (np.max([getattr(r, name) for r in records], axis=0) for name in ("quantum", "variance"))
+    return np.where(quantum > 0, quantum, np.sqrt(12.0 * variance))
 
 
 def _channel(best: Suspicion) -> str:
@@ -122,14 +122,12 @@ def _missing(look: Look, source: str) -> MissingTorque:
         walk = follow(path.plant, path.record, noise, intensity)
     if walk is None:
         torque = look.flexible.torque
-        return MissingTorque(
-            source, path.record.t + look.start, torque, np.tile(np.std(torque, axis=0), (len(torque), 1))
-        )
+        std = np.tile(np.std(torque, axis=0), (len(torque), 1))
+        return MissingTorque(look.log, source, path.record.t + look.start, torque, std)
     smoothed = smooth(refilter(walk, walk.noise, walk.walk))
     n = walk.states
-    return MissingTorque(
-        source, path.record.t + look.start, smoothed.mean[:, n : n + 2], np.sqrt(smoothed.variance[:, n : n + 2])
-    )
+    mean, std = smoothed.mean[:, n : n + 2], np.sqrt(smoothed.variance[:, n : n + 2])
+    return MissingTorque(look.log, source, path.record.t + look.start, mean, std)
 
 
 def _spans(torque: MissingTorque, stands_out: float) -> tuple[tuple[float, float], ...]:

@@ -20,9 +20,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MissingTorque:
-    """Smoothed torque that one log asks for beyond the model: t (N,) [s], mean and std (N, 2) [{u}] on the arm's and
-    the pendulum's row."""
+    """Smoothed torque that a stretch of a log asks for beyond the model: t (N,) [s], mean and std (N, 2) [{u}] on the
+    arm's and the pendulum's row. log: its number, source: its name."""
 
+    log: int
     source: str
     t: Array
     mean: Array
@@ -88,9 +89,8 @@ class Where:
 
     def entry(self) -> WhereEntry:
         """As the "where" of diagnosis.json; intervals_s are those of the first log."""
-        first = [
-            spans for t, spans in zip(self.torques, self.intervals_s, strict=True) if t.source == self.torques[0].source
-        ]
+        both = zip(self.torques, self.intervals_s, strict=True)
+        first = [spans for torque, spans in both if torque.log == self.torques[0].log]
         return WhereEntry(
             channel=self.channel,
             intervals_s=[list(span) for spans in first for span in spans],

@@ -57,11 +57,6 @@ class Fit:
         return self.optimum.value
 
     @property
-    def size(self) -> int:
-        """Number of estimated coordinates."""
-        return len(self.coordinates)
-
-    @property
     def samples(self) -> int:
         """Number of readings."""
         return sum(2 * len(r.t) for r in self.records)

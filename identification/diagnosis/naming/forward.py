@@ -105,7 +105,10 @@ def name_effects(
         grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
     policy = search.policy
     accepted = tuple(ranking[0] for ranking in grown.found)
-    equals = tuple(tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal) for r in grown.found)
+    taken = {suspect.name for suspect in accepted}  # what acts beside an effect is not in its place
+    equals = tuple(
+        tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal and s.name not in taken) for r in grown.found
+    )
     rankings = (*grown.found, grown.last) if grown.last else grown.found
     return Naming(
         grown.nominal,
@@ -237,7 +240,7 @@ def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
     So may any suspect that explains all but a hundredth or two."""
     if not remains.matters:
         return naming
-    taken = {suspect.name for suspect in naming.accepted}  # what is in the plant beside an effect is not in its place
+    taken = {suspect.name for suspect in naming.accepted}
     equals = []
     for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
         formed = _acts_on(found.name, remains)

@@ -62,7 +62,8 @@ class FitJournal:
         key = self._key(plant, noise, records, iterations, **asked)
         optimum = self._known.get(key)
         if optimum is not None and (known := known_fit(optimum, plant, noise, records, **asked)) is not None:
-            self.used += 1
+            with self._lock:
+                self.used += 1
             return known
         found = self.fitter(plant, noise, records, iterations=iterations, **asked)
         self._keep(key, found.optimum)
@@ -116,6 +117,7 @@ class FitJournal:
                 "iterations": optimum.iterations,
                 "converged": bool(optimum.converged),
                 "message": optimum.message,
+                "information": optimum.expansion.information.tolist(),
             }
         )
         with self._lock:
@@ -148,10 +150,11 @@ def _read(path: Path) -> tuple[dict[str, Optimum], bool]:
 def _parsed(line: str) -> tuple[str, Optimum | None]:
     try:
         told = json.loads(line)
-        z, value = np.array(told["z"], dtype=float), float(told["value"])
-        n = len(z)
-        empty = Expansion(value, np.zeros(n), np.zeros((n, n)))
-        optimum = Optimum(z, value, empty, int(told["iterations"]), bool(told["converged"]), str(told["message"]))
-        return str(told["fit"]), optimum if z.ndim == 1 and np.isfinite(z).all() else None
+        z, information = (np.array(told[name], dtype=float) for name in ("z", "information"))
+        expansion = Expansion(float(told["value"]), np.zeros(len(z)), information)
+        ended = int(told["iterations"]), bool(told["converged"]), str(told["message"])
+        optimum = Optimum(z, expansion.value, expansion, *ended)
+        whole = z.ndim == 1 and information.shape == (len(z), len(z)) and np.isfinite(z).all()
+        return str(told["fit"]), optimum if whole else None
     except (ValueError, TypeError, KeyError, RecursionError):
         return "", None

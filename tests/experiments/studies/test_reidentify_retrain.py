@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -150,7 +149,7 @@ def test_verdict_counts_only_what_intervals_allow() -> None:
     assert "better" not in Contrast(some, more, {}).verdict
 
 
-@pytest.mark.skipif("FURUTA_STUDIES" not in os.environ, reason="takes minutes: run it with FURUTA_STUDIES=1")
+@pytest.mark.thorough
 @pytest.mark.timeout(900)
 def test_the_experiment_in_small(tmp_path: Path) -> None:
     from experiments.studies.reidentify_retrain import Arguments, run, table

@@ -116,3 +116,17 @@ def test_the_studio_computes_by_what_others_may_import_too() -> None:
             if isinstance(node, ast.ImportFrom) and not node.level:
                 names = [*(node.module or "").split("."), *(alias.name for alias in node.names)]
                 assert not [name for name in names if name.startswith("_") and name != "__future__"], path
+
+
+@pytest.mark.parametrize("name", ["fits.jsonl", "paper.csv"])
+def test_a_dropped_policy_takes_the_place_of_nothing(name: str, tmp_path: Path, spring_log: Path) -> None:
+    session = Session(tmp_path)
+    session.drop("paper.csv", spring_log.read_bytes())
+    session.journal.write_text("a fit")
+    session.take_policy(name, b"no policy")
+    assert session.journal.read_text() == "a fit"
+    assert session.paths[0].read_bytes() == spring_log.read_bytes()
+    assert session.policy is not None
+    assert session.policy.read_bytes() == b"no policy"
+    assert not session.was_dropped(tmp_path / "paper.csv")
+    assert session.was_dropped(session.paths[0])

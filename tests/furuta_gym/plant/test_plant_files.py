@@ -1,6 +1,7 @@
 """Plant files of strangers: a plant that can be used, or a sentence with the file's name."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -224,3 +225,14 @@ def test_a_long_message_is_cut_between_names() -> None:
     said = in_short("expected one of: " + ", ".join(CARRIED)).partition("one of: ")[2]
     assert " … " in said
     assert {name.strip(",") for name in said.split() if name != "…"} <= set(CARRIED)
+
+
+@pytest.mark.parametrize(
+    ("key", "meant"), [("limit", "did you mean 'limits'?"), ("umax", "did you mean 'u_max'?"), ("x", "left out.")]
+)
+def test_a_key_that_nobody_reads_is_said(key: str, meant: str, tmp_path: Path) -> None:
+    """A misspelt limit would leave the rig without one."""
+    told = QUBE.to_dict() | {key: {"supply": 1.0}}
+    (tmp_path / "rig.json").write_text(json.dumps(told))
+    with pytest.warns(UserWarning, match=f"{key!r}.*not known.*{re.escape(meant)}"):
+        assert Plant.load(tmp_path / "rig.json").theta == pytest.approx(QUBE.theta)

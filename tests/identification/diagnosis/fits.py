@@ -271,6 +271,8 @@ def a_gap(times_floor: float = 1.0, cost: float = 0.0) -> Gap:
         curve=np.concatenate([[0.3], rms, floor])[None],
         tests=(),
         errors=np.tile(rms, (20, 1)),
+        floors=np.tile(floor**2, (20, 1)),
+        reading_floors=np.tile(floor**2, (20, 1)),
         times=ends,
         log=np.zeros(20, dtype=int),
         surprise=np.array([[0.0, 1.0, cost]]),

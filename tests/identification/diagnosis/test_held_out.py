@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3
+from identification.diagnosis import held_out
 from identification.diagnosis.held_out import HeldOut
 from identification.validation.gap import Gap
 from tests.factories import loop_log, made_log
-from tests.identification.diagnosis.fits import POLICY, a_fit, a_gap
+from tests.identification.diagnosis.fits import POLICY, a_fit, a_gap, an_estimate
 
 BARE, CABLE, DRIFT = a_fit(), a_fit("arm_spring"), a_fit("arm_friction_drift")
 
@@ -158,3 +159,26 @@ def test_a_fit_to_all_logs_tells_poor_parameters_from_another_rig(
     assert together is not None
     assert (together > POLICY.far) is something_is_missing
     assert HeldOut((fitted,), (), POLICY).together(wrong) is None
+
+
+def test_the_last_part_of_a_log_is_measured_by_its_own_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pendulum that falls late has another floor then."""
+    log, plant = made_log(), TABLE_3
+    whole = a_gap()
+    late = whole.times >= np.quantile(whole.times, 0.5)
+    floors = np.where(late[:, None], 4.0 * whole.floors, whole.floors)
+    gap = replace(whole, floors=floors, reading_floors=0.5 * floors, errors=2.0 * whole.errors)
+    monkeypatch.setattr(held_out, "validate", lambda *_, **__: gap)
+    monkeypatch.setattr(held_out, "_cut", lambda *_: whole.times[late].min() - whole.horizon)
+    found = held_out._of_tails(plant, [log], 0.5)
+    assert found.ratio_to_floor == pytest.approx(1.0)
+    assert found.torque_share == pytest.approx([0.5, 0.5])
+
+
+def test_logs_that_no_common_plant_can_be_measured_on_have_no_fit_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_short(*_: Any) -> Gap:
+        raise ValueError("no log is long enough")
+
+    monkeypatch.setattr(held_out, "identify", lambda *_: an_estimate(TABLE_3))
+    monkeypatch.setattr(held_out, "validate", too_short)
+    assert _held().together(TABLE_3) is None

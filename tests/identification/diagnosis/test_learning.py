@@ -122,3 +122,24 @@ def test_it_changes_the_plant_where_it_is_added_and_never_the_verdict(monkeypatc
     assert told.learned is not None
     assert told.learned.to_dict()["added"] is added
     assert learning.with_learned(replace(before, rest=rest()), held).learned is None, "nothing that matters"
+
+
+def _judged_by(monkeypatch: pytest.MonkeyPatch, **closed: float) -> str:
+    """Why a torque learned on a hanging pendulum is refused, by the share that it closes of kinds of experiment."""
+    parts = [SimpleNamespace(name=k, closed=SimpleNamespace(value=v, interval=(v, v))) for k, v in closed.items()]
+    change = SimpleNamespace(by_kind=parts, closed=SimpleNamespace(value=0.5, interval=(0.4, 0.6)))
+    monkeypatch.setattr(HeldOut, "gap", lambda *_: None)
+    monkeypatch.setattr(HeldOut, "change", lambda *_: change)
+    return learning._judged(TABLE_3, TABLE_3, HeldOut((hanging_log(),), (), POLICY))[1]
+
+
+def test_without_a_window_of_another_experiment_nobody_has_judged_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A log that is too short for a prediction counts for nothing."""
+    assert "too short" in _judged_by(monkeypatch, hanging=0.5)
+    assert _judged_by(monkeypatch, hanging=0.5, upright=0.5) == ""
+
+
+def test_the_kind_of_experiment_where_it_does_not_hold_is_the_one_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    reason = _judged_by(monkeypatch, upright=0.5, turning=0.0)
+    assert "turning" in reason
+    assert "upright" not in reason

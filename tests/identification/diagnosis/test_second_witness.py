@@ -27,6 +27,7 @@ def _asked(
     still_off: float = 3.0,
     whole: bool = True,
     gap: GapChange | None = None,
+    confirmed: bool = True,
 ) -> Any:
     """A diagnosis after the second witness, whose θ5 lies a tenth off with errors of a hundredth."""
     names = tuple(f"theta{i}" for i in range(1, 10))
@@ -37,6 +38,7 @@ def _asked(
     monkeypatch.setattr(HeldOut, "change", lambda *_: a_change(closed))
     after: Any = SimpleNamespace(plant=FOUND, names=names, values=TABLE_3.theta, std=std, zeros={})
     found = replace(a_diagnosis("arm_spring", after=after), gap=gap or a_change(), still_off=still_off)
+    found = replace(found, confirmed=confirmed)
     held = HeldOut((made_log(),), (made_log(),) if whole else (), POLICY)
     return second_witness.with_second_witness(found, held)
 
@@ -71,3 +73,18 @@ def test_it_is_asked_where_the_floor_is_torque_noise_that_may_hide_structure(
 def test_it_is_not_asked_where_nothing_is_left_or_nobody_could_judge(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _asked(monkeypatch, (0.1, 0.4), still_off=1.0).second is None
     assert _asked(monkeypatch, (0.1, 0.4), whole=False).second is None
+
+
+def test_names_that_were_taken_back_have_no_second_witness(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plant written is without them, and the summary says of no other."""
+    found = _asked(monkeypatch, (0.1, 0.4), confirmed=False)
+    assert found.second is None
+    assert "multiple shooting" not in found.summary
+
+
+def test_what_passes_for_adequate_is_the_policys(monkeypatch: pytest.MonkeyPatch) -> None:
+    change = a_change()
+    after = replace(a_gap(1.2), reading_floor=0.1 * change.after.floor)
+    found = replace(a_diagnosis("arm_spring"), gap=replace(change, after=after))
+    assert found.floor_in_doubt
+    assert not replace(found, policy=replace(POLICY, adequate=1.5)).floor_in_doubt

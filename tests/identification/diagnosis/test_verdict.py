@@ -287,3 +287,10 @@ def test_a_look_alike_of_what_only_describes_a_law_makes_nothing_ambiguous() -> 
     for equals, verdict in (((("arm_backlash",), ()), "named"), (((), ("arm_backlash",)), "ambiguous")):
         found = naming(*two, equals=equals, laws=laws)
         assert _verdict(found, rest(), POLICY)[0] == verdict
+
+
+def test_a_diagnosis_whose_names_were_taken_back_leaves_structure_whatever_they_left() -> None:
+    found = a_diagnosis("arm_spring", rest=nothing_left()).vetoed()
+    assert found.leftover
+    assert "held-out data are not predicted better" in str(found)
+    assert "unexplained torque" not in str(found), "that is what the names left"

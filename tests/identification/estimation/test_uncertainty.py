@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -16,7 +17,13 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.optimise import Expansion, minimise
 from identification.estimation.prediction_error import PredictionError
-from identification.estimation.uncertainty import fit_covariance, inverse_information, recommended
+from identification.estimation.uncertainty import (
+    Profile,
+    _crossing,
+    fit_covariance,
+    inverse_information,
+    recommended,
+)
 from identification.validation.gap import Gap, closed_fraction
 from tests.factories import bench_log, loop_log
 
@@ -79,6 +86,8 @@ def gap(errors: np.ndarray, floor: float = 1.0, per_second: int = 10) -> Gap:
         curve=np.zeros((0, 5)),
         tests=(),
         errors=errors,
+        floors=np.full((n, 2), floor**2),
+        reading_floors=np.zeros((n, 2)),
         times=(np.arange(n) + 0.5) / per_second,
         log=np.zeros(n, dtype=np.int64),
         surprise=np.zeros((0, 3)),
@@ -157,3 +166,16 @@ def test_an_error_bar_does_not_depend_on_the_step_of_the_differences(tilted: Est
         found.append(np.sqrt(np.diag(inverse_information(information)))[own])
     assert found[0] == pytest.approx(found[1], rel=0.1)
     assert found[2] == pytest.approx(found[1], rel=0.1)
+
+
+def test_an_end_of_a_profile_is_a_crossing_a_bound_or_open() -> None:
+    z, deviance = np.arange(-2.0, 3.0), np.array([5.0, 1.0, 0.0, 1.0, 5.0])
+    crossing = 1.0 + (math.sqrt(3.84) - 1.0) / (math.sqrt(5.0) - 1.0)  # the signed root is straight between points
+    assert _crossing(z, deviance, 1, bound=9.0) == pytest.approx(crossing)
+    assert _crossing(z, deviance, -1, bound=-9.0) == pytest.approx(-crossing)
+    assert _crossing(z[1:], deviance[1:], -1, bound=-1.0) == -1.0
+    low = _crossing(z[1:], deviance[1:], -1, bound=-9.0)  # the fits beyond it diverge
+    assert math.isnan(low)
+    told = Profile("theta2", z, deviance, (low, crossing))
+    assert "interval open to 1.77" in str(told)
+    assert told.to_dict()["interval"] == [None, pytest.approx(crossing)]

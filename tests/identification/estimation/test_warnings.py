@@ -45,3 +45,12 @@ def test_two_frictions_that_end_at_zero_are_one_sentence() -> None:
         "θ6, θ8 end at zero, their bound: this log asks for negative friction, which no rig has; so an effect is "
         "probably missing (`furuta diagnose` looks for it)"
     ]
+
+
+def test_logs_of_one_name_are_told_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wrong sign of the first is not lost behind a second log of the same name."""
+    log, _ = loop_log(duration=6.0)
+    wrong = replace(log, u=-log.u)
+    told = "\n".join(_warnings([wrong, log], WITHOUT, ["theta8"], Noise((1e-9, 1e-9))))
+    assert wrong.source == log.source
+    assert "--flip" in told

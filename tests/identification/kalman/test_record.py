@@ -14,6 +14,7 @@ from identification.estimation.ekf import track
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
+from identification.kalman.path import informative
 from identification.kalman.record import SHORTEST, Record, stretches
 from identification.logs.checks import LogError
 from identification.logs.encoders import encoder_step
@@ -158,3 +159,19 @@ def test_without_effects_of_the_encoders_the_first_state_is_what_they_read() -> 
     record = Record.from_log(loop_log(duration=3.0)[0])
     x = record.first_state(packed.p[:, None], packed.codes, packed.rows)[:, 0]
     assert x.tolist() == pytest.approx([*record.y[0], *record.velocity], abs=1e-9)
+
+
+def test_the_online_filter_starts_from_a_log_with_a_command() -> None:
+    """A free decay has no scale: whether it comes first or last does not matter to the start."""
+    driven = loop_log(duration=6.0)[0]
+    decay = replace(loop_log(duration=4.0, seed=1)[0], u=np.zeros(2001)[: len(loop_log(duration=4.0, seed=1)[0])])
+    history = track([decay, driven])
+    assert np.isfinite(history.theta).all()
+    assert history.last[0] == pytest.approx(TABLE_3.theta[0], rel=0.3)
+
+
+def test_a_short_fast_log_has_readings_that_are_read() -> None:
+    """Shorter than the time over which the motion is measured."""
+    t = 0.001 * np.arange(20)
+    angles = np.column_stack([np.sin(t), np.cos(t)])
+    assert informative(Record.from_arrays(t, angles, np.sin(t), np.full(2, 1e-8), np.full(2, 1.5e-3))).any()

@@ -101,3 +101,13 @@ def test_a_rig_file_holds_cuts_as_well(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text('schema = "furuta-rig/1"\n[samples]\ncut = ["5:4"]\n')
     with pytest.raises(LogError, match=r"rig\.toml: cut 5:4: 5 s is not before 4 s"):
         load_mapping(tmp_path / "rig.toml")
+
+
+def test_the_options_of_a_mapping_give_the_same_numbers_again() -> None:
+    """An encoder of 20 bits has more than six digits."""
+    mapping = RigMapping(
+        encoder_counts=(1048576.0, 1048576.0), input_scale=0.00123456789, skip=0.1234567, cut=((1.0, 2.3456789),)
+    )
+    said = mapping.options()
+    for words in ("--encoder-counts 1048576", "--input-scale 0.00123456789", "--skip 0.1234567", "--cut 1:2.3456789"):
+        assert words in said

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from experiments.bench import Rig
 from furuta_gym.plant import QUBE, TABLE_3
 from identification.diagnosis.locate.constancy import constancy, tail
-from identification.diagnosis.locate.locate import locate
+from identification.diagnosis.locate.locate import _count, locate
 from identification.diagnosis.locate.structure import largest_line, predictable
 from identification.discrepancy.basis import Knots, Signals, families
 from identification.discrepancy.correction import flexible
@@ -227,3 +228,26 @@ def test_a_log_in_another_unit_than_the_plants_is_refused():
     log, plant = loop_log()
     with pytest.raises(ValueError, match="they must agree"):
         locate(plant, replace(log, input_unit="N·m"))
+
+
+def test_stretches_of_two_logs_of_one_name_are_told_apart(spring) -> None:
+    """intervals_s of diagnosis.json are those of the first log."""
+    (torque,) = spring.torques
+    two = replace(
+        spring,
+        torques=(torque, replace(torque, log=1)),
+        intervals_s=(((0.0, 1.0),), ((2.0, 3.0),)),
+    )
+    assert two.to_dict()["intervals_s"] == [[0.0, 1.0]]
+
+
+def test_a_count_does_not_depend_on_the_order_of_the_logs() -> None:
+    """An arm at rest shows no count; another log of the rig does."""
+    looks = [
+        SimpleNamespace(plain=SimpleNamespace(record=SimpleNamespace(quantum=np.array(q), variance=np.array(v))))
+        for q, v in (([0.0, 2e-3], [1e-12, 1e-7]), ([1e-3, 2e-3], [1e-7, 1e-7]))
+    ]
+    np.testing.assert_allclose(_count(looks), [1e-3, 2e-3])
+    np.testing.assert_allclose(_count(looks[::-1]), [1e-3, 2e-3])
+    unknown = SimpleNamespace(record=SimpleNamespace(quantum=np.zeros(2), variance=np.array([3e-6, 12e-6])))
+    np.testing.assert_allclose(_count([SimpleNamespace(plain=unknown)]), [6e-3, 12e-3])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from tests.factories import loop_log
 
 ONLY = ("arm_spring", "arm_ripple", "input_offset")
 NOISE = Noise((1e-4, 1e-6), (0.5, 0.5))
-STOPS = 10 if os.environ.get("FURUTA_STUDIES") else 1
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +54,7 @@ def answer(found: Diagnosis) -> dict[str, Any]:
 def test_a_stopped_search_goes_on_and_ends_the_same(log: Log, tmp_path: Path) -> None:
     expected = answer(searched(log, None))
     rng = np.random.default_rng(7)
-    for i, steps in enumerate(rng.integers(4, 10, STOPS)):
+    for i, steps in enumerate(rng.integers(4, 10, 3)):
         journal = tmp_path / f"search{i}.jsonl"
         with pytest.raises(Stopped):
             searched(log, journal, int(steps))
@@ -110,3 +108,13 @@ def test_a_broken_journal_is_no_worse_than_none(log: Log, tmp_path: Path) -> Non
     nowhere = FitJournal(tmp_path / "missing" / "fits.jsonl", counting)
     nowhere(TABLE_3, NOISE, records, iterations=1, effort="coarse")
     assert len(calls) == 7
+
+
+def test_a_fit_from_the_journal_knows_its_information(log: Log, tmp_path: Path) -> None:
+    """From which the search decides where a fit without one of the effects starts."""
+    journal = FitJournal(tmp_path / "fits.jsonl")
+    records = (Record.from_log(log),)
+    made = journal(TABLE_3, NOISE, records, iterations=2, effort="coarse")
+    kept = FitJournal(journal.path)(TABLE_3, NOISE, records, iterations=2, effort="coarse")
+    np.testing.assert_array_equal(kept.optimum.expansion.information, made.optimum.expansion.information)
+    assert np.any(made.optimum.expansion.information)

@@ -375,3 +375,12 @@ def test_what_takes_the_place_of_a_look_alike_does_not_only_mend_its_form() -> N
 
     found = named(values, "base_tilt", "arm_spring", "arm_cable", another_law=of)
     assert accepted(found) == ["base_tilt", "arm_cable"]
+
+
+def test_an_effect_that_acts_beside_another_is_not_its_equal() -> None:
+    """Alone they explain equally much, but of different things: together they explain it all."""
+    found = named(
+        {"input_delay": -200.0, "arm_spring": -199.0, "arm_spring input_delay": -399.0}, "input_delay", "arm_spring"
+    )
+    assert sorted(accepted(found)) == ["arm_spring", "input_delay"]
+    assert found.equals == ((), ())
