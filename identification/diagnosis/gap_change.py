@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from msgspec import UNSET, UnsetType
@@ -147,6 +147,11 @@ class GapChange:
 
 def _errors(rms: Array, over_floor: float | UnsetType = UNSET) -> Errors:
     return Errors(float(rms[0]), float(rms[1]), over_floor)
+
+
+def closes(gap: GapChange | None, policy: DecisionPolicy) -> TypeGuard[GapChange]:
+    """Whether some of the gap closes for certain, and a share that matters; False where there is none."""
+    return gap is not None and gap.closed.interval[0] > 0.0 and gap.closed.value > policy.worth
 
 
 def speaks_against(gap: GapChange, policy: DecisionPolicy) -> bool:

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
 from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
-from .gap_change import GapChange, speaks_against
+from .gap_change import GapChange, closes, speaks_against
 from .naming.fits import Fit, added, further
 from .naming.suspects import follows_clock
 from .policy import DecisionPolicy
@@ -123,18 +122,14 @@ class HeldOut:
         if self.whole and all(follows_clock(effect.name) for effect in further(fitted, without)):
             return False
         change = self._between(without, fitted)
-        return self._closes(change) and change.likelier > self.policy.likelier
-
-    def _closes(self, change: GapChange | None) -> TypeGuard[GapChange]:
-        """Whether some of the gap closes for certain, and a share that matters."""
-        return change is not None and change.closed.interval[0] > 0.0 and change.closed.value > self.policy.worth
+        return closes(change, self.policy) and change.likelier > self.policy.likelier
 
     def prefers(self, fitted: Fit, other: Fit) -> bool:
         """Whether they ask for another fit in the place of one, by more than the fitted logs speak against it: then all
         data together are likelier. The last part of a fitted log is no further data. Between equals on the fitted logs
         the error on other logs decides alone."""
         loss = other.value - fitted.value
-        if self.whole and loss < self.policy.equal and self._closes(self._between(fitted, other)):
+        if self.whole and loss < self.policy.equal and closes(self._between(fitted, other), self.policy):
             return True
         if not self.confirms(fitted, other):
             return False

@@ -17,11 +17,10 @@ from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
 from ..kalman.record import stretches
 from ..logs.kind import kind_of
-from .gap_change import GapChange
+from .gap_change import GapChange, closes
 from .held_out import HeldOut
 from .learned import Learned
 from .outcome import Diagnosis
-from .policy import DecisionPolicy
 
 
 def with_learned(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
@@ -97,13 +96,9 @@ def _judged(plant: Plant, found: Plant, held: HeldOut) -> tuple[GapChange | None
         return change, f"the error on held-out data grows: {', '.join(worse)}"
     if open_ones := [part.name for part in others if not part.closed.interval[0] > 0.0]:
         return change, f"it closes nothing for certain where the experiment is another: {', '.join(open_ones)}"
-    if not _worth(change, held.policy):
+    if not closes(change, held.policy):
         return change, f"it closes {100 * change.closed.value:.2g} % of the gap, too little to be worth it"
     return change, ""
-
-
-def _worth(change: GapChange, policy: DecisionPolicy) -> bool:
-    return change.closed.interval[0] > 0.0 and change.closed.value > policy.worth
 
 
 def _praise(change: GapChange | None) -> str:

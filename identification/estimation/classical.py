@@ -26,7 +26,7 @@ class FilteredLeastSquares:
 
 
 class RecursiveLeastSquares:
-    """The same, one reading at a time."""
+    """The same, one reading at a time; its covariance is that of the batch, which the recursion ends with."""
 
     def estimate(self, logs: Sequence[Log], template: Plant, start: Plant | None, /) -> Estimate:
         return _estimate(logs, "recursive-ls", template, start)

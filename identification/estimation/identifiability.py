@@ -22,7 +22,6 @@ _SHORTEST = 1.0  # s
 WEAK, LOST = 0.3, 1.0  # relative standard deviations from which a parameter is called weak, or not identified
 
 PENDULUM = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
-ARM = ("theta1", "theta2", "theta3", "theta6", "theta8")
 EVERYTHING = tuple(f"theta{i}" for i in range(1, 10))
 
 
@@ -133,7 +132,7 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
             "paper's d(t), and check the column mapping"
         )
     elif arm_still:
-        lost += [n for n in EVERYTHING if n in ARM or n in PENDULUM]
+        lost += EVERYTHING
         advice.append(
             f"the arm is held or its encoder is not read ({degrees}): only ratios of the pendulum's own parameters "
             "could be found; let the arm move and drive it"

@@ -67,8 +67,8 @@ def identify(
     below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the fit goes on
     from there and no other start is tried. zeros: of the logs' encoders, to start from (see `estimation.zeros`).
     u_max [{u}]: largest command that the rig can give; by default the start
-    plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`;
-    inside a task of that one, bring another). every_sample: else "prediction-error" takes of logs with more than
+    plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`).
+    every_sample: else "prediction-error" takes of logs with more than
     `informative.BUDGET` samples together the stretches that say most about θ.
     method: one of `methods.METHODS`. All options above but u_max and every_sample belong to "prediction-error".
 

@@ -76,7 +76,7 @@ def minimise(
     Goes with frozen gains while they bring V down, then, if `exact`, with exact derivatives to the minimum: differences
     to both sides, as one-sided ones lead astray where parameters imitate each other. Stops when the decrease of V that
     the quadratic model promises (a log-likelihood: absolute, in nats) is below `tolerance`, or two steps in a row
-    brought less. With `exact` the expansion returned is exact.
+    brought less. With `exact` the expansion returned is exact, unless the iterations ended before.
     """
     free = np.arange(len(z)) if free is None else np.asarray(free)
     z = np.clip(z, problem.low, problem.high)

@@ -50,7 +50,7 @@ class Where:
     estimated anew, less the price of its parameters. counts (2,): what it changes of q1 and q2 predicted 0.3 s ahead,
     in counts of their encoders; negligible: so little that nobody would miss it. changing: whether parameters are not
     the same all along the longest stretch; drift_counts (2,): what that changes of such predictions, in counts.
-    suspicions: families, the likeliest first. channel, variable:
+    suspicions: families, the simplest of those that are nearly as likely as the best first. channel, variable:
     of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
     stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's
     g and frequencies (2,) [Hz] of its periodogram.

@@ -13,7 +13,7 @@ from furuta_gym.plant import EFFECTS
 
 from ...kalman.noise_model import Noise
 from ..locate.location import Where
-from ..policy import DecisionPolicy
+from ..policy import MOST_EFFECTS, DecisionPolicy
 from .fits import Fit
 from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .pairs import two_for_one
@@ -86,7 +86,7 @@ class _Grown:
 def name_effects(
     nominal: Fit,
     search: Search,
-    most: int = 6,
+    most: int = MOST_EFFECTS,
     rest: Rest = NoRest(),  # noqa: B008  (no state)
     witness: Witness = NoWitness(),  # noqa: B008  (no state)
     joined: Mapping[str, Fit] = NOTHING_YET,
