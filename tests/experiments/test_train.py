@@ -274,7 +274,7 @@ REFUSED = {
     "weight": (("--plant", "large", "--reward", "calm"), ("calm", "gentle=0.3")),
     "margin": (("--plant", "large", "--arm-margin", "7"), ("arm_margin", "limit of 6.28")),
     "curriculum": (("--plant", "large", "--curriculum", "0.9"), ("nothing is drawn", "--randomize")),
-    "threshold": (("--plant", "large", "--randomize", "--curriculum", "90"), ("threshold", "(0, 1]")),
+    "threshold": (("--plant", "large", "--randomize", "--curriculum", "90"), ("--curriculum 90", "at most 1")),
     "plant": (("--plant", "none.json"), ("none.json", "table3")),
     "algo": (("--plant", "large", "--algo", "ddpg"), ("ddpg", "ppo, sac, tqc")),
     "task": (("--plant", "large", "--task", "juggle"), ("juggle", "balance, swing_up")),
@@ -296,7 +296,7 @@ REFUSED = {
     ),
     "range alone": (("--plant", "large", "input_delay=0.01"), ("--randomize",)),
     "resume": (("--plant", "large", "--resume"), ("neither", "policy.zip")),
-    "sample time": (("--plant", "large", "--sample-time", "3"), ("sample_time",)),
+    "sample time": (("--plant", "large", "--sample-time", "3"), ("--sample-time 3.0", "seconds")),
     "off the rig's clock": (("--plant", "qube", "--sample-time", "0.01"), ("no multiple", "0.004", "such as 0.02")),
 }
 

@@ -30,7 +30,9 @@ def _gap(*times_floor: float) -> Gap:
     errors = np.repeat(FLOOR * np.array(times_floor), 20)[:, None] * [1.0, 1.0]
     number = np.repeat(np.arange(len(times_floor)), 20)
     rms = np.sqrt(np.mean(errors**2, axis=0))
-    return replace(a_gap(), rms=rms, errors=errors, times=np.tile(np.arange(20) * 0.1, len(times_floor)), log=number)
+    floors = np.full((len(errors), 2), FLOOR**2)
+    windows = {"floors": floors, "reading_floors": floors, "times": np.tile(np.arange(20) * 0.1, len(times_floor))}
+    return replace(a_gap(), rms=rms, errors=errors, log=number, **windows)
 
 
 def _change(before: Gap, after: Gap) -> GapChange:
