@@ -60,6 +60,7 @@ def try_plant(raw: bytes, folder: Path, play: bool = True) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", '.* has no "(unit|u_max)"')  # such a file is read, and it is said
+        warnings.filterwarnings("ignore", ".* is not known and is left out")
         try:
             plant = Plant.load(path)
         except ValueError as error:

@@ -169,7 +169,6 @@ def test_of_long_logs_a_part_is_searched_and_said() -> None:
     assert found.to_dict()["stretches_s"] == [[list(span) for span in spans]]
 
 
-@pytest.mark.slow
 def test_the_plant_of_a_name_is_at_the_optimum_of_its_parameters(tmp_path: Path) -> None:
     """The search holds θ near that of model (5), which the cable had dragged to a sixteenth of the pendulum's: it ended
     79 nats above this optimum, with a third of the stiffness."""
