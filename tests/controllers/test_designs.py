@@ -206,7 +206,7 @@ class TestBadInput:
 
     @pytest.mark.parametrize("sample_time", [0.0, -0.1, 2.0, float("nan")])
     def test_sample_time(self, sample_time):
-        with pytest.raises(ValueError, match="sample_time .*: expected seconds"):
+        with pytest.raises(ValueError, match=r"sample_time .*: expected seconds"):
             make_controller("lqr", TABLE_3, sample_time)
 
     def test_arm_that_does_not_move_the_pendulum(self):
