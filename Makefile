@@ -8,12 +8,10 @@ EXTRAS := rl,report,matlab,labview,ros,mujoco,video,studio,lab,plan,docs,dev
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
-.PHONY: setup ready demo test fast slow thorough lint docs bench matrix core constraints clean
+.PHONY: setup demo test fast slow thorough lint docs bench matrix core constraints clean
 
 setup: $(READY)  ## the virtual environment, and everything compiled
 	$(BIN)/furuta warm-up
-
-ready: $(READY)  ## the virtual environment alone
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
