@@ -152,14 +152,14 @@ def _limits_lost(output: Path, plant: Plant) -> str:
 
     try:
         limits = Plant.load(output).limits if output.exists() and not plant.limits else None
-    except ValueError:  # what is replaced is no plant file
+    except (ValueError, OSError):  # what is replaced is no plant file
         limits = None
     if not limits:
         return ""
     told = ", ".join(f"{name} {value:g}" for name, value in limits.items())
     return (
         f"{output}: the file that is replaced had the rig's limits ({told}); the new one has none, so controllers and "
-        f"designs keep to u_max alone. Copy them into it, or start from a plant file that has them (--start)"
+        "designs keep to u_max alone. Copy them into it, or start from a plant file that has them (--start)"
     )
 
 
