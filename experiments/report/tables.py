@@ -14,7 +14,7 @@ from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_inter
 from identification.diagnosis.locate.location import Where
 from identification.estimation.estimate import Estimate, rounded, unit_of
 from identification.logs.log import Log
-from identification.validation.gap import Gap
+from identification.validation.gap import Gap, printed_fits
 
 from .by_part import OneLog
 from .contents import Table
@@ -76,7 +76,7 @@ def gaps(change: GapChange) -> Table:
     rows = []
     for axis, name in enumerate(AXES):
         rows += [_error_row(f"{name}, {side}", gap, axis, change.floor[axis]) for side, gap in change.sides]
-        rows.append(_floor_row(name, change.floor[axis], change.before.counts[axis]))
+        rows.append(_floor_row(name, change.before, axis, change.floor))
     return Table(_ERRORS, rows, _windows(change.before))
 
 
@@ -119,7 +119,7 @@ def gap(found: Gap) -> Table:
     rows = []
     for axis, name in enumerate(AXES):
         rows.append(_error_row(name, found, axis, found.floor[axis]))
-        rows.append(_floor_row(name, found.floor[axis], found.counts[axis]))
+        rows.append(_floor_row(name, found, axis, found.floor))
     return Table(_ERRORS, rows, _windows(found))
 
 
@@ -139,8 +139,15 @@ def _error_row(name: str, found: Gap, axis: int, floor: float) -> tuple[str, ...
     )
 
 
-def _floor_row(name: str, floor: float, count: float) -> tuple[str, ...]:
-    return (f"{name}, noise floor", f"{1e3 * floor:.3g}", _counts(floor, count), "1", "")
+def _floor_row(name: str, found: Gap, axis: int, floor: NDArray[np.float64]) -> tuple[str, ...]:
+    fit = printed_fits(found.fit_at(floor))[axis].replace("-", "−")
+    return (
+        f"{name}, noise floor",
+        f"{1e3 * floor[axis]:.3g}",
+        _counts(floor[axis], found.counts[axis]),
+        "1",
+        f"{fit} %",
+    )
 
 
 def _windows(found: Gap) -> str:

@@ -86,7 +86,7 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
     rms = " and ".join(number(1e3 * float(r)) for r in gap.rms)
     return (
         Fact("Error over the noise floor", f"{gap.ratio_to_floor:.2f} ×", f"{ahead}; 1 is perfect"),
-        Fact("Fit", fit(gap), f"of q1 and q2, {ahead}"),
+        Fact("Fit", fit(gap.fit_percent), f"of q1 and q2, {ahead}; a right plant: {fit(gap.fit_at(gap.floor))}"),
         Fact("Error", f"{rms} mrad", unit),
     )
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import Diagnosis
-from identification.validation.gap import Gap
+from identification.validation.gap import printed_fits
 
 from .contents import Fact, Verdict
 from .words import BADGE, joined
@@ -90,9 +93,9 @@ def times(ratio: float) -> str:
     return f"{ratio:.1f}" if ratio < 100 else f"{ratio:.0f}"
 
 
-def fit(gap: Gap) -> str:
+def fit(percent: NDArray[np.float64]) -> str:
     """The fit of both angles."""
-    return " and ".join(gap.fits).replace("-", "−") + "\u00a0%"
+    return " and ".join(printed_fits(percent)).replace("-", "−") + "\u00a0%"
 
 
 def _found(d: Diagnosis) -> str:
@@ -170,12 +173,13 @@ def _facts(d: Diagnosis) -> list[Fact]:
     before, after = (times(gap.over_floor(g)) for g in (gap.before, gap.after))
     ahead = f"{gap.before.horizon:g} s ahead"
     where = "new data" if gap.tail is None else f"last {100 * gap.tail:.0f} %"
-    fits = [fit(g) for _, g in gap.sides]
+    fits = [fit(g.fit_percent) for _, g in gap.sides]
+    right = f"of q1 and q2; a right plant: {fit(gap.before.fit_at(gap.floor))}"
     facts = [
         Fact(
             f"Error on {where}", " → ".join([before, after][-len(gap.sides) :]) + " × noise", f"{ahead}; 1 is perfect"
         ),
-        Fact(f"Fit {ahead}", fits[-1], "of q1 and q2" + (f"; before: {fits[0]}" if gap.changed else "")),
+        Fact(f"Fit {ahead}", fits[-1], right + (f"; before: {fits[0]}" if gap.changed else "")),
     ]
     if gap.changed and math.isfinite(gap.closed.value):
         low, high = (100 * end for end in gap.closed.interval)

@@ -37,6 +37,12 @@ _CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
 Array = NDArray[np.float64]
 
 
+def printed_fits(percent: Array) -> tuple[str, str]:
+    """The fit of q1 and q2 [%] as it is printed; how far below −100 % says nothing."""
+    arm, pendulum = (f"{p:.1f}" if p > -100 else "below -100" for p in percent)
+    return arm, pendulum
+
+
 @dataclass(frozen=True)
 class Gap:
     """Prediction errors of a plant on one log or several.
@@ -126,9 +132,12 @@ class Gap:
 
     @property
     def fits(self) -> tuple[str, str]:
-        """The fit of q1 and q2 [%] as it is printed; how far below −100 % says nothing."""
-        arm, pendulum = (f"{p:.1f}" if p > -100 else "below -100" for p in self.fit_percent)
-        return arm, pendulum
+        """The fit of q1 and q2 [%] as it is printed."""
+        return printed_fits(self.fit_percent)
+
+    def fit_at(self, floor: Array) -> Array:
+        """The fit (2,) [%] of a plant whose errors are `floor` (2,) [rad]; low where an angle hardly moves."""
+        return 100.0 - (100.0 - self.fit_percent) * floor / self.rms
 
     @property
     def judgement(self) -> Judgement:

@@ -66,6 +66,14 @@ def test_adding_the_effect_closes_the_gap():
         closed_fraction(before, validate(right, log, horizon=0.2))
 
 
+def test_the_fit_of_another_error_is_that_of_the_plant_which_has_it():
+    log, right = loop_log("arm_spring", 0.2)
+    before, after = validate(TABLE_3, log), validate(right, log)
+    assert np.all(before.fit_percent < after.fit_percent - 5)
+    assert before.fit_at(after.rms) == pytest.approx(after.fit_percent, abs=1e-6)
+    assert after.fit_at(after.floor) == pytest.approx(after.fit_percent, abs=1)
+
+
 def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():
     run = simulate(
         TABLE_3, open_loop(0.1), 3.0, 0.002, Sensors(None), x0=(0.2, 3.0, 0.0, 0.0), longest_step=1e-3, seed=0

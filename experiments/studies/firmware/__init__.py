@@ -1,0 +1,1 @@
+"""What an exported controller needs on a microcontroller."""
