@@ -60,8 +60,10 @@ ARM = Processor(
     ("arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-std=gnu99"),
     ("-nostartfiles", "-T", str(HERE / "arm.ld"), "-lm", "-lc", "-lnosys"),
     "arm-none-eabi-size",
-    ("qemu-system-arm", "-M", "mps2-an386", "-icount", "shift=0", "-display", "none", "-monitor", "none")
-    + ("-serial", "none", "-semihosting-config", "enable=on,target=native", "-kernel"),
+    (
+        *("qemu-system-arm", "-M", "mps2-an386", "-icount", "shift=0", "-display", "none", "-monitor", "none"),
+        *("-serial", "none", "-semihosting-config", "enable=on,target=native", "-kernel"),
+    ),
 )
 
 
