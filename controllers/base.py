@@ -50,11 +50,18 @@ class Controller(ABC):
         readings = np.asarray(y, dtype=float)
         if readings.ndim not in (1, 2) or readings.shape[0] != 2:
             raise ValueError(f"{self.name}: expected readings (q1, q2) of shape (2,) or (2, L), got {readings.shape}")
+        return self.follow(readings, self.reference_at(self._samples))
+
+    def reference_at(self, sample: int) -> float:
+        """The reference [rad] at a sample since `reset`, counted from 0."""
         r = self.reference
-        r = r(self._samples * self.sample_time) if callable(r) else r
+        return float(r(sample * self.sample_time) if callable(r) else r)
+
+    def follow(self, y: NDArray[np.float64], reference: float) -> Any:
+        """As the call with readings y, with this reference [rad] in place of its own."""
         self._samples += 1
-        u = np.minimum(np.maximum(self._command(readings, float(r)), -self.u_max), self.u_max)
-        return float(u) if readings.ndim == 1 else u
+        u = np.minimum(np.maximum(self._command(y, reference), -self.u_max), self.u_max)
+        return float(u) if y.ndim == 1 else u
 
     @abstractmethod
     def _start(self) -> None:

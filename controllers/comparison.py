@@ -190,4 +190,6 @@ def _cell(x: Interval | None, figure: str) -> str:
         return "–"
     if figure == "success":
         return f"{100 * x.value:.4g} %\n{100 * x.low:.0f}–{100 * x.high:.0f}"
-    return f"{x.value:.3g}\n" + ("one trial" if math.isnan(x.low) else f"±{0.5 * (x.high - x.low):.1g}")
+    if math.isnan(x.low):
+        return f"{x.value:.3g}" + ("\none trial" if x.n == 1 else "")
+    return f"{x.value:.3g}\n±{0.5 * (x.high - x.low):.1g}"

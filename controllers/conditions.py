@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.arguments import ArgumentError
-from furuta_gym.plant import EFFECTS, Effect, Plant, sampled_plants
+from furuta_gym.plant import EFFECTS, Effect, Plant
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical, worst
-from .trials import Outcome, Starts, balance_starts, built_plants, plants_off_by, run_trials, swing_up_starts
+from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
+from .variations import built_later, built_name, later, noisier, other_plants, weaker
 
 USUAL_GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
 GROUPS = (*USUAL_GROUPS, "map")
@@ -33,6 +34,7 @@ SWING_UP_EFFECTS = (
 
 MAP_DELAYS = (0, 4, 8, 12, 16, 20, 24)  # ms
 MAP_ERRORS = (0, 10, 20, 30)  # %, of masses, lengths, inertias, frictions and gain
+SWING_UP_DURATION = 15.0  # s, at least
 SWING_UP_PUSH = 0.5  # of the pendulum's frequency, once it is up
 
 _PUSH_TIME = 0.5  # s
@@ -46,7 +48,7 @@ class Condition:
 
     plants: one, or one for each trial. kind: "balance", "swing_up", or "push" (the largest push is searched). tap: of a
     swing-up, the push between a third and a half of its duration, as a share of the pendulum's frequency; the settling
-    time then counts from it.
+    time then counts from it. arm_travel [rad]: what the arm must stay within; None for each plant's own.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Condition:
     trials: int
     duration: float
     tap: float = 0.0
+    arm_travel: float | None = None
 
     def score(self, policy: Any, sample_time: float, seed: int) -> dict[str, Interval]:
         """Play `policy` and sum up: success rate, and the other figures over the successful trials.
@@ -84,6 +87,7 @@ class Condition:
             sample_time,
             self.sensors,
             swing_up=self.kind == "swing_up",
+            arm_travel=self.arm_travel,
             seed=seed,
         )
 
@@ -119,6 +123,13 @@ def check_groups(groups: Sequence[str]) -> None:
         raise ArgumentError("groups", ", ".join(map(repr, strange)), f"expected of {', '.join(GROUPS)}")
 
 
+def nominal(plant: Plant, sensors: Sensors, task: str, trials: int, duration: float) -> Condition:
+    """The task, "balance" or "swing_up", on the plant as it is; a swing-up has 15 s at least."""
+    if task == "swing_up":
+        return Condition("swing-up", task, task, plant, sensors, trials, max(duration, SWING_UP_DURATION))
+    return Condition(task, task, task, plant, sensors, trials, duration)
+
+
 def conditions(
     plant: Plant,
     sensors: Sensors,
@@ -137,7 +148,10 @@ def conditions(
     """
     chosen = list(groups)
     check_groups(chosen)
-    names = list(EFFECTS) if effects is None else list(effects)
+    asked = None if effects is None else list(effects)
+    near, swinging = (list(EFFECTS), SWING_UP_EFFECTS) if asked is None else (asked, asked)
+    for name in near:
+        Effect(name)  # complains about a name that is none, whatever the groups are
     carried = {e.name for e in plant.effects}
     short = min(duration, 10.0)
 
@@ -147,11 +161,11 @@ def conditions(
     found: list[Condition] = []
     for group in chosen:
         if group == "balance":
-            found.append(Condition("balance", group, "balance", plant, sensors, trials, duration))
+            found.append(nominal(plant, sensors, group, trials, duration))
         elif group == "push":
             found.append(Condition("push", group, "push", plant, sensors, small_trials, _PUSH_TIME + _AFTER_PUSH))
         elif group == "parameters":
-            found += [near_upright(n, group, p) for n, p in _other_plants(plant, small_trials, seed)]
+            found += [near_upright(n, group, p) for n, p in other_plants(plant, small_trials, seed)]
         elif group == "delay":
             found += [near_upright(f"delay {ms} ms", group, later(plant, ms)) for ms in (4, 8, 16, 32)]
         elif group == "quantisation":
@@ -159,34 +173,31 @@ def conditions(
                 coarse = replace(sensors, encoder_counts=counts)
                 found.append(near_upright(f"{counts} counts", group, plant, coarse))
         elif group == "effects":
-            for name in names:
+            for name in near:
                 if name not in carried:
                     found.append(near_upright(name, group, plant.with_effects(plant.default_effect(name))))
         elif group == "map":
-            hanging = Condition("map", group, "swing_up", plant, sensors, small_trials, max(duration, 15.0))
-            found += _map(hanging, seed)
+            found += _map(replace(nominal(plant, sensors, "swing_up", small_trials, duration), group=group), seed)
         else:
-            hanging = Condition("swing-up", group, "swing_up", plant, sensors, trials, max(duration, 15.0))
-            found += [hanging, *_harder(hanging, small_trials, effects, seed)]
+            hanging = nominal(plant, sensors, group, trials, duration)
+            found += [hanging, *_harder(hanging, small_trials, swinging, seed)]
     return found
 
 
-def _harder(plain: Condition, trials: int, effects: Iterable[str] | None, seed: int) -> list[Condition]:
+def _harder(plain: Condition, trials: int, effects: Sequence[str], seed: int) -> list[Condition]:
     """A swing-up with what a rig may have: a later command, a weaker supply, another θ, effects, noisier readings,
     coarser encoders, a push."""
     plant, sensors = plain.plants, plain.sensors
     assert isinstance(plant, Plant)
-    names = SWING_UP_EFFECTS if effects is None else [name for name in effects if name != "input_delay"]
     rigs: list[tuple[str, Plant | Sequence[Plant]]] = [(f"{ms} ms late", later(plant, ms)) for ms in (4, 8, 16, 24)]
-    rigs += [(f"supply {share} %", plant.replace(u_max=share / 100 * plant.supply)) for share in (80, 60)]
-    rigs += _other_plants(plant, trials, seed)
+    rigs += [(f"supply {percent} %", weaker(plant, percent)) for percent in (80, 60)]
+    rigs += other_plants(plant, trials, seed)
     rigs += [(built_name(20, ms), built_later(plant, 20, ms, trials, seed)) for ms in (0, 8)]
-    rigs += [(n, plant.with_effects(plant.default_effect(n))) for n in names if plant.effect(n) is None]
+    added = [name for name in effects if name != "input_delay" and plant.effect(name) is None]
+    rigs += [(name, plant.with_effects(plant.default_effect(name))) for name in added]
     found = [replace(plain, name=f"swing-up, {name}", plants=rig, trials=trials) for name, rig in rigs]
     for mrad in (1, 3):
-        noise = np.hypot(sensors.noise_std, 1e-3 * mrad)
-        noisy = replace(sensors, noise_std=(float(noise[0]), float(noise[1])))
-        found.append(replace(plain, name=f"swing-up, noise {mrad} mrad", sensors=noisy, trials=trials))
+        found.append(replace(plain, name=f"swing-up, noise {mrad} mrad", sensors=noisier(sensors, mrad), trials=trials))
     for counts in (1024, 512):
         coarse = replace(sensors, encoder_counts=counts)
         found.append(replace(plain, name=f"swing-up, {counts} counts", sensors=coarse, trials=trials))
@@ -206,33 +217,3 @@ def _map(plain: Condition, seed: int) -> list[Condition]:
 def map_name(ms: float, percent: float) -> str:
     """Name of a condition of the group "map"."""
     return f"map, ±{percent:g} %, {ms:g} ms late"
-
-
-def built_name(percent: float, ms: float) -> str:
-    """Name of rigs whose parts differ by so much, with a delay."""
-    return f"built ±{percent:g} %" + (f", {ms:g} ms late" if ms else "")
-
-
-def built_later(plant: Plant, percent: float, ms: float, n: int, seed: int) -> list[Plant]:
-    """n rigs whose masses, lengths, inertias, frictions and gain differ by up to `percent`, `ms` later than `plant`."""
-    rigs = built_plants(percent / 100, plant, n, seed) if percent else [plant] * n
-    return [later(rig, ms) for rig in rigs] if ms else rigs
-
-
-def later(plant: Plant, ms: float) -> Plant:
-    """The plant with a delay of the command that is so much longer."""
-    own = plant.effect("input_delay")
-    d = min((own.parameters["d"] if own else 0.0) + ms * 1e-3, EFFECTS["input_delay"].parameters[0].upper)
-    return plant.with_effects(Effect("input_delay", {"d": d}))
-
-
-def _other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant]]]:
-    """Plants whose θ is each off by a random factor, and plants from the identified covariance where there is one."""
-    found = []
-    for percent in (10, 20):
-        rng = np.random.default_rng([seed, 2])
-        found.append((f"θ ±{percent} %", plants_off_by(percent / 100, plant, n, rng)))
-    if plant.covariance is not None:
-        rng = np.random.default_rng([seed, 3])
-        found.append(("θ as uncertain as identified", list(sampled_plants(plant, n, rng))))
-    return found

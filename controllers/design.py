@@ -1,5 +1,6 @@
 """What every design starts from: the sampled linear plant with its known delay and lag, and weights in its units."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -87,6 +88,18 @@ class DesignModel:
 def choose_sample_time(plant: Plant, sample_time: float | None) -> float:
     """The caller's, else the plant's, else 2 ms. Raises ArgumentError, a ValueError, unless it is 1 µs to 1 s."""
     return period_of(sample_time, plant.sample_time)
+
+
+def design_plant_for(plant: Plant, given: Plant | str | os.PathLike[str] | None) -> Plant:
+    """What controllers for `plant` are designed from: the plant given, else itself.
+
+    Raises ValueError where their commands have different units."""
+    design = plant if given is None else Plant.resolve(given)
+    if design.unit != plant.unit:
+        raise ValueError(
+            f"the design plant's command is in {design.unit}, the plant's in {plant.unit}; they must agree"
+        )
+    return design
 
 
 def choose_sensors(plant: Plant, sensors: Sensors | None) -> Sensors:

@@ -4,11 +4,14 @@ The same rules in Python (`Guarded`) and in the C headers (`envelope_c`), in thi
 
 1. A reading or reference that is no number or beyond ±10⁴ rad commands 0 and is not shown to the controller; after
    `bad_readings` of them in a row the controller goes off.
-2. Arm beyond `arm_travel`, faster than `arm_speed`, pendulum beyond `tilt` from upright: off.
-3. A command that is no number: off.
-4. Soft start: the command grows linearly to its full size over `soft_start`.
-5. Slew: it changes by at most slew · T a sample, 0 before the first.
-6. Clamp: |u| ≤ u_max.
+2. Arm beyond `arm_travel`; arm since the last good reading faster than `arm_speed`, by more than one count of its
+   encoder; pendulum beyond `tilt` from upright: off.
+3. After missed samples the controller is first called once for each of them, with readings on the line from the last
+   good one to the present one. These commands are discarded. So its filters and integrals keep their clock.
+4. A command that is no number: off.
+5. Soft start: the command grows linearly to its full size over `soft_start`.
+6. Slew: it changes by at most slew · T a sample, 0 before the first.
+7. Clamp: |u| ≤ u_max.
 
 Off means a command of 0 until reset, and the reason is kept.
 """
@@ -19,12 +22,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .base import Controller
+from .design import choose_sensors
 from .trials import HORIZONTAL
 
 LONGEST_START = 60.0  # s of a soft start
+MOST_BAD_READINGS = 1000  # in a row; a rig that reads nothing for so long is not controlled
 
 REASONS = ("on", "reading", "arm", "speed", "tilt", "law")  # indexed by the C header's numbers
 FARTHEST = 1e4  # rad; no rig turns so far
@@ -35,7 +40,8 @@ _LARGEST = 1e30  # a single-precision number still, and no command
 class Envelope:
     """Limits in the command's unit, rad and s; infinity where there is none. Raises ValueError unless positive.
 
-    soft_start may be zero, which is the default: who balances must act at once.
+    soft_start may be zero, which is the default: who balances must act at once. So may resolution, one count of the
+    arm's encoder. bad_readings is a whole number.
     """
 
     u_max: float
@@ -45,21 +51,26 @@ class Envelope:
     slew: float = math.inf
     soft_start: float = 0.0
     bad_readings: int = 3
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            least = 0.0 if field.name == "soft_start" else math.nextafter(0.0, 1.0)
+            least = 0.0 if field.name in ("soft_start", "resolution") else math.nextafter(0.0, 1.0)
             if not (isinstance(value, int | float) and value >= least):
                 raise ValueError(f"envelope: {field.name} must be a positive number, got {value!r}")
-        if not (math.isfinite(self.u_max) and math.isfinite(self.soft_start)):
-            raise ValueError("envelope: u_max and soft_start must be finite")
+        if not all(map(math.isfinite, (self.u_max, self.soft_start, self.resolution))):
+            raise ValueError("envelope: u_max, soft_start and resolution must be finite")
+        if type(self.bad_readings) is not int or self.bad_readings > MOST_BAD_READINGS:
+            wanted = f"a whole number from 1 to {MOST_BAD_READINGS}"
+            raise ValueError(f"envelope: bad_readings must be {wanted}, got {self.bad_readings!r}")
         if self.soft_start > LONGEST_START:
             raise ValueError(f"envelope: soft_start {self.soft_start:g} s, expected {LONGEST_START:g} s at most")
 
     @classmethod
     def of(cls, controller: Any, **changes: Any) -> "Envelope":
-        """From the controller, and the plant file's limits where it has them; `changes` that are not None win.
+        """From the controller, and the plant file's limits and encoders where it has them; `changes` that are not None
+        win.
 
         A controller that only balances goes off when the pendulum is horizontal.
         """
@@ -71,6 +82,7 @@ class Envelope:
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
+            resolution=float(choose_sensors(plant, None).resolution[0]),
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})
 
@@ -90,30 +102,35 @@ class Guarded:
     def reset(self) -> None:
         self.controller.reset()
         self.off = REASONS[0]
-        self._u = self._q1 = 0.0
-        self._good = self._missed = 0
+        self._u = 0.0
+        self._last = np.zeros(2)  # good reading
+        self._good = self._missed = self._samples = 0
 
     def __call__(self, y: ArrayLike) -> float:
-        q1, q2 = (float(v) for v in np.asarray(y, dtype=float))
-        self._u = self._step(q1, q2)
+        reference = self.controller.reference_at(self._samples)
+        self._samples += 1
+        self._u = self._step(np.array(y, dtype=float), reference)
         return self._u
 
-    def _step(self, q1: float, q2: float) -> float:
+    def _step(self, q: NDArray[np.float64], reference: float) -> float:
         e, T = self.envelope, self.sample_time
         if self.off != REASONS[0]:
             return 0.0
-        if not (abs(q1) < FARTHEST and abs(q2) < FARTHEST):
+        if not all(abs(x) <= FARTHEST for x in (*q, reference)):
             self._missed += 1
             return self._latch("reading") if self._missed >= e.bad_readings else 0.0
-        if abs(q1) > e.arm_travel:
+        if abs(q[0]) > e.arm_travel:
             return self._latch("arm")
-        if self._good > 0 and self._missed == 0 and abs(q1 - self._q1) > e.arm_speed * T:
+        if self._good > 0 and abs(q[0] - self._last[0]) > e.arm_speed * T * (self._missed + 1) + e.resolution:
             return self._latch("speed")
-        if abs(q2) > e.tilt:
+        if abs(q[1]) > e.tilt:
             return self._latch("tilt")
-        self._missed, self._q1 = 0, q1
+        if self._good > 0:
+            for part in np.arange(1, self._missed + 1) / (self._missed + 1):
+                self.controller.follow(self._last + part * (q - self._last), reference)
+        self._missed, self._last = 0, q
         self._good += 1
-        u = float(self.controller((q1, q2)))
+        u = float(self.controller.follow(q, reference))
         if not abs(u) <= _LARGEST:
             return self._latch("law")
         ramp = math.ceil(e.soft_start / T)
@@ -142,7 +159,8 @@ enum {{
 typedef struct {{
     {prefix}_law_state law;
     {real} u;   /* last command */
-    {real} q1;  /* last arm angle */
+    {real} q1;  /* last good reading */
+    {real} q2;
     int good;   /* readings so far, as long as the soft start lasts */
     int missed; /* bad readings in a row */
     int off;    /* {P}_ON or why it is off */
@@ -153,6 +171,7 @@ static inline void {prefix}_reset({prefix}_state *s)
     {prefix}_law_reset(&s->law);
     s->u = {zero};
     s->q1 = {zero};
+    s->q2 = {zero};
     s->good = 0;
     s->missed = 0;
     s->off = {P}_ON;
@@ -181,8 +200,15 @@ static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {rea
         return s->missed >= {bad} ? {prefix}_latch(s, {P}_READING) : {zero};
     }}
     if (!{prefix}_within(q1, {arm})) return {prefix}_latch(s, {P}_ARM);
-{speed}{tilt}    s->missed = 0;
+{speed}{tilt}    if (s->good > 0) {{
+        for (int i = 1; i <= s->missed; ++i) {{ /* what the law missed, on the line to this reading */
+            const {real} part = ({real})i / ({real})(s->missed + 1);
+            (void){prefix}_law(&s->law, s->q1 + part * (q1 - s->q1), s->q2 + part * (q2 - s->q2), reference);
+        }}
+    }}
+    s->missed = 0;
     s->q1 = q1;
+    s->q2 = q2;
     if (s->good <= {ramp}) s->good += 1;
     u = {prefix}_law(&s->law, q1, q2, reference);
     if (!{prefix}_within(u, {large})) return {prefix}_latch(s, {P}_LAW);
@@ -204,8 +230,8 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
     speed = tilt = soft = slew = ""
     if e.arm_speed < math.inf:
         speed = (
-            f"    if (s->good > 0 && s->missed == 0 && !{prefix}_within(q1 - s->q1, {number(e.arm_speed * T)}))\n"
-            f"        return {prefix}_latch(s, {P}_SPEED);\n"
+            f"    if (s->good > 0 && !{prefix}_within(q1 - s->q1, {number(e.arm_speed * T)} * ({real})(s->missed + 1)"
+            f" + {number(e.resolution)}))\n        return {prefix}_latch(s, {P}_SPEED);\n"
         )
     if e.tilt < math.inf:
         tilt = f"    if (!{prefix}_within(q2, {number(e.tilt)})) return {prefix}_latch(s, {P}_TILT);\n"

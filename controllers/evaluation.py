@@ -13,7 +13,7 @@ from furuta_gym.simulation import DEFAULT_SAMPLE_TIME
 from .base import Controller, DesignError
 from .comparison import Comparison
 from .conditions import USUAL_GROUPS, Condition, conditions
-from .design import choose_sample_time, choose_sensors
+from .design import choose_sample_time, choose_sensors, design_plant_for
 from .registry import make_controller
 from .statistics import Interval
 
@@ -60,11 +60,7 @@ def compare(
     unknown name, group or effect, and when nothing is left to compare.
     """
     plant = Plant.resolve(plant)
-    design = Plant.resolve(design_plant) if design_plant is not None else plant
-    if design.unit != plant.unit:
-        raise ValueError(
-            f"the design plant's command is in {design.unit}, the plant's in {plant.unit}; they must agree"
-        )
+    design = design_plant_for(plant, design_plant)
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
     small = small_trials or min(trials, max(10, trials // 4))

@@ -13,16 +13,18 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import rates
 from furuta_gym.plant.effects.dispatch import add_torques, map_command
 from furuta_gym.plant.layout import N_BASE
-from furuta_gym.sensors import angles_read
+from furuta_gym.sensors import Sensors, angles_read
 
 from .base import DesignError
 
+SHARPNESS = "friction_sharpness"  # the effect that gives friction another sharpness than the plant's own
 _TABLE = 513  # points of the tabulated command map
 
 
 class KnownEffects:
     """Maps between readings and angles, and between wanted torque and command, for one plant.
 
+    offset (2,) [rad]: what the encoders read at zero, as the plant file's `sensors` say; `angles` takes it off too.
     torque_limits: the torques that ±`plant.supply` gives, the largest command that reaches the motor. `command_map` is
     the table (torque, command) when there is one.
     friction_speed [rad/s]: friction that `arm_torque` knows changes sign over this speed, slower than the plant's
@@ -31,8 +33,10 @@ class KnownEffects:
 
     def __init__(self, plant: Plant, friction_speed: float = 0.1) -> None:
         # what depends on the time since a log's start cannot be known on the next run
-        known = tuple(e for e in plant.effects if not e.type.memory and "t" not in e.type.arguments.get("torque", ()))
+        lasting = (e for e in plant.effects if not e.type.memory and "t" not in e.type.arguments.get("torque", ()))
+        known = tuple(e for e in lasting if e.name != SHARPNESS)  # which the friction_speed takes the place of
         self.plant = plant.replace(effects=known, friction_sharpness=1.0 / friction_speed)
+        self.offset = np.array(Sensors.of_file(plant.sensors).offset)
         p, self._codes, self._rows = self.plant.packed()
         self._p = p[:, None]
         self._on_arm = self._codes[[e.type.place == "arm" for e in known]]
@@ -64,9 +68,9 @@ class KnownEffects:
 
     def angles(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Angles (2,) or (2, L) whose readings are y."""
-        if not self.reads_wrong:
+        if not self.reads_wrong and not self.offset.any():
             return y
-        wanted = y.reshape(2, -1)
+        wanted = y.reshape(2, -1) - self.offset[:, None]
         return angles_read(wanted, np.repeat(self._p, wanted.shape[1], axis=1), self._codes).reshape(y.shape)
 
     def command(self, torque: Any) -> Any:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.arguments import ArgumentError
 from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT, TASKS
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
@@ -111,8 +112,11 @@ class LearnedController(Controller):
 
 
 def trained_sample_time(path: str | os.PathLike[str], plant: Plant) -> float:
-    """The policy's period [s] from its record; without one, what the env takes for `plant`."""
-    env, _ = _settings(Path(path), read_record(path))
+    """The policy's period [s]: that of its record; without one, what `FurutaID-v0` takes for `plant`."""
+    return _period(_settings(Path(path), read_record(path))[0], plant)
+
+
+def _period(env: Mapping[str, Any], plant: Plant) -> float:
     return float(env.get("sample_time") or plant.sample_time or SAMPLE_TIME)
 
 
@@ -135,10 +139,10 @@ def load_policy(
 
     sample_time [s]: of the loop that it is played in; default is the plant's where the trained period is a multiple
     of it, else that period. trust: also read a zip of stable-baselines3, which runs what is in it. The training record
-    says how the policy saw the env. Without a record the observation's size gives the history, and an action space of
-    ±1 means shares of u_max. Raises FileNotFoundError, or ValueError if the file is no policy, was made for another
-    observation, for scaled ones, for a plant whose command has another unit, or for a sample time that is no multiple
-    of the one asked for.
+    says how the policy saw the env. Without a record the period is that of `trained_sample_time`, the observation's
+    size gives the history, and an action space of ±1 means shares of u_max. Raises FileNotFoundError, or ValueError if
+    the file is no policy, was made for another observation, for scaled ones, for a plant whose command has another
+    unit, or for a sample time that is no multiple of the one asked for.
     """
     path = Path(path)
     network, record = read_policy(path, trust)
@@ -147,12 +151,16 @@ def load_policy(
         raise ValueError(
             f"{path} was trained on a plant whose command is in {rig['unit']}; this plant's is in {plant.unit}"
         )
-    trained = float(env.get("sample_time") or plant.sample_time or SAMPLE_TIME)
+    trained = _period(env, plant)
     T = _clock(plant, trained) if sample_time is None else period_of(sample_time)
     every = max(1, round(trained / T))
-    if env.get("sample_time") is None:  # nothing is known: it acts at every sample
-        every = 1
-    elif abs(every * T - trained) > 1e-9:
+    if abs(every * T - trained) > 1e-9:
+        if env.get("sample_time") is None:
+            raise ValueError(
+                f"{path} has no record of its sample time, so {trained:g} s are taken, which FurutaID-v0 has for this "
+                f"plant, and it cannot play at {T:g} s. Write its own into {path.with_suffix('.json')}, as "
+                '{"env": {"sample_time": 0.02}}'
+            )
         raise ValueError(
             f"{path} was trained with a sample time of {trained:g} s and cannot play at {T:g} s. "
             f"Give --sample-time {trained:g} (sample_time in Python) or a whole fraction of it, or train it again at "
@@ -189,6 +197,20 @@ def load_policy(
         every=every,
         **settings | options,
     )
+
+
+def load_to_export(
+    path: str | os.PathLike[str], plant: Plant, sample_time: float | None = None, *, trust: bool = False
+) -> LearnedController:
+    """As `load_policy`, for an export, whose step is called at the policy's own period.
+
+    Raises ValueError as there, and for a sample_time [s] that is not that period."""
+    controller = load_policy(path, plant, trust=trust)
+    period = controller.every * controller.sample_time
+    if sample_time is not None and abs(period_of(sample_time) - period) > 1e-9:
+        fault = f"expected {period:g} s, at which this policy acts, or no sample time"
+        raise ArgumentError("sample_time", f"{sample_time:g}", fault)
+    return controller
 
 
 _RANGES = {"sample_time": (1e-4, 1.0), "velocity_cutoff": (1e-3, 1e6), "arm_limit": (0.01, 1e3)}

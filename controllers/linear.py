@@ -147,7 +147,7 @@ def build_state_feedback(
     K = np.asarray(K, dtype=float).ravel()
     law = state_feedback(K, model, sensors.velocity_cutoff, command_path=K.size > 4)
     controller = LinearController(name, law, plant, model, **options)
-    if K.size == 4 and not plant.effects:
+    if K.size == 4 and not plant.effects and not controller.known.offset.any():
         q1, q2, v1, v2 = map(float, K)
         controller.feedback_gain = q1, v1, q2, v2
     return controller

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.linearization import HANGING, discretize, linearize
-from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import integration_step
 
-from .base import Reference
+from .base import DesignError, Reference
 from .design import Weights, choose_sample_time, choose_sensors, riccati
 from .planning import Plan, plan_swing_up
 from .predictive import LOST, PredictiveBalancer
@@ -23,11 +22,15 @@ from .swing_up import catch_region
 CALMING, FOLLOWING, BALANCING = range(3)
 STILL = 0.15  # rad from hanging, and of the pendulum's pace: a plan can begin
 ARM_STILL = 0.6  # rad
+KEPT = 0.9  # of the arm's travel, by a plan from where it begins; the rest is the feedback's
 EARLY = 0.7  # of the plan; from then on the balancer may take over
 
 
 class PlannedSwingUp(PredictiveBalancer):
-    """Plays `plan`; see `design_planned`. `phase` (L,) says what is done: calm the pendulum, follow, or balance."""
+    """Plays `plan`; see `design_planned`. `phase` (L,) says what is done: calm the pendulum, follow, or balance.
+
+    A plan begins where the arm is, if that keeps all of it within `KEPT` of the arm's travel. Else the arm is brought
+    towards zero first."""
 
     tasks = ("balance", "swing_up")
 
@@ -43,12 +46,16 @@ class PlannedSwingUp(PredictiveBalancer):
     ) -> None:
         super().__init__(plant, sample_time, sensors, weights, reference, name="planned")
         self.plan, self.region = plan, region
+        if plan.largest_q1 > KEPT * self.travel:
+            raise DesignError(
+                f"the plan takes the arm to {plan.largest_q1:.3g} rad, beyond {KEPT:g} of its travel of "
+                f"{self.travel:.3g} rad; give another plan, or none"
+            )
         self._times = np.arange(0.0, plan.duration, sample_time)
         self._x = np.stack([np.interp(self._times, plan.t, row) for row in plan.state])
         self._tau = plan.torque_at(self._times + 0.5 * sample_time)
         self._gains = self._tracking_gains(weights)
         self._calming = self._calming_gain(weights)
-        self._pace = pendulum_frequency(plant.theta)
         self._start()
 
     def _start(self) -> None:
@@ -65,8 +72,9 @@ class PlannedSwingUp(PredictiveBalancer):
         n = self._times.size
         down = 2 * np.pi * np.round((now[1] - np.pi) / (2 * np.pi))
         hanging = now[1] - np.pi - down
-        speeds = np.maximum(np.abs(now[2]), np.abs(now[3])) / self._pace
+        speeds = np.maximum(np.abs(now[2]), np.abs(now[3])) / self.pace
         ready = (np.abs(hanging) < STILL) & (speeds < STILL) & (np.abs(now[0]) < ARM_STILL)
+        ready &= np.abs(now[0] + self.plan.state[0][:, None]).max(axis=0) <= KEPT * self.travel
         begins = (self.phase == CALMING) & ready
         self._from = np.where(begins, np.stack([now[0], down]), self._from)
         self._k = np.where(begins, 0, self._k)
@@ -75,7 +83,8 @@ class PlannedSwingUp(PredictiveBalancer):
         k = np.minimum(self._k, n - 1)
         self._turns = np.where(self.phase == BALANCING, self._turns, np.round((now[1] - self.q2e) / (2 * np.pi)))
         from_top = now[1] - self.q2e - 2 * np.pi * self._turns
-        inside = self.region.value(np.stack([0.0 * from_top, from_top, now[2], now[3]])) <= 1.0
+        relative = np.stack([0.0 * from_top, from_top, now[2], now[3]])
+        inside = (self.region.value(relative) <= 1.0) & self.has_room(now[0], relative)
         caught = inside & ((self.phase == CALMING) | (follows & (self._k >= EARLY * n)))
         self._goal = np.where(caught, now[0], self._goal)
         fell = (self.phase == BALANCING) & (np.abs(from_top) > LOST)

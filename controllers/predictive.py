@@ -6,15 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError, Reference
 from .design import Weights, design_model
 from .lqr import dlqr_gain
 from .predictor import Predictor, feedback_state, lagged_torque_row, without_delay
+from .trials import ARM_TRAVEL
 
 LOST = 1.2  # rad; a pendulum beyond it is swung up anew
 RETURN_TIME = 1.0  # s; the arm's way back to its reference
+ROOM = 0.8  # of the arm's travel, which swinging up and catching may use
 
 
 class PredictiveBalancer(Controller):
@@ -40,6 +43,11 @@ class PredictiveBalancer(Controller):
         self._model = design_model(without_delay(plant), sample_time)
         self._gain = dlqr_gain(self._model, weights)
         self._lag_row = lagged_torque_row(self.predictor.plant)
+        self.travel, self.pace = plant.limit("arm_travel", ARM_TRAVEL), pendulum_frequency(plant.theta)
+        # how far from where it was at the catch the arm goes from a state, while the linear loop holds
+        loop = self._model.A - self._model.B @ self._gain[None]
+        steps = np.unique(np.geomspace(1, 10.0 / (self.pace * sample_time) + 2, 20).astype(int))
+        self._way = np.array([np.linalg.matrix_power(loop, n)[0, :4] for n in steps])
         self.q2e, self.holding_torque = self._model.q2e, self._model.torque
         low, high = self.known.torque_limits
         self.limits = low - self.holding_torque, high - self.holding_torque
@@ -75,6 +83,11 @@ class PredictiveBalancer(Controller):
     def _torque(self, reference: float) -> NDArray[np.float64]:
         """Torque (L,) less the holding one, not yet limited."""
         return self._hold(self.predictor.ahead()[0], reference)
+
+    def has_room(self, q1: NDArray[np.float64], relative: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether a catch keeps the arm within `ROOM` of its travel, from arm angles (L,) and from states (4, L) that
+        count the arm from there and the pendulum from its balance point."""
+        return np.abs(q1 + self._way @ relative).max(axis=0) < ROOM * self.travel
 
     def _hold(self, X: NDArray[np.float64], reference: float) -> NDArray[np.float64]:
         x = feedback_state(X, self._model, self._lag_row).copy()

@@ -9,7 +9,7 @@ from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, integration_step
 
 from .design import DesignModel, riccati, torque_noise_intensity
-from .known_effects import KnownEffects
+from .known_effects import SHARPNESS, KnownEffects
 from .lqg import measurement_noise
 
 _FASTEST = 300.0  # rad/s; no rig is faster, and a wrong reading must not leave a speed that takes long to forget
@@ -24,6 +24,14 @@ def steady(plant: Plant) -> Plant:
     )
 
 
+def _smooth(plant: Plant) -> Plant:
+    """The plant with friction no sharper than `_SHARPEST`, also where an effect gives it another sharpness."""
+    effect = plant.effect(SHARPNESS)
+    other = tuple(effect.parameters.values()) if effect else (0.0, 0.0)  # 0 keeps the plant's own
+    r1, r2 = (min(new or own, _SHARPEST) for new, own in zip(other, plant.sharpness, strict=True))
+    return plant.replace(effects=tuple(e for e in plant.effects if e.name != SHARPNESS), friction_sharpness=(r1, r2))
+
+
 class Predictor:
     """Follows L rigs from their readings and the commands sent; predicts them over the delay of the command.
 
@@ -33,8 +41,7 @@ class Predictor:
     """
 
     def __init__(self, plant: Plant, sample_time: float, sensors: Sensors) -> None:
-        smooth = [min(r, _SHARPEST) for r in plant.sharpness]
-        self.plant = steady(plant).replace(friction_sharpness=(smooth[0], smooth[1]))
+        self.plant = _smooth(steady(plant))
         self.sample_time = sample_time
         self.known = KnownEffects(plant)
         p, self._codes, self._rows = self.plant.packed()

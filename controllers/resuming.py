@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,47 +12,56 @@ from furuta_gym.declared import checked
 
 from .checkpoint import only_remains
 from .curriculum import Evaluation
+from .spent import Spent
 from .training_setup import Training
 
 Steps = Annotated[int, Meta(ge=0)]
 
 
 class Progress(Struct):
-    """What the record of a run says of how far it is."""
+    """How far a run is, as its checkpoint or its record says.
 
-    steps: Steps
+    resumed_at: steps at which earlier sittings ended. seed: None where it is not known; earlier_seeds: of the finished
+    trainings that it goes on from. spent: in all sittings.
+    """
+
+    steps: Steps = 0
     best_return: float | None = None
-    resumed_at: list[Steps] | None = None
-    evaluations: list[Evaluation] | None = None
+    resumed_at: list[Steps] = []
+    evaluations: list[Evaluation] = []
+    seed: int | None = None
+    earlier_seeds: list[int] = []
+    spent: Spent = Spent()
 
 
 _BEFORE_IT_WAS_KEPT = {"recipe": "plain", "reward_weights": {}, "arm_margin": 0.0}  # of records that do not say it
 
 
-def check_same(training: Training, known: Mapping[str, Any], source: Path) -> None:
-    """Raises ValueError where `source`, whose record is `known`, is of another training than the one asked for."""
+def check_same(training: Training, known: Mapping[str, Any], source: Path, mend: str) -> None:
+    """Raises ValueError where `source`, whose record is `known`, is of another training than the one asked for.
+
+    mend: what to do then."""
     asked = training.identity
     asked |= asked.pop("env")
     env = known.get("env") or {}
     if not isinstance(env, Mapping):
-        raise ValueError(f'--resume: {source}: "env" of its record must be a mapping, got {env!r}')
+        raise ValueError(f'{source}: "env" of its record must be a mapping, got {env!r}; {mend}')
     had = {**_BEFORE_IT_WAS_KEPT, **known, **env}
     for key, wanted in asked.items():
         if had.get(key) != wanted:
             raise ValueError(
-                f"--resume: {source} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; "
-                "ask for the same, or train anew under another name"
+                f"{source} was trained with {key} = {had.get(key)!r}, and now {wanted!r} is asked for; {mend}"
             )
 
 
-def progress_of(known: Mapping[str, Any], source: Path) -> tuple[int, float, list[int], list[Evaluation]]:
-    """Steps done, the best return so far, the steps at which earlier sittings ended, and all evaluations."""
+def progress_of(known: Mapping[str, Any], source: Path) -> Progress:
+    """What a record says. Raises ValueError where it has no steps, or values that cannot be."""
     try:
-        read = checked(known, Progress, "its record")
+        if "steps" not in known:
+            raise ValueError("its record has no steps")
+        return checked(known, Progress, "its record")
     except ValueError as error:
         raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
-    best = -math.inf if read.best_return is None else read.best_return
-    return read.steps, best, read.resumed_at or [], read.evaluations or []
 
 
 def check_output(path: Path, checkpoint: Path, resume: bool) -> None:

@@ -22,9 +22,13 @@ class IntervalEntry(Struct):
         return Interval(value, low, high, self.n)
 
 
+FEWEST_FOR_WORST = 100  # values; below it the worst 5 % are too few for an interval
+
+
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % interval, from n trials. NaN where none counted; a mean of one trial has no interval."""
+    """A value with its 95 % interval, from n trials. NaN where none counted; low and high are NaN where the trials are
+    too few for an interval."""
 
     value: float
     low: float
@@ -75,12 +79,15 @@ def typical(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval
 
 
 def worst(values: ArrayLike, share: float = 0.05, resamples: int = 2000, seed: int = 0) -> Interval:
-    """Mean of the largest `share` of the values, one at least, with its percentile bootstrap interval."""
+    """Mean of the largest `share` of the values, one at least, with its percentile bootstrap interval.
+
+    The interval is rough: of normal values it covers about 80 % at 100 values and 88 % at 200, not 95 %. With fewer
+    than `FEWEST_FOR_WORST` values it has no meaning (36 % at 25), and its ends are NaN."""
     sample = np.asarray(values, dtype=float)
     n = sample.size
-    if n < 2:
-        return Interval(float(sample[0]) if n else np.nan, np.nan, np.nan, n)
     count = max(1, round(share * n))
+    if n < FEWEST_FOR_WORST:
+        return Interval(float(np.sort(sample)[-count:].mean()) if n else np.nan, np.nan, np.nan, n)
     draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
     low, high = np.quantile(np.sort(sample[draws], axis=1)[:, -count:].mean(axis=1), [0.025, 0.975])
     return Interval(float(np.sort(sample)[-count:].mean()), float(low), float(high), n)

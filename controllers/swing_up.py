@@ -15,19 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .base import Reference
 from .design import Weights, choose_sample_time, choose_sensors
-from .predictive import LOST, PredictiveBalancer
+from .predictive import LOST, ROOM, PredictiveBalancer
 from .predictor import without_delay
 from .region import Region, region_of_attraction
 from .trials import plants_off_by, run_trials, swing_up_starts
 
 PUMP = 10.0  # of the energy that is missing, in units of θ5; beyond a tenth of θ5 pumping is at full effort
 PATIENCE = 3.0  # swings; energy that has not grown for so long, without a catch, asks for another try
-ROOM = 0.8  # of the arm's travel, which swinging up may use
 FULL = 1.5  # of the acceleration that the largest torque gives an arm alone: the pendulum's pull wants more
 BEGUN = 0.1  # rad, that the arm goes beyond its middle before a pendulum at rest is pushed the other way
 GROWTH = 0.01  # of θ5; energy grows when it exceeds its largest value by this
@@ -73,15 +71,9 @@ class SwingUp(PredictiveBalancer):
         self.region, self.ways = region, tuple(ways)
         self._swing, self._centring, self._excess = np.array([(w.swing, w.centring, w.excess) for w in ways]).T
         th1, _, th3 = plant.theta[:3]
-        self.pace = pendulum_frequency(plant.theta)
         # a square wave of acceleration A ω² at the pendulum's pace moves the arm by about A to either side
         self._full = min(np.abs(self.limits)) / th1
         self._side = float(np.sign(th3))
-        self.travel = plant.limit("arm_travel", 2 * np.pi)
-        # how far from where it was at the catch the arm goes from a state, while the linear loop holds
-        loop = self._model.A - self._model.B @ self._gain[None]
-        steps = np.unique(np.geomspace(1, 10.0 / (self.pace * sample_time) + 2, 20).astype(int))
-        self._way = np.array([np.linalg.matrix_power(loop, n)[0, :4] for n in steps])
         lag = plant.effect("actuator_lag")
         # a held command acts, on average, half a sample after it has begun to, and a lagged one by the lag later
         self._beyond = 0.5 * sample_time + (lag.parameters["T"] if lag else 0.0)
@@ -106,8 +98,7 @@ class SwingUp(PredictiveBalancer):
         self._turns = np.where(self.balancing, self._turns, np.round(q2 / (2 * np.pi)))
         from_top = q2 - 2 * np.pi * self._turns
         relative = np.stack([0.0 * q2, from_top, now[2], now[3]])
-        room = np.abs(now[0] + self._way @ relative).max(axis=0) < ROOM * self.travel
-        caught = ~self.balancing & (self.region.value(relative) <= 1.0) & room
+        caught = ~self.balancing & (self.region.value(relative) <= 1.0) & self.has_room(now[0], relative)
         self.balancing = (self.balancing | caught) & (np.abs(from_top) < LOST)
         self._goal = np.where(caught, now[0], self._goal)
         hold = self._hold(now, reference)
@@ -179,7 +170,6 @@ def rehearsed(plant: Plant, sample_time: float, sensors: Sensors, weights: Weigh
             sensors,
             swing_up=True,
             hold=2 * swing,
-            arm_travel=rehearsal.travel,
         )
         up = played.success.reshape(-1, starts)
         time = np.where(up, played.settling.reshape(up.shape), 5 * swings * swing).mean(axis=1)

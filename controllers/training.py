@@ -5,25 +5,25 @@ policy.json         its record again, to be read: command, seed, versions, plant
 policy.checkpoint/  only while learning or after an interruption: what `resume` goes on from
 """
 
-import math
 import os
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from furuta_gym.files import locked
 
 from .checkpoint import only_remains, read_checkpoint, remove_checkpoints, write_checkpoint
-from .curriculum import Evaluation, evaluation, on_drawn_rigs, reached
+from .curriculum import evaluation, on_drawn_rigs, reached
 from .layers import network_of
 from .learning_state import Arrays, memory_of, parameters_of, put_memory, put_parameters
 from .policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
-from .resuming import check_output, check_same, progress_of
+from .resuming import Progress, check_output, check_same, progress_of
 from .running_state import put_running_state, running_state
 from .sb3_files import algorithm_class, load_sb3
+from .seeds import FINAL_SEED, OTHER_SEED, RESUMED_SEED
+from .spent import Clock
 from .training_model import learning_env, learning_rigs, make_model
-from .training_record import FINAL_SEED, OTHER_SEED, TRIALS, evaluate, record_of, write_record
+from .training_record import TRIALS, evaluate, record_of, write_record
 from .training_setup import Training
 
 __all__ = ["Training", "train"]
@@ -51,7 +51,7 @@ def train(
     record. progress(done, of) in env steps.
 
     Raises ValueError if `path` exists (without resume) or is no *.zip, or if there is nothing to resume or it was made
-    for another task, algorithm, plant or observation, or without stable-baselines3.
+    for another task, algorithm, plant or observation, a checkpoint also for another seed, or without stable-baselines3.
     """
     path = Path(path)
     checkpoint = path.with_suffix(".checkpoint")
@@ -61,14 +61,16 @@ def train(
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # networks this small lose by sharing
-    wall, cpu = time.perf_counter(), time.process_time()
+    clock = Clock()
     try:
         with locked(path):
             try:
-                run = _resumed(training, path, checkpoint, trust) if resume else _started(training, checkpoint)
+                if resume:
+                    run = _resumed(training, path, checkpoint, trust, clock)
+                else:
+                    run = _started(training, checkpoint, clock)
                 run.learn(tensorboard, progress or (lambda done, of: None))
-                spent = {"wall_s": round(time.perf_counter() - wall, 2), "cpu_s": round(time.process_time() - cpu, 2)}
-                return run.finish(path, command, spent)
+                return run.finish(path, command)
             finally:
                 if only_remains(checkpoint, path.name):  # stopped before there was anything to go on from
                     remove_checkpoints(checkpoint)
@@ -77,22 +79,21 @@ def train(
 
 
 class _Run:
-    """A model on its way, with its checkpoints' folder. resumed_at: steps at which earlier sittings ended.
-    evaluations: all so far. best: the parameters that did best at the widest level so far."""
+    """A model on its way, with its checkpoints' folder. clock: of this sitting; before: how far those before it came.
+    best: the parameters that did best at the widest level so far."""
 
     def __init__(
         self,
         training: Training,
         folder: Path,
         model: Any,
-        resumed_at: Sequence[int] = (),
-        evaluations: Sequence[Evaluation] = (),
-        best_return: float = -math.inf,
+        clock: Clock,
+        before: Progress,
         best: Arrays | None = None,
     ) -> None:
-        self.training, self.folder, self.model = training, folder, model
-        self.resumed_at, self.evaluations = list(resumed_at), list(evaluations)
-        self.best_return, self.best = best_return, best
+        self.training, self.folder, self.model, self.clock, self.before = training, folder, model, clock, before
+        self.evaluations = list(before.evaluations)
+        self.best_return, self.best = before.best_return, best
         self.rigs = learning_rigs(model)
         self.judges = training.judges(_EVALUATION_ENVS)
         self.rigs.set_level(self.level)
@@ -113,7 +114,7 @@ class _Run:
             steps - self.model.num_timesteps,
             callback=[Report(progress, steps), EveryNow(self._judge, max(1, steps // _EVALUATIONS))],
             tb_log_name=f"{self.training.task}-{self.training.algorithm}",
-            reset_num_timesteps=not self.resumed_at,
+            reset_num_timesteps=not self.before.resumed_at,
         )
 
     def _judge(self) -> None:
@@ -124,7 +125,7 @@ class _Run:
         self.model.logger.record("eval/mean_reward", found.mean)
         self.model.logger.record("eval/success", found.success)
         before = self.evaluations[-1].level if self.evaluations else at
-        if found.mean > self.best_return or at > before:
+        if self.best_return is None or found.mean > self.best_return or at > before:
             self.best_return, self.best = found.mean, parameters_of(self.model)
         self.evaluations.append(found)
         self.rigs.set_level(self.level)
@@ -132,29 +133,27 @@ class _Run:
 
     def _keep(self) -> None:
         """Write a checkpoint."""
-        state = self.training.identity | {
-            "steps": int(self.model.num_timesteps),
-            "best_return": self.best_return if math.isfinite(self.best_return) else None,
-            "resumed_at": self.resumed_at,
-            "evaluations": [e.to_dict() for e in self.evaluations],
-        }
+        state = self.training.identity | {"seed": self.training.seed} | self._progress()
         arrays = {"model": parameters_of(self.model), "best": self.best or parameters_of(self.model)}
         arrays["running"] = running_state(self.model, self.rigs)
         if self.training.recipe.off_policy:
             arrays["memory"] = memory_of(self.model)
         write_checkpoint(self.folder, state, arrays)
 
-    def finish(self, path: Path, command: str | None, spent: dict[str, float]) -> dict[str, Any]:
+    def _progress(self) -> dict[str, Any]:
+        """How far it is, as `Progress` reads it again."""
+        return {
+            "steps": int(self.model.num_timesteps),
+            "best_return": self.best_return,
+            "resumed_at": self.before.resumed_at,
+            "evaluations": [e.to_dict() for e in self.evaluations],
+            "earlier_seeds": self.before.earlier_seeds,
+            "spent": self.clock.after(self.before.spent),
+        }
+
+    def finish(self, path: Path, command: str | None) -> dict[str, Any]:
         """Play the best network in the trials that controllers are compared in, and write it with its record."""
-        record = record_of(
-            self.training,
-            command=command,
-            steps=int(self.model.num_timesteps),
-            resumed_at=self.resumed_at,
-            evaluations=self.evaluations,
-            best_return=self.best_return if math.isfinite(self.best_return) else None,
-            spent=spent,
-        )
+        record = record_of(self.training, command, self._progress(), self.level)
         if self.best is not None:  # else there were too few steps for a single evaluation
             put_parameters(self.model, self.best)
         network = network_of(self.model)
@@ -168,21 +167,30 @@ class _Run:
         return record
 
 
-def _started(training: Training, folder: Path) -> _Run:
+def _started(training: Training, folder: Path, clock: Clock) -> _Run:
     """A run from nothing."""
     remove_checkpoints(folder)  # of a run that was killed before its first one
-    return _Run(training, folder, make_model(training))
+    return _Run(training, folder, make_model(training), clock, Progress())
 
 
-def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
+def _resumed(training: Training, path: Path, folder: Path, trust: bool, clock: Clock) -> _Run:
     """The interrupted run in `folder`, or the finished policy at `path`, to be gone on with."""
     kept = read_checkpoint(folder)
     source = path if kept is None else folder
     if kept is None and not path.exists():
         raise ValueError(f"--resume: there is neither {folder} nor {path} to go on from; leave --resume out")
     known = read_record(path) if kept is None else kept[0]
-    check_same(training, known, source)
-    done, best_return, earlier, evaluations = progress_of(known, source)
+    try:
+        check_same(training, known, source, "ask for the same, or train anew under another name")
+    except ValueError as error:
+        raise ValueError(f"--resume: {error}") from error
+    before = progress_of(known, source)
+    done = before.steps
+    if kept is not None and before.seed not in (None, training.seed):
+        raise ValueError(
+            f"--resume: {source} was begun with --seed {before.seed}, and now {training.seed} is asked for; "
+            f"give --seed {before.seed}, or train anew under another name"
+        )
     if kept is None and done >= training.steps:  # a checkpoint as far as that has yet to be made a policy
         raise ValueError(f"--resume: {source} has {done} steps already; give --steps a larger number (the total)")
     if kept is None and from_stable_baselines3(path):
@@ -202,7 +210,10 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
         except (ValueError, KeyError) as error:
             raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
     model.num_timesteps = done  # the network of a finished policy is the best, not the last
-    run = _Run(training, folder, model, [*earlier, done], evaluations, best_return, best)
+    before.resumed_at.append(done)
+    if kept is None and before.seed is not None:
+        before.earlier_seeds.append(before.seed)
+    run = _Run(training, folder, model, clock, before, best)
     if kept is not None and "running" not in kept[1]:
         raise ValueError(f"--resume: {source} was written by an earlier version; remove it and train anew")
     if kept is not None:
@@ -211,5 +222,5 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool) -> _Run:
         except (ValueError, KeyError, RuntimeError) as error:
             raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
     else:
-        model.set_random_seed(training.seed + done)  # other episodes than those that it has seen
+        model.set_random_seed(training.seed + RESUMED_SEED + done)  # other episodes than those that it has seen
     return run

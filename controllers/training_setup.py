@@ -19,6 +19,11 @@ from .recipes import EPISODE, RECIPES, RECURRENT, Recipe, recipe, training_perio
 SCHEMA = "furuta-policy/1"
 
 
+def plant_sha256(plant: Plant) -> str:
+    """What a record names the plant by."""
+    return hashlib.sha256(plant.to_json().encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Training:
     """One training run.
@@ -53,16 +58,16 @@ class Training:
     def of_recipe(cls, plant: Plant, name: str, **said: Any) -> "Training":
         """A run as a recipe of `recipes.RECIPES` has it, except for what is said; None says nothing.
 
+        Reward weights that are not said remain the recipe's; ranges that are said replace all of its ranges.
         Raises ValueError for a name that is none."""
         recipe("ppo", "balance", name)  # complains about the name
         given = RECIPES[name].of(plant)
         if said.get("algorithm") == RECURRENT:  # it remembers by itself what a history would show
             given |= {"history": 1, "observe_command": True}
-        return cls(
-            plant,
-            recipe_name=name,
-            **given | {key: x for key, x in said.items() if x is not None},
-        )
+        weights = {**given["reward_weights"], **(said.pop("reward_weights", None) or {})}
+        given |= {key: x for key, x in said.items() if x is not None}
+        given["reward_weights"] = weights
+        return cls(plant, recipe_name=name, **given)
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:
@@ -127,7 +132,7 @@ class Training:
             "env": self.env | {"arm_limit": self.setup.arm_limit},
             "recipe": self.recipe_name,
             "curriculum": None if self.curriculum is None else asdict(self.curriculum),
-            "plant_sha256": hashlib.sha256(self.plant.to_json().encode()).hexdigest(),
+            "plant_sha256": plant_sha256(self.plant),
         }
 
     def batch(self, envs: int) -> Any:

@@ -17,9 +17,10 @@ from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step
 
 from .base import Controller
+from .seeds import BUILT_SEED
 
 HORIZONTAL = np.pi / 2  # rad from upright; from below it only a swing-up brings the pendulum back
-ARM_TRAVEL = 2 * np.pi  # rad to either side; a cable allows no more
+ARM_TRAVEL = 2 * np.pi  # rad to either side, where the plant's limits have none; a cable allows no more
 CALM = 0.05  # rad; a pendulum has settled after a push when it stays within
 PUSH_LENGTH = 0.02  # s
 UPRIGHT = 0.2  # rad; swung up while within
@@ -127,7 +128,7 @@ def plants_off_by(share: float, plant: Plant, n: int, rng: np.random.Generator) 
 def built_plants(share: float, plant: Plant, n: int, seed: int) -> list[Plant]:
     """n rigs that could be built: masses, lengths, inertias, frictions and gain each off by up to `share`."""
     batch = FurutaVectorEnv(n, plant, "swing_up", randomize={"theta": f"physical:{share:g}"})
-    batch.reset(seed=seed)
+    batch.reset(seed=seed + BUILT_SEED)
     return batch.plants()
 
 
@@ -140,15 +141,16 @@ def run_trials(
     sensors: Sensors | None = None,
     *,
     swing_up: bool = False,
-    arm_travel: float = ARM_TRAVEL,
+    arm_travel: float | None = None,
     hold: float = HOLD,
     seed: int = 0,
 ) -> Outcome:
     """Play `policy` in every trial of `starts`, on one plant or on one plant for each trial.
 
-    A balance trial succeeds if |q2| never passes π/2 and |q1| never passes `arm_travel`; a swing-up trial if the
-    last `hold` seconds are all within 0.2 rad of upright and the arm kept its travel. Noise depends on `seed` and the
-    number of trials only, so every policy meets the same.
+    A balance trial succeeds if |q2| never passes π/2; a swing-up trial if the last `hold` seconds are all within
+    0.2 rad of upright. In both the arm must stay within `arm_travel` [rad], by default its plant's limit or 2π. It must
+    turn no faster than its plant's limit `arm_speed`. Noise depends on `seed` and the number of trials only, so every
+    policy meets the same.
     """
     L, T = starts.lanes, sample_time
     plants = [plant] * L if isinstance(plant, Plant) else list(plant)
@@ -172,7 +174,9 @@ def run_trials(
     X[:4] = starts.x0
     U, W, t = np.zeros((n + 1, L)), np.zeros((2, L)), np.arange(n + 1) * T
     held = np.concatenate([[-np.inf], t[:n]])  # nothing is commanded before the trial
-    score = _Score(L, T, n, starts.push_time, arm_travel, hold if swing_up else None)
+    travel = np.array([p.limit("arm_travel", ARM_TRAVEL) if arm_travel is None else arm_travel for p in plants])
+    speed = np.array([p.limit("arm_speed", np.inf) for p in plants])
+    score = _Score(T, n, starts.push_time, travel, speed, hold if swing_up else None)
     for k in range(n):
         if not score.watch(k, X):
             break
@@ -190,9 +194,17 @@ class _Score:
     """Adds up a batch of trials while it runs."""
 
     def __init__(
-        self, L: int, T: float, n: int, push_time: NDArray[np.float64], arm_travel: float, hold: float | None
+        self,
+        T: float,
+        n: int,
+        push_time: NDArray[np.float64],
+        arm_travel: NDArray[np.float64],
+        arm_speed: NDArray[np.float64],
+        hold: float | None,
     ) -> None:
-        self.T, self.n, self.swing_up, self.arm_travel = T, n, hold is not None, arm_travel
+        L = push_time.size
+        self.T, self.n, self.swing_up = T, n, hold is not None
+        self.arm_travel, self.arm_speed = arm_travel, arm_speed
         self.alive = np.ones(L, dtype=bool)
         self.failed_at = np.full(L, np.inf)
         self.left_travel = np.zeros(L, dtype=bool)
@@ -206,11 +218,12 @@ class _Score:
         q1 = np.abs(X[0])
         q2 = np.abs(X[1] - 2 * np.pi * np.round(X[1] / (2 * np.pi))) if self.swing_up else np.abs(X[1])
         limit = (UPRIGHT if k >= self.hold_from else np.inf) if self.swing_up else HORIZONTAL
-        good = (q1 <= self.arm_travel) & (q2 <= limit)  # False for NaN too
+        kept = q1 <= self.arm_travel
+        good = kept & (np.abs(X[2]) <= self.arm_speed) & (q2 <= limit)  # False for NaN too
         lost = self.alive & ~good
         if lost.any():
             self.failed_at[lost] = k * self.T
-            self.left_travel[lost] = ~(q1[lost] <= self.arm_travel)
+            self.left_travel[lost] = ~kept[lost]
             self.alive &= good
         X[:, ~self.alive] = 0.0  # keeps stopped trials from running off to infinity
         since = (k + 1) * self.T - self.push_time

@@ -98,7 +98,7 @@ def _effect(kind: Any) -> list[str]:
     if kind.mistaken_for:
         alike = ", ".join(f"[`{name}`](#{name})" for name in kind.mistaken_for)
         lines.append(
-            f"\n**Mistaken for:** {alike}. `furuta excite --between` designs an experiment that separates them."
+            f"\n**Look-alikes:** {alike}. `furuta excite --between` designs an experiment that separates them."
         )
     lines.append(f"\n![Arm and pendulum without and with {kind.name}](effects/{kind.name}.png)")
     return lines
@@ -187,7 +187,11 @@ def commands_page() -> str:
         "`furuta init` finds these out and keeps them in `rig.toml`.\n",
         *_table(reading),
     ]
-    lines.append("\nBad input ends a command with exit code 2 and one message. Nothing is half-written.")
+    lines.append(
+        "\nThe exit code is 0 after a result, 2 after bad input, with one message, and 130 after Ctrl-C. Nothing is "
+        "half-written. Compiled code is kept in the folder that the variable `FURUTA_CACHE` names, else in the user's "
+        "cache folder."
+    )
     return "\n".join(lines) + "\n"
 
 
@@ -206,7 +210,12 @@ def _table(parameters: list[Any]) -> list[str]:
         said = _words(getattr(p, "help", None))
         if p.required:
             said += " Required."
-        elif shown and type(default) in (int, float, str) and default != "" and "default" not in said.lower():
+        elif (
+            shown
+            and type(default) in (int, float, str, type(Path()))
+            and default != ""
+            and "default" not in said.lower()
+        ):
             said += f" Default: {default}."
         rows.append(f"| {names} | {_cell(str(kind).strip('{}').lower())} | {_cell(said)} |")
     return rows
@@ -232,9 +241,9 @@ To read it in another language, you need a JSON reader, UTF-8, and five keys. `t
 [equation (5)](../explanation/model.md). `unit` says what the command is in, and `u_max` its largest size. Each entry of
 `effects` adds the equation of its name in the [effects page](effects.md). One name is not on that page: `arm_learned`,
 [a torque without a name](../explanation/diagnosis.md#what-has-no-name), whose equation is in
-`furuta_gym/plant/effects/learned.py`. A program that does not know an effect should
-refuse the file, as the rest is another plant without it. Angles are in rad, times in s. Keys that you do not know may
-be left out."""
+`furuta_gym/plant/effects/learned.py`. A program that does not know one of the effects should
+refuse the file: without that effect it would simulate another plant. Angles are in rad,
+times in s. Keys that you do not know may be left out."""
 
 DIAGNOSIS_WORDS = """`furuta diagnose -o DIR` writes `DIR/diagnosis.json`. Most of its keys are those of
 `Diagnosis.to_dict()`. The file is for reading; no function turns it into a `Diagnosis` again. The plant to use goes

@@ -1,5 +1,6 @@
 """Run a plant under a command or a policy, sampled as a rig's computer samples it."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arguments import ArgumentError
 from .plant.dynamics import advance
+from .plant.effects import EFFECTS
 from .plant.integration_step import substep
 from .plant.plant import Plant
 from .sensors import Sensors
@@ -19,7 +21,8 @@ FALLEN = 1.0  # rad from upright; a run that shall balance ends there
 
 MOST_STEPS = 10_000  # of integration in one sample; no rig needs a hundred
 MOST_SAMPLES = 20_000_000  # of a run; five hours at 1 ms
-_KEPT = 4096  # samples whose commands are kept for delays, where the length of a run is not known
+_KEPT = 4096  # samples whose commands are kept at least, where the length of a run is not known
+_LONGEST_DELAY = max(p.upper for p in EFFECTS["input_delay"].parameters)  # s
 _BOUND = 1e6  # rad and rad/s
 
 
@@ -131,6 +134,7 @@ class LivePlant:
         if not longest_step > 0:
             raise ArgumentError("longest_step", repr(longest_step), "expected seconds, above 0")
         self._longest_step = longest_step
+        samples = max(samples, 2 * (math.ceil(_LONGEST_DELAY / self.sample_time) + 2))  # `_shift` keeps half of them
         self._row = 0  # the newest row of the commands
         self._U = np.zeros((samples + 1, 1))  # row 0: nothing is commanded before the run
         self._given = np.concatenate([[-np.inf], np.arange(samples, dtype=float) * self.sample_time])

@@ -139,6 +139,24 @@ def test_the_loop_of_the_page_on_controllers_runs(tmp_path: Path) -> None:
     assert leans == pytest.approx(kept, abs=0.01)
 
 
+def test_the_loop_that_plays_a_command_file_writes_a_log(tmp_path: Path) -> None:
+    """docs/how-to/excite.md: its log holds the commands of the file, and a plant can be fitted to it."""
+    import numpy as np
+
+    from identification import read_log
+
+    t = 0.004 * np.arange(500)
+    u = 0.5 * np.sign(np.sin(6.0 * t))
+    rows = "".join(f"{now:.3f},{command:g}\n" for now, command in zip(t, u, strict=True))
+    (tmp_path / "u.csv").write_text(f"# plant: qube\nt,u\n{rows}", encoding="utf-8")
+    (loop,) = run_pages.kept(DOCS / "how-to" / "excite.md")
+    (said,) = run_pages.run([loop[0]], tmp_path, "loop")
+    assert said.startswith("500 samples, the arm within")
+    log = read_log(tmp_path / "log1.csv", input_unit="V")
+    assert log.u == pytest.approx(u)
+    assert np.ptp(log.q1) > 0.05
+
+
 TITLED = re.compile(r'^```python title="([^"]*)"\n(.*?)^```', re.DOTALL | re.MULTILINE)
 
 

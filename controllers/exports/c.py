@@ -53,7 +53,8 @@ static inline {real} {prefix}_law({prefix}_law_state *s, {real} q1, {real} q2, {
 {applied}
     /* first state from the first reading */
 {first}
-{tables}    q2 -= {q2_zero}; /* angle from the balance point [rad] */
+{tables}    q1 -= {q1_zero}; /* angle from the arm's zero [rad] */
+    q2 -= {q2_zero}; /* angle from the balance point [rad] */
     if (!s->started) {{
         for (int i = 0; i < {n}; ++i) s->z[i] = first[i][0] * q1 + first[i][1] * q2;
         s->started = 1;
@@ -109,7 +110,8 @@ def c_header(
         return _number(x, single)
 
     known, plant, law = controller.known, controller.plant, controller.law
-    q2_zero = controller.q2e + _encoder_offset(controller)
+    q1_zero, q2_zero = known.offset
+    q2_zero += controller.q2e + _encoder_offset(controller)
     share = controller.friction_share
     if share and known.cancels_effects:
         raise ValueError(
@@ -148,6 +150,7 @@ def c_header(
         applied=_array("applied", law.G, single),
         first=_array("first", law.Z, single),
         tables=tables,
+        q1_zero=number(q1_zero),
         q2_zero=number(q2_zero),
         low=number(low),
         high=number(high),

@@ -13,7 +13,7 @@ from furuta_gym.plant import Plant
 
 from ..cells import Cells
 from ..layers import Network, network_in
-from ..learned import LearnedController, load_policy
+from ..learned import LearnedController, load_to_export
 from ..policy_file import read_record
 
 OPSET = 17
@@ -101,11 +101,11 @@ def export_onnx(
 ) -> Path:
     """Write the policy file for `plant` as ONNX; its metadata say how an observation is made.
 
-    sample_time [s]: of the controller; default: the plant's or the policy's own. Returns the path.
+    sample_time [s]: the policy's own, if it is given. Returns the path.
 
-    Raises ValueError for a policy that `load_policy` refuses (trust: see there), or without the package onnx.
+    Raises ValueError for what `load_to_export` refuses (trust: see `load_policy`), or without the package onnx.
     """
-    controller = load_policy(policy, plant, sample_time, trust=trust)
+    controller = load_to_export(policy, plant, sample_time, trust=trust)
     try:
         import onnx
     except ImportError as error:
@@ -121,7 +121,8 @@ def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[st
     clipped = f"; q1 within ±{2 * controller.arm_limit:.6g} rad, speeds within ±{SPEED_LIMIT:g} rad/s"
     cells = network_in(controller).cells
     remember = {} if cells is None else {"memory": _MEMORY}
-    past = f"; {controller.history} of them, oldest first" if controller.history > 1 else ""
+    past = f"; {controller.history} of them, oldest first; at the first step all are the first one"
+    past = past if controller.history > 1 else ""
     record = read_record(policy)
     return remember | {
         "observation": f"{_OBSERVATION}{clipped}{more}{past}",

@@ -114,9 +114,10 @@ def size_command(
     seed: Annotated[int, typer.Option(help="Seed of the experiment.", min=0)] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Show how plain effects are: the gap that model (5) leaves after refitting θ, over the encoders' noise.
+    """Show how visible effects are: the error-to-noise ratio √(1 + (e/σ)²) of each, on an experiment.
 
-    1.00 is invisible. A pendulum that falls shows as "lost".
+    e is the error of model (5) after refitting θ, σ the encoders' noise. 1.00 is invisible. A pendulum that falls
+    shows as "lost".
     """
     sizes: dict[str, dict[str, float | None]] = {}
     try:
@@ -138,7 +139,7 @@ def size_command(
         typer.echo(json.dumps(sizes, indent=2))
         return
     columns = list(next(iter(sizes.values())))
-    table = Table("effect", *columns, title=f"Gap over noise, strength {strength:g}, experiment {experiment}")
+    table = Table("effect", *columns, title=f"Error-to-noise ratio, strength {strength:g}, experiment {experiment}")
     for name, row in sizes.items():
         table.add_row(name, *("lost" if r is None else f"{r:.2f}" for r in row.values()))
     Console().print(table)

@@ -69,7 +69,9 @@ class Laboratory:
         return hard and self._modes[0] == 0, hard and self._modes[1] == 0
 
     def step(self, u: float) -> tuple[float, float]:
-        """Hold the command u (cut at ±u_max) until the next sample; returns the readings (q1, q2) [rad] there."""
+        """Hold the command u (cut at ±u_max) until the next sample; returns the readings (q1, q2) [rad] there.
+
+        They are NaN where the motion cannot be followed."""
         path = self._draft.command
         u = min(max(float(u), -self.u_max), self.u_max)
         value = path.value(u, self.t)
@@ -122,4 +124,9 @@ class Laboratory:
         if self._noise_free:
             return y1, y2
         noise, zero, (d1, d2) = self.rig.encoder_noise, self.rig.encoder_offset, self._quantum
-        return round((y1 + zero[0] + noise * a) / d1) * d1, round((y2 + zero[1] + noise * b) / d2) * d2
+        return _counts((y1 + zero[0] + noise * a) / d1) * d1, _counts((y2 + zero[1] + noise * b) / d2) * d2
+
+
+def _counts(angle: float) -> float:
+    """Whole counts; an angle that is not finite has none and stays what it is."""
+    return round(angle) if math.isfinite(angle) else angle

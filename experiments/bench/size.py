@@ -69,25 +69,34 @@ def strength_for(
     """Strength at which effect `name`, put on `rig`, has an `effect_size(...).ratio` near the one asked for.
 
     The gap grows about in proportion to the strength; three rounds of that rule, from strength 1. Never above 4.
-    Raises ValueError for a ratio of 1 or less, and for effects that the parameters absorb.
+    Raises ValueError for a ratio of 1 or less, and for effects that the parameters absorb; PendulumLost if the pendulum
+    falls at every strength tried.
     """
     if not ratio > 1.0:
         raise ValueError(f"ratio {ratio} given, expected more than 1 (1 is no effect).")
     spec = HiddenEffect(name, form=form, variation=variation)
     if spec.spec.kind in ("absorbed", "control"):
         raise ValueError(f"{name} leaves no gap to choose a strength by: expected a library or an outside effect.")
-    strength, best = 1.0, (math.inf, 1.0)
+    strength, best, lost = 1.0, (math.inf, math.nan), {}
     for _ in range(3):
         effects = (*rig.effects, replace(spec, strength=strength))
         try:
             got = effect_size(replace(rig, effects=effects), experiment, seed).ratio
-        except PendulumLost:
+        except PendulumLost as loss:
+            lost[strength] = loss
             strength *= 0.5
             continue
         best = min(best, (abs(math.log((got - 1.0) / (ratio - 1.0))), strength))
         strength = min(4.0, strength * math.sqrt((ratio**2 - 1.0) / (got**2 - 1.0)))
         if best[0] < 0.15:
             break
+    if math.isnan(best[1]):
+        tried = ", ".join(f"{strength:g}" for strength in lost)
+        raise PendulumLost(
+            f"{name} on {rig.kind.name}, experiment {experiment!r}: the pendulum is lost at the strengths {tried}. "
+            "Take a gentler experiment (dither, paper), another rig or another seed.",
+            lost[min(lost)].record,
+        )
     return best[1]
 
 

@@ -33,7 +33,9 @@ def seal_command(
     key_file: KeyFile = None,
     kinds: Annotated[str, typer.Option(help="What rigs may hide, of: library, two, none, outside.")] = "library,none",
     effects: Annotated[str, typer.Option(help="Hide only these effects, separated by commas; default: all.")] = "",
-    rigs: Annotated[str, typer.Option(help="Only these kinds of rig: table3, servo, workshop, desk.")] = "",
+    rigs: Annotated[
+        str, typer.Option(help="Only rigs of these sets of the bench: table3, servo, workshop, desk.")
+    ] = "",
     seed: Annotated[
         int | None, typer.Option(help="Draw the same rigs again, for a rehearsal; default: a secret one.", min=0)
     ] = None,
@@ -126,7 +128,7 @@ def _show_truth(file: Path, sealed: Mapping[str, Any]) -> None:
         typer.echo("  hides nothing")
     for effect, ratio in zip(truth["effects"], sealed["ratios"], strict=False):
         values = ", ".join(f"{key} = {p['value']:.4g} {p['unit']}".rstrip() for key, p in effect["parameters"].items())
-        size = f"; error without it {ratio:.1f} times the noise" if ratio else ""
+        size = f"; error-to-noise ratio without it {ratio:.1f}" if ratio else ""
         typer.echo(f"  hides {effect['name']}: {effect['says']} ({values}{size})")
 
 

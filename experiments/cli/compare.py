@@ -27,7 +27,11 @@ def compare_command(
     ] = None,
     trials: Annotated[
         int,
-        typer.Option(help="Of the main group. Other conditions have a quarter: at least 10, at most this.", min=1),
+        typer.Option(
+            help="Trials of balance and of swing-up. Every other condition gets a quarter, but at least 10 and never "
+            "more than this.",
+            min=1,
+        ),
     ] = 100,
     duration: Annotated[float, typer.Option(help="Length of a trial in seconds; of a swing-up 15 at least.")] = 10.0,
     groups: Annotated[

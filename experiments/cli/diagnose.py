@@ -89,8 +89,8 @@ def diagnose_command(
     held_out: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Logs that are not fitted, to show the gap shrink; more may follow. Default: the last 30 % of each "
-            "log, with plants fitted to the rest.",
+            help="Held-out logs, which are never fitted and test the result; more may follow. Default: the last 30 % "
+            "of each log, predicted by plants fitted to the rest.",
             metavar="LOG…",
         ),
     ] = None,
@@ -159,7 +159,7 @@ def diagnose_command(
     written += [] if lacking else ["report.html"]
     written += [COMMAND_FILE] if examination.design else []
     typer.echo("Written: " + ", ".join(str(output / name) for name in written))
-    if found.plant is not None and found.together is None:
+    if found.plant is not None and found.together is None and found.verdict != "unknown":
         typer.echo(f"Next: furuta compare --plant {shlex.quote(str(output / 'plant.json'))} -o comparison")
 
 
@@ -177,11 +177,9 @@ def _evidence(x: Examination) -> list[str]:
         ending = " after" if x.gap.changed else ""
         lines.append(f"gap: {ratios}{ending} times the noise floor on {data}")
         if x.gap.changed:
-            low, high = (100 * end for end in x.gap.closed.interval)
-            closed = f"{100 * x.gap.closed.value:.1f} % (95 %: {low:.1f} … {high:.1f} %)"
-            if x.gap.before.judgement.adequacy is Adequacy.ADEQUATE:
-                closed = "there was none to speak of"
-            lines.append(f"gap closed: {closed}; log-likelihood there: {x.gap.likelier:+.0f} nats")
+            adequate = x.gap.before.judgement.adequacy is Adequacy.ADEQUATE
+            closed = "not defined, the error was at the floor before" if adequate else x.gap.closed
+            lines.append(f"closed share: {closed}; log-likelihood there: {x.gap.likelier:+.0f} nats")
     elif "gap" in x.remarks:
         lines.append(f"gap: {x.remarks['gap']}")
     return [*lines, f"next: {x.next_experiment}"]

@@ -20,7 +20,7 @@ def effects_command(
     name: Annotated[str | None, typer.Argument(help="One effect in detail; default: all of them.")] = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """The effects that a diagnosis can name: what each does, how it shows on a rig, and what it is mistaken for."""
+    """The effects that a diagnosis can name: what each does, how it shows on a rig, and its look-alikes."""
     from furuta_gym.plant import EFFECTS, Effect
 
     if name is not None:
@@ -64,7 +64,7 @@ def in_detail(kind: EffectType) -> str:
     for p in kind.parameters:
         lines.append(f"  {p.name:<12} {p.meaning}{f' [{_unit(p)}]' if _unit(p) else ''}")
     if kind.mistaken_for:
-        lines.append(f"  looks like   {', '.join(kind.mistaken_for)}")
+        lines.append(f"  look-alikes  {', '.join(kind.mistaken_for)}")
     lines += [
         f"Try it: furuta simulate --plant table3 --controller lqr --excitation paper --effect {kind.name} -o log.csv",
         "{u} is the command's unit, V or N·m.",

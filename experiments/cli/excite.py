@@ -27,11 +27,17 @@ def excite_command(
     ] = None,
     controller: Annotated[
         str | None,
-        typer.Option(help="The loop: paper-lqr, lqr, …; none hangs. Default: paper-lqr where it applies, else lqr."),
+        typer.Option(
+            help="Controller in the loop: paper-lqr, lqr, …, or none for a hanging pendulum. Default: paper-lqr if it "
+            "holds the plant, else lqr."
+        ),
     ] = None,
     limits: Annotated[
         str | None,
-        typer.Option(help="Largest |q1|, |q2| (rad), command and its change a second: q1=1.2,q2=0.3,u=8,u_rate=2000."),
+        typer.Option(
+            help="Largest arm angle, pendulum angle from rest (rad), command and its change a second: "
+            "q1=1.2,q2=0.3,u=8,u_rate=2000."
+        ),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="In seconds. Default: 20, or 10 with --between.")] = None,
     sample_time: Annotated[float | None, typer.Option(help="In seconds; default: the plant's, else 0.002.")] = None,

@@ -35,7 +35,11 @@ def export_command(
         Format | None, typer.Option(help="c (a controller), onnx (a policy), mjcf (the plant); default: by the ending.")
     ] = None,
     sample_time: Annotated[
-        float | None, typer.Option(help="Of the controller, in seconds; default: the plant's, else 0.002.")
+        float | None,
+        typer.Option(
+            help="Of a linear controller, in seconds; default: the plant's, else 0.002. A policy keeps that of "
+            "its training."
+        ),
     ] = None,
     single: Annotated[bool, typer.Option("--single", help="C in single precision (float) throughout.")] = False,
     soft_start: Annotated[
@@ -95,19 +99,20 @@ def _write(
     else:
         if chosen is None:
             raise ValueError("C is for controllers; expected one such as --controller lqg")
-        from controllers import make_controller
         from controllers.envelope import Envelope
 
-        made = make_controller(chosen, rig, sample_time, trust=trust)
-        options = {"single": single, "envelope": Envelope.of(made, soft_start=soft_start)}
         if chosen.endswith(".zip"):
             from controllers.exports.policy_c import export_policy_c
+            from controllers.learned import load_to_export
 
-            export_policy_c(made, output, **options)  # type: ignore[arg-type]
+            policy = load_to_export(chosen, rig, sample_time, trust=trust)
+            export_policy_c(policy, output, single=single, envelope=Envelope.of(policy, soft_start=soft_start))
         else:
+            from controllers import make_controller
             from controllers.exports.c import export_c
 
-            export_c(made, output, **options)
+            made = make_controller(chosen, rig, sample_time)
+            export_c(made, output, single=single, envelope=Envelope.of(made, soft_start=soft_start))
 
 
 def _format_of(output: Path) -> Format:

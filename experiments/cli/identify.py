@@ -173,7 +173,7 @@ def _fitted(samples: int, method: str, every_sample: bool) -> int:
 def _next(gap: Gap | None, logs: Sequence[Path], output: Path) -> str:
     from identification.validation.adequacy import Adequacy
 
-    if gap is None or gap.judgement.adequacy is not Adequacy.INADEQUATE:
+    if gap is None or gap.judgement.adequacy is Adequacy.ADEQUATE:
         return f"furuta validate {shlex.quote(str(output))} LOG   (a log that was not fitted)"
     fitted = shlex.join(map(str, logs))
     return f"furuta diagnose {fitted} --held-out LOG -o diagnosis   (LOG: not fitted; works without --held-out too)"

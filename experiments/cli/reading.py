@@ -42,16 +42,24 @@ EncoderCounts = Annotated[str | None, _option("Counts per revolution, one number
 InputUnit = Annotated[str | None, _option("Unit of the command: V or N·m.")]
 InputScale = Annotated[float | None, _option("What the file's command is multiplied by: 0.001 for millivolts.")]
 TimeUnit = Annotated[str | None, _option("Of the time column: s (default), ms, us, ns or d (days).")]
-Skip = Annotated[float | None, _option("Seconds left out at the start of each log, as a hand-over to the controller.")]
+Skip = Annotated[
+    float | None, _option("Seconds to leave out at the start of each log, such as the hand-over to the controller.")
+]
 Cut = Annotated[
     list[str] | None,
     _option("A stretch left out of each log, FROM:TO in seconds of the log's own clock; it may be repeated."),
 ]
 MappingFile = Annotated[
     Path | None,
-    _option("The rig's rig.toml; none reads none. Default: beside the log, or here.", "--mapping", "--rig"),
+    _option(
+        "The rig's rig.toml. none: no mapping, not even the plant file's. Default: beside the log, or here.",
+        "--mapping",
+        "--rig",
+    ),
 ]
-AsGiven = Annotated[bool, _option("Read it as it is said, against what the data show.", "--as-given")]
+AsGiven = Annotated[
+    bool, _option("Read the file as the options say, even where the data contradict them.", "--as-given")
+]
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "columns": (Columns, None),

@@ -77,12 +77,13 @@ def simulate_command(
     opt.within("--amplitude", amplitude, -1e9, 1e9, "a finite number")
     import numpy as np
 
+    from controllers.design import design_plant_for
     from furuta_gym.plant import Plant
     from furuta_gym.simulation import FALLEN, open_loop, simulate
 
     rig = opt.with_effects(Plant.resolve(plant), effect)
     sensors = _sensors(rig, encoder_counts, noise)
-    known = rig if design_plant is None else Plant.resolve(design_plant)
+    known = design_plant_for(rig, design_plant).replace(sample_time=rig.sample_time)  # it is played on the rig's clock
     policy = _controller(controller, known, sample_time, sensors, printed_sign, trust)
     torques = opt.numbers("--torque-noise", torque_noise)
     if min(torques) < 0:

@@ -18,7 +18,9 @@ from .output import check_folder, counted, errors, print_json
 def trials_command(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder; a run that was stopped there goes on.")],
     effects: Annotated[str, typer.Option(help="Hide only these effects, separated by commas; default: all.")] = "",
-    rigs: Annotated[str, typer.Option(help="Only these kinds of rig: table3, servo, workshop, desk.")] = "",
+    rigs: Annotated[
+        str, typer.Option(help="Only rigs of these sets of the bench: table3, servo, workshop, desk.")
+    ] = "",
     kinds: Annotated[
         str,
         typer.Option(

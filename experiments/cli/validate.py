@@ -31,7 +31,7 @@ def validate_command(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the gap as JSON to this file; - prints it.", metavar="FILE")
     ] = None,
-    horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds.")] = None,
+    horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds. Default: 0.3.")] = None,
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
     report: opt.Report = None,
 ) -> None:

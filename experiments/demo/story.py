@@ -149,7 +149,7 @@ def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Sa
     low, high = (100 * end for end in change.closed.interval)
     say(
         f"   held-out gap: {change.over_floor(change.before):.2f} times the noise floor before, "
-        f"{change.over_floor(change.after):.2f} after; {100 * change.closed.value:.1f} % closed "
+        f"{change.over_floor(change.after):.2f} after; closed share {100 * change.closed.value:.1f} % "
         f"(95 %: {low:.1f} … {high:.1f} %)"
     )
     hidden = ", ".join(
@@ -210,7 +210,7 @@ def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, 
     say(
         f"  - Model (5) alone: θ is up to {off['model (5)']:.1f} of its own standard deviations from the bench's truth,"
     )
-    say(f"    and the held-out error is {change['before']['ratio_to_floor']:.2f} times what noise alone would leave.")
+    say(f"    and the held-out error is {change['before']['ratio_to_floor']:.2f} times the noise floor.")
     say(
         f"  - With the effect added: {off['effect added']:.1f} standard deviations, "
         f"{change['after']['ratio_to_floor']:.2f} times."

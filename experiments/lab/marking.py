@@ -26,6 +26,9 @@ _WORDS = {
     "insufficient": "Not named: the diagnosis says that the motion does not suffice.",
     "false_alarm": "Wrong: nothing is hidden, and an effect is named.",
 }
+_ERRORS = ("after", "noise_floor")
+"""Parts of a gap that a mark looks at."""
+
 _NONE_THERE = "Right: nothing is hidden, and no effect is named."
 _OUTSIDE = "Right: what is hidden is outside the library, and the diagnosis reports unexplained structure."
 
@@ -55,8 +58,15 @@ def read_diagnosis(file: Path) -> dict[str, Any]:
         raise ValueError(f"{file}: verdict {answer.get('verdict')!r} given, expected one of {', '.join(VERDICTS)}")
     effects = answer.get("effects")
     if not (isinstance(effects, list) and all(map(_is_effect, effects))):
-        raise ValueError(f"{file}: every entry of effects needs a name, confused_with and parameters with a value")
-    return answer
+        raise ValueError(
+            f"{file}: every entry of effects needs a name, confused_with and parameters with a value, and A beside φ"
+        )
+    if not isinstance(answer.get("absorbed", {}), dict | list):
+        raise ValueError(f"{file}: absorbed {answer['absorbed']!r} given, expected effects by name")
+    gap = answer.get("gap")
+    if not _is_gap(gap):
+        raise ValueError(f"{file}: gap must be null, or hold after and noise_floor with numbers or null in them")
+    return answer | {"gap": None if gap is None else gap | {name: _measured(gap.get(name)) for name in _ERRORS}}
 
 
 def _is_effect(entry: Any) -> bool:
@@ -65,13 +75,29 @@ def _is_effect(entry: Any) -> bool:
     others, parameters = entry.get("confused_with", []), entry.get("parameters")
     if not (isinstance(others, list) and all(isinstance(name, str) for name in others)):
         return False
-    return isinstance(parameters, dict) and all(
-        isinstance(p, dict)
-        and _number(p.get("value"))
-        and (p.get("std") is None or _number(p["std"]))
-        and _is_interval(p.get("interval"))
-        for p in parameters.values()
+    return (
+        isinstance(parameters, dict)
+        and all(
+            isinstance(p, dict)
+            and _number(p.get("value"))
+            and (p.get("std") is None or _number(p["std"]))
+            and _is_interval(p.get("interval"))
+            for p in parameters.values()
+        )
+        and ("φ" not in parameters or "A" in parameters)
     )
+
+
+def _is_gap(given: Any) -> bool:
+    if not isinstance(given, dict):
+        return given is None
+    parts = [given[name] for name in _ERRORS if given.get(name) is not None]
+    return all(isinstance(part, dict) and all(v is None or _number(v) for v in part.values()) for part in parts)
+
+
+def _measured(errors: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The errors without those that are null: they were not measured."""
+    return {name: value for name, value in (errors or {}).items() if value is not None}
 
 
 def _is_interval(given: Any) -> bool:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.bench import EXPERIMENTS, PendulumLost, Rig, record
+from experiments.bench import EXPERIMENTS, SETS, PendulumLost, Rig, record
+from experiments.trials.draws import experiment_for
 from experiments.trials.plan import make_plan
 from experiments.trials.seal import FIT_LOG, HELD_OUT_LOG, rig_of, seal, write_logs
 from experiments.trials.trial import DURATION, Trial
@@ -27,6 +28,9 @@ KINDS = ("library", "none")
 PLAIN = 2.0
 """The least gap ratio that is asked for: a lab session is no test of the eyes."""
 
+EXPERIMENT = "paper"
+"""Of every log to fit. The trials choose it by what is hidden, so here it would tell."""
+
 MOST = 40
 """Groups of one session."""
 
@@ -42,14 +46,22 @@ def draw(
     """The sealed truths of `groups` rigs, which follow from `secret`.
 
     kinds: of WEIGHTS. effects, rigs: only these (default all). seal(trial): its truth, or a `problem`.
-    Raises ValueError for names and numbers that do not exist, and where too few rigs are left.
+    Only rigs whose log to fit is of EXPERIMENT. Raises ValueError for names and numbers that do not exist, for effects
+    that need another experiment, and where too few rigs are left.
     """
     if not 1 <= groups <= MOST:
         raise ValueError(f"{groups} groups given, expected 1 to {MOST}")
     if strange := sorted(set(kinds) - set(WEIGHTS)):
         raise ValueError(f"unknown kinds: {', '.join(strange)}; there are {', '.join(WEIGHTS)}")
     seeds = max(2, groups // 3)  # enough rigs to choose from, also where one kind or one effect is asked for
-    plan = [trial for trial in make_plan("dev", seeds, effects, rigs, kinds or KINDS, seed=secret) if _plain(trial)]
+    plan = make_plan("dev", seeds, effects, rigs, kinds or KINDS, seed=secret)
+    sets = rigs or list(SETS)
+    if hardly := [name for name in effects if all(experiment_for(name, rig) != EXPERIMENT for rig in sets)]:
+        raise ValueError(
+            f"every log to fit is of the experiment {EXPERIMENT!r}, which hardly shows {', '.join(hardly)} on rigs of "
+            f"{', '.join(sets)}; expected other effects"
+        )
+    plan = [trial for trial in plan if trial.experiment == EXPERIMENT and _plain(trial)]
     waiting = {kind: [trial for trial in plan if trial.kind == kind] for kind in WEIGHTS}
     rng = np.random.default_rng([secret, 0x1AB])
     found: list[dict[str, Any]] = []

@@ -32,7 +32,7 @@ class OneLog:
         if self.rms is None:
             return f"{self.name} ({self.kind})  too short to be predicted"
         arm, pendulum = (number(1e3 * float(x)) for x in self.rms)
-        return f"{self.name} ({self.kind})  q1 {arm} mrad, q2 {pendulum} mrad, {self.ratio:.2f} times the floor"
+        return f"{self.name} ({self.kind})  q1 {arm} mrad, q2 {pendulum} mrad, {self.ratio:.2f} times the noise floor"
 
     def to_dict(self) -> dict[str, Any]:
         rms = (None, None) if self.rms is None else tuple(map(float, self.rms))

@@ -39,10 +39,17 @@ def diagnosis_page(x: Examination, extra: tuple[Section, ...] = ()) -> Page:
         (
             Text(
                 f"furuta-gym {version('furuta-gym')}; search and report took {d.runtime_s + x.seconds:.0f} s. The same "
-                f"numbers are in diagnosis.json{', the plant in plant.json' if d.plant else ''}."
+                f"numbers are in diagnosis.json{f', {_written(d)} in plant.json' if d.plant else ''}."
             ),
         ),
     )
+
+
+def _written(d: Diagnosis) -> str:
+    """Which plant plant.json holds."""
+    if d.learned is not None and d.learned.added:
+        return "the plant with the learned torque"
+    return "the plant of the second fit" if d.second is not None and d.plant is d.second.plant else "the plant"
 
 
 def _effect(effect: Effect, d: Diagnosis) -> Text:
@@ -127,7 +134,11 @@ def _where_sentence(x: Examination) -> str:
         after = f"With {_them(d)} added, there is still {place(x.where_after)}."
     elif d.leftover:
         after = f"With {_them(d)} added, no torque stands out on the searched logs; the part that remains shows "
-        after += f"on new data only ({times(d.still_off)} times the noise)." if d.still_off > 1 else "in other tests."
+        after += (
+            f"on held-out data only ({times(d.still_off)} times the noise floor)."
+            if d.still_off > 1
+            else "in other tests."
+        )
     else:
         after = f"With {_them(d)} added, no torque stands out of the noise any more."
     if small:
@@ -193,6 +204,8 @@ def _parameters(d: Diagnosis) -> Section:
         blocks.append(Details("All parameters with their error bars", (table,)))
     else:
         blocks.append(table)
+    if d.second is not None:
+        blocks.append(Details("A second fit, by multiple shooting", (tables.second_fit(d.after, d.second),)))
     return Section("parameters", "Parameters", tuple(blocks))
 
 
@@ -214,7 +227,7 @@ def _errors(x: Examination) -> Section:
     if x.where is not None:
         table = tables.leftovers(x.where, x.where_after, x.diagnosis.policy.left)
         blocks.append(Details("Tests of what is left on the searched logs", (table,)))
-    return Section("errors", "The error on new data", tuple(blocks))
+    return Section("errors", "The error on held-out data", tuple(blocks))
 
 
 def _own_tail(gap: GapChange) -> list[Block]:

@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Sequence
 
 from identification.estimation.estimate import Estimate
+from identification.estimation.identifiability import spoken
 from identification.logs.log import Log
 from identification.validation.gap import Gap
 
@@ -22,8 +23,9 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
     `remark`; plant_file: what the plant was saved as."""
     names = [log.source for log in logs]
     sources = joined(names, "and")
-    weak = [w.replace("theta", "θ") for w in (*estimate.identifiability.unidentified, *estimate.identifiability.weak)]
-    known = f"{len(estimate.names) - len(weak)} of {len(estimate.names)} parameters are well determined."
+    unidentified = estimate.identifiability.unidentified
+    lost, weak = spoken(unidentified), spoken(estimate.identifiability.weak)
+    known = f"{len(estimate.names) - len(unidentified)} of {len(estimate.names)}"
     judged = adequacy(gap) if gap is not None else None
     if gap is None or judged is None:
         badge, good, headline = (
@@ -38,11 +40,13 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
         doubts = [*doubts_of(gap), _FITTED]
     if not estimate.converged:
         doubts.insert(0, f"The fit did not converge: {estimate.message}.")
+    if lost:
+        doubts.append(f"Not identified: {lost}. The section on parameters says what would help.")
     if weak:
-        doubts.append(f"Weakly determined: {', '.join(weak)}. The section on parameters says what would help.")
+        doubts.append(f"Weak: {weak}. The section on parameters says what would help.")
     numbers = (
         *(facts(gap) if gap is not None else ()),
-        Fact("Parameters", known.split(" parameters")[0], "well determined"),
+        Fact("Parameters", known, "identified; weak ones count"),
     )
     verdict = Verdict(
         badge, good, headline, tuple(doubts), numbers, _next(judged, names, plant_file), effects_of(estimate.plant)
@@ -66,7 +70,6 @@ def _parameters(estimate: Estimate) -> Section:
     blocks: list[Block] = [Figure(search_figures.precision(estimate)), tables.parameters(estimate, estimate, False)]
     said = [*estimate.identifiability.advice, *estimate.warnings]
     if estimate.u_max_guessed:
-        limit = f"{estimate.plant.u_max:g} {estimate.plant.unit}"
-        said.append(f"u_max = {limit} is the largest command, with a margin; set it with `--u-max`")
+        said.append(f"{estimate.u_max_told}; set it with `--u-max`")
     blocks += [Text(f"{opening(text)}.", "note") for text in said]
     return Section("parameters", "Parameters", tuple(blocks))

@@ -85,7 +85,7 @@ class Examination:
             names = [log.source for log in (*self.logs, *self.held_out)]
             names += [] if self.held_out else ["a log of another motion"]
             return alike + PART_REMAINS.format(logs=joined(names, "and"))
-        equals = zip(d.naming.accepted, d.naming.equals, strict=True) if d.naming else ()
+        equals = zip(d.naming.accepted, d.naming.apart, strict=True) if d.naming else ()
         pair = next((f"{suspect.name},{others[0]}" for suspect, others in equals if others), "EFFECT,EFFECT")
         return NEXT[d.verdict].format(pair=pair)
 

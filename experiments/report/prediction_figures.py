@@ -167,7 +167,7 @@ def residuals(gap: Gap) -> Drawing:
         "residuals",
         figure,
         "Correlations of one-step prediction errors with earlier ones, for both angles.",
-        "Residuals: how errors of predicting the next reading go with the errors before. A complete model leaves bars "
-        "within the band, but for a little that rounding adds.",
+        "Correlation of one-step prediction errors with earlier ones. With a complete model the bars stay within the "
+        "band; rounding may lift them a little above it.",
         300,
     )

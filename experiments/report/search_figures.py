@@ -31,7 +31,7 @@ def _ranking(naming: Naming, step: int) -> Bars:
         role = "chosen" if suspect.name in accepted else "equal" if suspect.name in equals else "other"
         behind = shown[0].net - suspect.net
         text = f"{suspect.net:+.0f} nats" + (f", {behind:.0f} behind" if suspect is not shown[0] else "")
-        text += {"chosen": " · added", "equal": " · cannot be told apart", "other": ""}[role]
+        text += {"chosen": " · added", "equal": " · an equal on these logs", "other": ""}[role]
         title = EFFECTS[suspect.name].title
         text = text.replace("-", "−")
         bars.append(Bar(f"{title[:1].upper()}{title[1:]}", suspect.name, max(suspect.net, 0.0) / best, text, role))
@@ -40,8 +40,8 @@ def _ranking(naming: Naming, step: int) -> Bars:
     ending = "" if found else " None gains enough to be believed."
     return Bars(
         tuple(bars),
-        f"Step {step + 1}. {asked} fitted with all other parameters and the noise. Bars: the log-likelihood that it "
-        f"gains, less the price of its parameters; no bar: nothing gained.{ending}",
+        f"Step {step + 1}. {asked} fitted with all other parameters and the noise. A bar shows the net gain in "
+        f"log-likelihood: the gain less the price of the parameters.{ending}",
     )
 
 

@@ -12,7 +12,9 @@ from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.parameters import THETA_MEANING
 from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
+from identification.diagnosis.outcome import SecondWitness
 from identification.estimation.estimate import Estimate, rounded, unit_of
+from identification.estimation.known import value_of
 from identification.logs.log import Log
 from identification.validation.gap import Gap, printed_fits
 
@@ -29,20 +31,16 @@ def parameters(before: Estimate, after: Estimate, leftover: bool) -> Table:
     changed = after is not before
     rows = []
     for name in names:
-        effect, _, parameter = name.partition(".")
-        meaning = THETA_MEANING[name][0] if name in THETA_MEANING else "sharpness of Coulomb friction"
-        if parameter:
-            meaning = next(p.meaning for p in EFFECTS[effect].parameters if p.name == parameter)
         cells = [_value(before, name)] + ([_value(after, name), _shift(before, after, name)] if changed else [])
-        rows.append((name.replace("theta", "θ"), meaning, *cells, unit_of(name, after.plant)))
+        rows.append((name.replace("theta", "θ"), _meaning(name), *cells, unit_of(name, after.plant)))
     columns = ("before", "after", "change") if changed else ("value",)
     return Table(
         ("parameter", "meaning", *columns, "unit"),
         rows,
-        "Values ± one standard deviation, which is right where the model is."
-        + (" Before an effect is added they are too small." if changed else "")
+        "Values ± one standard deviation. The deviations assume that the model is complete."
+        + (" In the column before they are too small." if changed else "")
         + (
-            f" A part remains unexplained, so they are too small {'afterwards as well' if changed else 'here'}."
+            f" Unexplained structure remains, so they are too small {'afterwards as well' if changed else 'here'}."
             if leftover
             else ""
         ),
@@ -71,6 +69,25 @@ def _shift(before: Estimate, after: Estimate, name: str) -> str:
     return digits + "\u00a0%"
 
 
+def second_fit(first: Estimate, second: SecondWitness) -> Table:
+    """Every parameter that the search fitted, beside its value by multiple shooting."""
+    rows = []
+    for name in first.names:
+        found = f"{value_of(second.plant, name):.4g}" + (" ●" if name in second.disagreeing else "")
+        rows.append(
+            (name.replace("theta", "θ"), _meaning(name), _value(first, name), found, unit_of(name, first.plant))
+        )
+    note = "By multiple shooting; ● marks where both fits disagree beyond their errors."
+    return Table(("parameter", "meaning", "first fit", "second fit", "unit"), rows, note)
+
+
+def _meaning(name: str) -> str:
+    effect, _, parameter = name.partition(".")
+    if parameter:
+        return next(p.meaning for p in EFFECTS[effect].parameters if p.name == parameter)
+    return THETA_MEANING[name][0] if name in THETA_MEANING else "sharpness of Coulomb friction"
+
+
 def gaps(change: GapChange) -> Table:
     """Rms errors at the horizon, in mrad and counts, with intervals, over the floor they share."""
     rows = []
@@ -85,10 +102,8 @@ def parts(found: Sequence[Part], what: str) -> Table:
     rows = []
     for part in found:
         before, after = (f"{ratio:.3g}" for ratio in part.over_floor)
-        low, high = (100 * end for end in part.closed.interval)
-        closed = f"{100 * part.closed.value:.1f} % ({low:.1f} … {high:.1f})"
-        rows.append((part.name, before, after, closed + (" grows" if part.grows else "")))
-    head = (what, "times the floor, before", "after", "of the gap closed (95 %)")
+        rows.append((part.name, before, after, f"{part.closed}" + (" grows" if part.grows else "")))
+    head = (what, "times the noise floor, before", "after", "closed share")
     return Table(head, rows, f"The same by {what}.")
 
 
@@ -107,7 +122,7 @@ def by_kind(found: Mapping[str, Gap]) -> Table:
     return Table(("kind of experiment", *_PART), rows, "Each over a noise floor of its own.")
 
 
-_PART = ("rms q1 [mrad]", "rms q2 [mrad]", "times the floor")
+_PART = ("rms q1 [mrad]", "rms q2 [mrad]", "times the noise floor")
 
 
 def _three(rms: NDArray[np.float64], ratio: float) -> tuple[str, str, str]:
@@ -123,7 +138,7 @@ def gap(found: Gap) -> Table:
     return Table(_ERRORS, rows, _windows(found))
 
 
-_ERRORS = ("error", "rms [mrad] (95 %)", "encoder counts", "times the floor", "fit")
+_ERRORS = ("error", "rms [mrad] (95 %)", "encoder counts", "times the noise floor", "fit")
 
 
 def _error_row(name: str, found: Gap, axis: int, floor: float) -> tuple[str, ...]:
@@ -215,8 +230,8 @@ def leftovers(where: Where, after: Where | None, left: float) -> Table:
     return Table(
         ("test", "how to read it", *head),
         [(name, how, *cells) for name, how, cells in tests],
-        "Tests of the remainder; ● marks what does not look like noise, — a torque no larger than its uncertainty. "
-        "Rounding alone makes innovations correlate a little beyond the 95 % band: compare before and after.",
+        "●: this does not look like noise. —: the torque is no larger than its uncertainty, so it is not tested. "
+        "Rounding alone lifts correlations a little above the 95 % band: compare before and after.",
     )
 
 

@@ -53,7 +53,7 @@ def validation_page(
     judged = adequacy(gap)
     doubts = doubts_of(gap)
     if seen:
-        doubts = (f"{joined(seen, 'and')}: fitted by this plant, so this is no test on new data.", *doubts)
+        doubts = (f"{joined(seen, 'and')}: the plant was fitted to it, so this is no test on held-out data.", *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
     fitted = [str(entry["source"]) for entry in plant.provenance.get("logs") or [] if "source" in entry]
     look = find_missing(fitted, sources) if fitted and not seen else find_missing(sources)
@@ -73,7 +73,7 @@ def validation_page(
 def error_in_words(gap: Gap, where: str) -> str:
     """The error as the headline says it."""
     digits = f"{gap.ratio_to_floor:.2f}" if gap.ratio_to_floor < SMALL_BELOW else times(gap.ratio_to_floor)
-    return f"{gap.horizon:g}\u00a0s ahead on {where}, its error is {digits} times what noise alone leaves."
+    return f"{gap.horizon:g}\u00a0s ahead on {where}, its error is {digits} times the noise floor."
 
 
 def facts(gap: Gap) -> tuple[Fact, ...]:
@@ -85,7 +85,7 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
         unit += f"; {number(float(counts[0]))} and {number(float(counts[1]))} counts"
     rms = " and ".join(number(1e3 * float(r)) for r in gap.rms)
     return (
-        Fact("Error over the noise floor", f"{gap.ratio_to_floor:.2f} ×", f"{ahead}; 1 is perfect"),
+        Fact("Gap, times the noise floor", f"{gap.ratio_to_floor:.2f} ×", f"{ahead}; 1 is perfect"),
         Fact("Fit", fit(gap.fit_percent), f"of q1 and q2, {ahead}; a right plant: {fit(gap.fit_at(gap.floor))}"),
         Fact("Error", f"{rms} mrad", unit),
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
-from identification.diagnosis.outcome import Diagnosis
+from identification.diagnosis.outcome import Diagnosis, SecondWitness
 from identification.validation.gap import printed_fits
 
 from .contents import Fact, Verdict
@@ -41,7 +41,7 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
     d = diagnosis
     label = BADGE[d.verdict]
     if d.verdict in ("named", "ambiguous") and d.leftover:
-        label += "; a part remains"
+        label += "; unexplained structure"
     headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
     if d.uncertain:
         label += "; parameters uncertain"
@@ -79,7 +79,7 @@ def judged_on(diagnosis: Diagnosis) -> GapChange | None:
 
 def data(gap: GapChange) -> str:
     """What the data are called that no fit saw."""
-    return "new data" if gap.tail is None else f"the last {100 * gap.tail:.0f} % of the logs, held out of the fit,"
+    return "held-out data" if gap.tail is None else f"the last {100 * gap.tail:.0f} % of the logs, held out of the fit,"
 
 
 def place(where: Where) -> str:
@@ -117,23 +117,24 @@ def _improvement(d: Diagnosis) -> str:
     one = len(d.named) == 1
     it = "it" if one else "them"
     if gap is None:
-        return "It could not be tested on new data." if d.found else ""
+        return "It could not be tested on held-out data." if d.found else ""
     before, after = times(gap.over_floor(gap.before)), times(gap.after_over_floor)
     if not gap.changed:
-        return f"The error on {data(gap)} is {after} times the noise."
+        return f"The error on {data(gap)} is {after} times the noise floor."
     if d.verdict == "unknown" and not d.confirmed:
-        explain = "would explain the fitted logs"
-        change = f"the error on {data(gap)} does not improve ({before} times the noise without {it}, {after} with {it})"
-        return f"{titles[:1].upper()}{titles[1:]} {explain}, but {change}."
+        explain = f"{titles[:1].upper()}{titles[1:]} would explain the fitted logs"
+        ratios = f"{before} times the noise floor without {it}, {after} with {it}"
+        return f"{explain}, but the error on {data(gap)} does not improve ({ratios})."
+    nearest = f"Nearest {'comes' if one else 'come'} {titles}"
     if not gap.closed.interval[0] > 0:  # NaN where the error was at the floor before
+        start = f"{nearest}. " if d.verdict == "unknown" else ""
         return (
-            f"The error on {data(gap)} is {before} times the noise without {it} and {after} times with {it}; the gain "
-            f"shows in predictions of the next reading ({gap.likelier:+.0f} nats)."
+            f"{start}The error on {data(gap)} is {before} times the noise floor without {it} and {after} times with "
+            f"{it}. The gain shows only one sample ahead ({gap.likelier:+.0f} nats)."
         )
-    fall = f"the error on {data(gap)} falls from {before} to {after} times the noise"
+    fall = f"the error on {data(gap)} falls from {before} to {after} times the noise floor"
     if d.verdict == "unknown":
-        comes = "comes" if one else "come"
-        return f"Nearest {comes} {titles}: with {it}, {fall}, but more is left than {it} explain{'s' if one else ''}."
+        return f"{nearest}: with {it}, {fall}, but more is left than {it} explain{'s' if one else ''}."
     return f"After adding {it}, {fall}."
 
 
@@ -149,6 +150,8 @@ def _doubts(d: Diagnosis) -> list[str]:
         too_little = "the searched logs alone say too little about the parameters"
         why = too_little if d.uncertain else "what is missing shows there"
         doubts.append(f"{fitted}: {why}.")
+    if d.second is not None and (said := _of_second(d.second)):
+        doubts.append(said)
     remains = []
     if d.verdict in ("named", "ambiguous"):
         if d.rest is not None and d.rest.matters:
@@ -158,34 +161,48 @@ def _doubts(d: Diagnosis) -> list[str]:
         elif d.naming is not None and d.naming.refused is not None:
             remains.append(f"{EFFECTS[d.naming.refused.name].title} would explain a little more, too little to be sure")
         if d.still_off > 1.0:
-            remains.append(f"new data are still {times(d.still_off)} times as far off as noise alone would be")
+            remains.append(f"the error on held-out data is still {times(d.still_off)} times the noise floor")
     if remains:
         doubts.append(
-            f"A part remains unexplained: {'; '.join(remains)}. The error bars are too small for that reason."
+            f"Unexplained structure remains: {'; '.join(remains)}. The error bars are too small for that reason."
         )
     return doubts
+
+
+def _of_second(second: SecondWitness) -> str:
+    about = ", ".join(name.replace("theta", "θ") for name in second.disagreeing)
+    said = f"A second fit, by multiple shooting, disagrees about {about}" if about else ""
+    if second.better:
+        said = f"{said}. It" if said else "A second fit, by multiple shooting,"
+        return (
+            f"{said} predicts held-out data better for certain, so its plant is the one that was written. "
+            "The numbers here are those of the first fit."
+        )
+    return f"{said}: the first may have taken a missing torque for noise." if said else ""
 
 
 def _facts(d: Diagnosis) -> list[Fact]:
     gap = judged_on(d)
     if gap is None:
-        return [Fact("Error on new data", "not known", d.gap_remark)] if d.gap_remark else []
+        return [Fact("Error on held-out data", "not known", d.gap_remark)] if d.gap_remark else []
     before, after = (times(gap.over_floor(g)) for g in (gap.before, gap.after))
     ahead = f"{gap.before.horizon:g} s ahead"
-    where = "new data" if gap.tail is None else f"last {100 * gap.tail:.0f} %"
+    where = "held-out data" if gap.tail is None else f"last {100 * gap.tail:.0f} %"
     fits = [fit(g.fit_percent) for _, g in gap.sides]
     right = f"of q1 and q2; a right plant: {fit(gap.before.fit_at(gap.floor))}"
     facts = [
         Fact(
-            f"Error on {where}", " → ".join([before, after][-len(gap.sides) :]) + " × noise", f"{ahead}; 1 is perfect"
+            f"Error on {where}",
+            " → ".join([before, after][-len(gap.sides) :]) + " × noise floor",
+            f"{ahead}; 1 is perfect",
         ),
         Fact(f"Fit {ahead}", fits[-1], right + (f"; before: {fits[0]}" if gap.changed else "")),
     ]
     if gap.changed and math.isfinite(gap.closed.value):
         low, high = (100 * end for end in gap.closed.interval)
-        facts.insert(1, Fact("Gap closed", f"{100 * gap.closed.value:.1f} %", f"95 %: {low:.1f} … {high:.1f} %"))
+        facts.insert(1, Fact("Closed share", f"{100 * gap.closed.value:.1f} %", f"95 %: {low:.1f} … {high:.1f} %"))
     if d.after is not None and math.isfinite(d.left_over):
         share = 100 * d.left_over / d.command_rms if d.command_rms > 0 else math.nan
         meaning = f"rms; {share:.1f} % of the command" if math.isfinite(share) else "rms"
-        facts.append(Fact("Torque taken for noise", f"{d.left_over:.2g} {d.after.plant.unit}", meaning))
+        facts.append(Fact("Unexplained torque", f"{d.left_over:.2g} {d.after.plant.unit}", meaning))
     return facts

@@ -77,8 +77,8 @@ def fitted_law(law: Law, after: Where) -> Drawing:
         "law",
         figure,
         f"Torque on the {text}: the fitted law as a line through the torque that the log asks for.",
-        f"What was added, on the {text}. The line is the fitted law. The points are the torque that the log asks for "
-        "there beside model (5), the law and what is left together, with 95 % bars.",
+        f"What was added, on the {text}. The line is the fitted law. The points are the torque that the log "
+        "needs beyond model (5), with 95 % bars. Points on the line: the law explains it.",
         360,
     )
 

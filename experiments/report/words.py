@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 BADGE = {
     "named": "Named",
-    "ambiguous": "Found, or a look-alike",
+    "ambiguous": "One of several equals",
     "none": "Nothing missing",
     "unknown": "Unknown effect",
     "insufficient_excitation": "Not enough excitation",
@@ -20,17 +20,17 @@ NEXT = {
         "`furuta validate plant.json` on it: the error should stay near the noise floor."
     ),
     "ambiguous": (
-        "Record a log that separates the look-alikes, and diagnose all logs together: "
-        "`furuta excite --plant plant.json --between {pair} -o u.csv` designs the command. A slow, wide sweep of the "
-        "arm does it for most pairs, because the arm then spends time near zero speed at many angles."
+        "Record a log that separates the equals, and diagnose all logs together: "
+        "`furuta excite --plant plant.json --between {pair} -o next.csv` designs the command. A slow, wide sweep of "
+        "the arm does it for most pairs, because the arm then spends time near zero speed at many angles."
     ),
     "none": (
         "Nothing needs doing. If the simulator fails in a motion that these logs do not contain, record that motion "
         "and diagnose it too."
     ),
     "unknown": (
-        "Look at the missing torque below: on which row, when and against what. Repeat the experiment to see whether "
-        "it returns; if it does, describe it as a new effect. Trust the plant file no further than these motions."
+        "Look at the missing torque: `furuta residuals LOG -o residuals` shows its row, time and variable. Record the "
+        "same experiment again. If the torque returns, add it as a new effect. Use the plant for such motions only."
     ),
     "insufficient_excitation": (
         "Record a longer log with more motion: larger and faster changes of the command for the arm, and the pendulum "

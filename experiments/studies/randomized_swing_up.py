@@ -19,7 +19,7 @@ import numpy as np
 from rich.table import Table
 
 from controllers import make_controller
-from controllers.conditions import built_later
+from controllers.variations import built_later
 from controllers.design import choose_sensors
 from controllers.recipes import RECIPES
 from controllers.statistics import Interval

@@ -74,15 +74,15 @@ def power_figure(curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]) 
             name="trials named right" if right else "other trials",
             hovertemplate="%{text}<br>ratio − 1 = %{x:.3g}<extra></extra>",
         )
-    figure.update_xaxes(title="gap ratio − 1", type="log")
+    figure.update_xaxes(title="error-to-noise ratio − 1", type="log")
     figure.update_yaxes(title="named right", tickformat=".0%", range=[-0.07, 1.07])
     return drawing(
         "power",
         figure,
-        "Curves: the share of trials named right, alone or in a set of two, against the gap ratio less one.",
-        "Share named right (alone or in a set of two equals) against the size of the gap, by a logistic curve with "
-        "lapses. Black: all effects together. Grey: each effect, over the ratios that were tried. Marks are single "
-        "trials. The gap ratio is the error that model (5) leaves after its parameters are refitted, over the "
-        "encoders' noise.",
+        "Curves: the share of trials named right, alone or in a set of two, against the error-to-noise ratio less one.",
+        "Share named right (alone or in a set of two equals) against the error-to-noise ratio, by a logistic curve "
+        "with lapses. Black: all effects together. Grey: each effect, over the ratios that were tried. Marks are "
+        "single trials. The ratio is √(1 + (e/σ)²): e is the error of model (5) after refitting θ, σ the encoders' "
+        "noise.",
         height=560,
     )

@@ -76,6 +76,6 @@ def _power(curves: Mapping[str, PowerCurve], outcomes: Sequence[Outcome]) -> Any
         axis.set_ylim(-0.2, 1.2)
         axis.set_yticks([0, 0.5, 1], ["0", "½", "1"])
         axis.grid(color="0.92")
-    figure.supxlabel("gap ratio − 1", fontsize=10)
+    figure.supxlabel("error-to-noise ratio − 1", fontsize=10)
     figure.supylabel("share named right, alone or in a set of two", fontsize=10)
     return figure

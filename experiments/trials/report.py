@@ -67,12 +67,12 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         return [(f"… {said}", percent(some["results"].get(key) or none)) for key, said in _SHORTCOMINGS.items()]
 
     rows = [
-        (f"library effect (gap ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
+        (f"library effect (error-to-noise ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
         ("… named right, alone or in a set of two equals", percent(library["right_within_two"])),
         ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
         *((f"… alone, {said}", percent(forms[form]["right_alone"])) for form, said in _FORMS.items()),
         *shortcomings(library),
-        ("library effect at gap ratios above 10: named right, alone", percent(strong["right_alone"])),
+        ("library effect at error-to-noise ratios above 10: named right, alone", percent(strong["right_alone"])),
         ("… named right, alone or in a set of two equals", percent(strong["right_within_two"])),
         ("… inside the stated sets", percent(strong["inside_the_stated_sets"])),
         *shortcomings(strong),
@@ -95,7 +95,7 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
             (f"… in answers that say {name}", percent(share))
             for name, share in summary["coverage_95_by_leftover"].items()
         ),
-        ("held-out gap closed by right names, median", _quantile(summary["closed_fraction"], "median")),
+        ("closed share of right names on held-out data, median", _quantile(summary["closed_fraction"], "median")),
         (
             "held-out error after right names over the noise floor, median",
             _quantile(summary["after_over_floor"], "median"),
@@ -110,11 +110,16 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 _INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
-_LIMITS_HEAD = ("effect", f"right within two, gap ratio ≥ {VISIBLE}", "half are named at a ratio of", "95 % at")
+_LIMITS_HEAD = (
+    "effect",
+    f"right within two, error-to-noise ratio ≥ {VISIBLE}",
+    "half are named at a ratio of",
+    "95 % at",
+)
 _LIMITS_CAPTION = (
-    "Gap ratios, medians and 95 % intervals of a logistic curve with lapses; 1 is invisible. Below, above: all or none "
-    "of the trials were named right, and this is the end of the interval. Never: misses that size does not explain "
-    "may be more than 5 %."
+    "Error-to-noise ratios, medians and 95 % intervals of a logistic curve with lapses; 1 is invisible. "
+    "Below, above: all or none of the trials were named right, and this is the end of the interval. Never: misses "
+    "that size does not explain may be more than 5 %."
 )
 _SHORTCOMINGS = {
     "extra": "right, with a false one beside it",

@@ -15,6 +15,7 @@ from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
 from .options import Options, Setup, drawn_rig
+from .registration import check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
 
@@ -79,8 +80,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## End of an episode
     terminated: |q1| > arm_limit (the cable), |q̇1| > the plant file's `arm_speed` if it has one, in `balance`
     |q2| > pendulum_limit, or a state that is no longer finite; all at the end of an action.
-    truncated: only by the time limit: `time_limit` in seconds, and for `FurutaID-v0` 1000 actions unless
-    `max_episode_steps` is given to `gymnasium.make`.
+    truncated: only by a time limit, whichever comes first: `time_limit` in seconds, and for `FurutaID-v0` 1000 actions
+    unless `max_episode_steps` is given to `gymnasium.make`.
 
     ## Options
     plant: Plant, plant file, or the name of a set (`table3`, `qube`, `large`). Default `table3`, the paper's.
@@ -90,11 +91,12 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         (`plant.sets.SPREAD`). "NAME=RANGE …", or a mapping, draws what is named: `envs.ranges` has the grammar, for θ,
         effects, sensors, supply, jitter and pushes. A plant file with the key "randomize" says what True means.
     effect_probabilities ({}): {name: p} lets an effect act in an episode with probability p; at its own size if the
-        plant carries it, else at a size drawn up to `Plant.default_effect` (`input_delay`: 25 ms). Works without
-        `randomize` too.
+        plant carries it, else at a size drawn up to `Plant.default_effect` (`input_delay`: 25 ms), and with the
+        parameters that `randomize` draws. Works without `randomize` too.
     sample_time (the plant's, else 0.01 s): period T at which the encoders are read.
     action_time (T): how long an action is held [s], rounded up to whole samples; readings and velocities go on at T.
-    time_limit (none): length of an episode [s].
+    time_limit (none): length of an episode [s]. In `FurutaID-v0` it only shortens the 1000 actions: one beyond them is
+        refused at reset, and `max_episode_steps` takes its place.
     jitter (0): every period is T (1 + jitter · uniform(−1, 1)), at most 0.3. The velocity filter goes on assuming T.
     delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included. It takes the
         place of the plant's own `input_delay`.
@@ -149,10 +151,9 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._seeded = False
         self._ready = False
         self._size = setup.observation_space.shape[0]
-        random = setup.random
         shared = (self._lanes, self._stream, setup.codes, setup.sizes, setup.numbers)
         self._step_arguments = (*shared, np.empty((k.work_rows(setup.sizes), 1)))
-        self._reset_arguments = (*shared, random.table, random.root, random.switches, random.ranges)
+        self._reset_arguments = (*shared, *setup.random.tables)
         self._viewer: Viewer | None = None
 
     @property
@@ -169,6 +170,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        check_time_limit(self.spec, self.setup.longest)
         super().reset(seed=seed)
         if seed is not None or not self._seeded:
             self._stream[0] = start_stream(self.np_random)
@@ -190,7 +192,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         For a curriculum. Raises ValueError for another level."""
         random = self.setup.random.narrowed(level, self.setup.numbers[k.RIG :])
-        self._reset_arguments = (*self._reset_arguments[:5], random.table, random.root, random.switches, random.ranges)
+        self._reset_arguments = (*self._reset_arguments[:5], *random.tables)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         if not self._ready:

@@ -145,7 +145,8 @@ class Setup:
         plant = Plant.resolve(options.plant)
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
         _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
-        self.draws = drawn = draws(options.randomize, plant)
+        drawn = draws(options.randomize, plant)
+        self.draws = drawn = replace(drawn, chances={**drawn.chances, **options.effect_probabilities})
         if drawn.posterior:
             plant = with_spread(plant)
             if plant.covariance is None:
@@ -168,14 +169,10 @@ class Setup:
         self.longest = (
             math.inf if options.time_limit is None else max(1, round(options.time_limit / self.action_period))
         )
-        self.jitter = max(options.jitter, drawn.ranges["jitter"].bounds[1] if "jitter" in drawn.ranges else 0.0)
         self.random: Randomization = randomization(
-            with_drawn_effects(plant, drawn),
-            drawn.posterior,
-            {**drawn.chances, **options.effect_probabilities},
-            drawn.physical,
-            drawn.ranges,
+            with_drawn_effects(plant, drawn), drawn.posterior, drawn.chances, drawn.physical, drawn.ranges
         )
+        self.jitter = self.random.largest("jitter", options.jitter)
         self.codes = self.random.plant.packed().codes
         self.substeps = self._substeps()
         self.sizes = self._sizes()

@@ -29,9 +29,9 @@ _TRIES = 10_000  # draws until a possible plant; construction has shown that one
 # Rows of Randomization.table, one column for each row of P.
 _NOMINAL, _LOWER, _UPPER, _OFF, _FROM, _TO, _INVERSE = range(7)
 
-# Columns of Randomization.ranges, one row for each number that is drawn; a target below zero is row −1 − target of the
-# rig's rows (`ranges.RIG`). Of theta=physical only kind and A, the share, mean something.
-_TARGET, _KIND, _A, _B, _CHANCE, _DEFAULT, _LEAST, _MOST = range(8)
+# Columns of Randomization.ranges, one row for each number that is drawn. `_target` says where to. WHOLE is 1 where it
+# is rounded. Of theta=physical only kind and A, the share, mean something.
+_TARGET, _KIND, _A, _B, _CHANCE, _DEFAULT, _LEAST, _MOST, _WHOLE, _N_COLUMNS = range(10)
 
 # Sizes up to which an effect is drawn where only its chance is given and what is worth noticing is less than rigs have.
 _WIDEST = {"input_delay.d": 0.025}  # s
@@ -42,9 +42,9 @@ class Randomization:
     """How a plant is drawn.
 
     plant: with every effect that can act, in the order of P. table (7, n): per row of P its nominal value, bounds,
-    value with the effect off, and range of sizes when it is switched on (NaN: the nominal value). root (n, m): maps m
-    standard normal numbers to shifts of P. switches (s, 3): first row, number of rows and probability of each effect
-    that acts by chance. ranges (m, 8): see `_TARGET` and the columns after it.
+    value with the effect off (NaN: tells `draw_ranges` to draw none), and range of sizes when it is switched on (NaN:
+    the nominal value). root (n, m): maps m standard normal numbers to shifts of P. switches (s, 3): first row, number
+    of rows and probability of each effect that acts by chance. ranges (m, 9): see `_TARGET` and the columns after it.
     """
 
     plant: Plant
@@ -52,6 +52,11 @@ class Randomization:
     root: NDArray[np.float64]
     switches: NDArray[np.float64]
     ranges: NDArray[np.float64]
+
+    @property
+    def tables(self) -> tuple[NDArray[np.float64], ...]:
+        """What `draw_parameters` and `draw_ranges` take: table, root, switches, ranges."""
+        return self.table, self.root, self.switches, self.ranges
 
     @property
     def active(self) -> bool:
@@ -63,6 +68,11 @@ class Randomization:
         """Share by which theta=physical varies masses, lengths, …; 0 without."""
         return float(self.ranges[self.ranges[:, _KIND] == rg.PHYSICAL, _A].sum())
 
+    def largest(self, name: str, own: float) -> float:
+        """The largest value of an entry of `ranges.RIG` or of an "effect.parameter": `own`, or what its range draws."""
+        rows = self.ranges[:, _TARGET] == _target(name, self.plant.layout)
+        return float(self.ranges[rows, _MOST].max(initial=own))
+
     @property
     def longest_delay(self) -> float:
         """Of `input_delay` in any episode [s]."""
@@ -70,11 +80,10 @@ class Randomization:
         if delay is None:
             return 0.0
         row = self.plant.layout.row("input_delay.d")
-        drawn = self.ranges[self.ranges[:, _TARGET] == row, _MOST]
         if self.root[row].any():
             return float(self.table[_UPPER, row])
         chance = self.table[_TO, row]
-        return max(delay.parameters["d"], 0.0 if math.isnan(chance) else float(chance), *drawn.tolist())
+        return self.largest("input_delay.d", max(delay.parameters["d"], 0.0 if math.isnan(chance) else float(chance)))
 
     @property
     def friction_rate(self) -> float:
@@ -90,8 +99,8 @@ class Randomization:
         """The same with every range drawn in: `level` in [0, 1] is how far it reaches from the plant's own value.
 
         rig (8,): the rig's own values, `numbers[kernels.RIG:]`. 0 draws the plant itself (or the end of a range that
-        is next to it), 1 what was asked for. Chances of effects that act at a size of their own, and the covariance's
-        standard deviations, are multiplied by `level`. Raises ValueError for a level outside [0, 1].
+        is next to it), 1 what was asked for. Chances of effects, and the covariance's standard deviations, are
+        multiplied by `level`. Raises ValueError for a level outside [0, 1].
         """
         if not 0.0 <= level <= 1.0:
             raise ValueError(f"level must lie in [0, 1], got {level!r}")
@@ -144,8 +153,9 @@ def randomization(
     from_covariance: draw θ, r and the carried effects' parameters from `plant.covariance`. probabilities: for each
     named effect the chance to act in an episode. An effect that the plant carries then acts at its own size; another
     one acts at a size drawn uniformly up to what `Plant.default_effect` calls worth noticing (in either direction
-    where both make sense), `input_delay` up to 25 ms. Raises ValueError on unknown names, probabilities outside
-    [0, 1], a missing covariance or one that allows no plant.
+    where both make sense), `input_delay` up to 25 ms. A size that has a range is drawn from it in place of that, and is
+    neutral where the effect does not act. Raises ValueError on unknown names, probabilities outside [0, 1], a missing
+    covariance or one that allows no plant.
     """
     for name, p in probabilities.items():
         Effect(name)  # an unknown name is refused with the library's list
@@ -159,23 +169,36 @@ def randomization(
     table[_LOWER], table[_UPPER], table[_INVERSE] = -np.inf, np.inf, 0.0
     table[_LOWER, FRICTION_ROWS] = np.where(packed.p[FRICTION_ROWS] >= 0, 0.0, -np.inf)
     table[_LOWER, SHARPNESS_ROWS] = np.finfo(float).tiny
-    switches = []
+    switches, switched = [], []
     for effect in whole.effects:
         own = whole.layout.rows_of(effect.name)
         for row, parameter in zip(own, effect.type.parameters, strict=True):
             table[_LOWER, row], table[_UPPER, row] = parameter.lower, parameter.upper
             table[_OFF, row] = parameter.neutral if parameter.role == "size" else packed.p[row]
             if effect.name not in carried and parameter.role == "size":
+                table[_NOMINAL, row] = parameter.neutral
                 table[_FROM : _INVERSE + 1, row] = _sizes(whole, effect, parameter)
+            if effect.name in probabilities and parameter.role == "size":
+                switched.append(row)
         if effect.name in probabilities:
             switches.append((own.start, len(own), float(probabilities[effect.name])))
+    drawn = _ranges(physical, ranges or {}, whole.layout, table)
+    table[_OFF, np.intersect1d(switched, drawn[:, _TARGET]).astype(int)] = np.nan
     return Randomization(
         whole,
         table,
         _root(plant, whole.layout, from_covariance),
         np.array(switches, dtype=float).reshape(-1, 3),
-        _ranges(physical, ranges or {}, whole.layout, table),
+        drawn,
     )
+
+
+def _target(name: str, layout: ParameterLayout) -> int:
+    """Where a range draws to: the row of P, or −1 − the row of the rig's, which are in the order of `ranges.RIG`."""
+    if name not in rg.RIG:
+        return layout.row(name)
+    names = list(rg.RIG)
+    return -1 - sum(rg.RIG[before].values for before in names[: names.index(name)])
 
 
 def _ranges(
@@ -183,21 +206,22 @@ def _ranges(
 ) -> NDArray[np.float64]:
     found: list[tuple[float, ...]] = []
     if physical:
-        found.append((0.0, rg.PHYSICAL, physical, 0.0, 1.0, 0.0, 0.0, 0.0))
-    first = 0
+        found.append((0.0, rg.PHYSICAL, physical, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
     for name, entry in rg.RIG.items():
         if name in ranges:
             made = ranges[name]
             low, high = max(made.bounds[0], entry.low), min(made.bounds[1], entry.high)
-            numbers = (made.kind, made.a, made.b, made.chance, math.nan, low, high)
-            found += [(-1.0 - first - i, *numbers) for i in range(entry.values)]
-        first += entry.values
+            numbers = (made.kind, made.a, made.b, made.chance, math.nan, low, high, 0.0)
+            found += [(_target(name, layout) - i, *numbers) for i in range(entry.values)]
     for name, made in ranges.items():
         if name not in rg.RIG:
-            row = layout.row(name)
+            row = _target(name, layout)
             low, high = max(made.bounds[0], table[_LOWER, row]), min(made.bounds[1], table[_UPPER, row])
-            found.append((row, made.kind, made.a, made.b, made.chance, table[_OFF, row], low, high))
-    return np.array(found, dtype=float).reshape(-1, _MOST + 1)
+            # so that the first and the last whole number are as frequent as those between
+            beyond = 0.5 if made.whole and made.kind != rg.NORMAL else 0.0
+            a, b = made.a - beyond, made.b + beyond
+            found.append((row, made.kind, a, b, made.chance, table[_OFF, row], low, high, made.whole))
+    return np.array(found, dtype=float).reshape(-1, _N_COLUMNS)
 
 
 def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, float, float]:
@@ -282,9 +306,11 @@ def draw_ranges(P, rig, k, streams, ranges):
         else:
             value = a + share * (b - a)
         value = min(max(value, ranges[i, _LEAST]), ranges[i, _MOST])
+        if ranges[i, _WHOLE] > 0.0:
+            value = np.floor(value + 0.5)
         target = int(ranges[i, _TARGET])
         if target >= 0:
-            P[target, k] = value if on else ranges[i, _DEFAULT]
+            P[target, k] = value if on and not math.isnan(P[target, k]) else ranges[i, _DEFAULT]
         elif on:
             rig[-1 - target, k] = value
 
@@ -294,8 +320,9 @@ def _draw_physical(P, k, streams, share):
     """θ of a rig whose m2, l2, L1, J1, J2, frictions and gain differ by up to `share` of themselves.
 
     By Table 2 θ1 = J1 + m2 L1², θ2 = m2 l2², θ3 = m2 L1 l2, θ4 = θ2 + J2, θ5 = m2 l2 g, each times the gain. J2 goes
-    with m2 l2² and a factor of its own, where θ4 ≥ θ2. The part of θ1 that goes with m2 L1² is θ3²/θ2, or less where
-    that leaves no J1 ≥ 0, but at least θ3²/θ4: then M stays positive definite in every draw.
+    with m2 l2² and a factor of its own. The part of θ1 that goes with m2 L1² is θ3²/θ2. Where that leaves no J1 ≥ 0 or
+    no J2 ≥ 0, it is θ3²/θ4, and all of θ4 goes with m2 l2². A θ2 < 0 goes with θ1. So M stays positive definite in
+    every draw: θ1 θ4 − θ3² and θ1 + θ2 remain above zero.
     """
     th1, th2, th3, th4 = P[0, k], P[1, k], P[2, k], P[3, k]
     mass, length, arm, inertia, shape, gain = 1.0, 1.0, 1.0, 1.0, 1.0, 1.0
@@ -305,13 +332,11 @@ def _draw_physical(P, k, streams, share):
     inertia += share * (2.0 * uniform(streams, k) - 1.0)
     shape += share * (2.0 * uniform(streams, k) - 1.0)
     gain += share * (2.0 * uniform(streams, k) - 1.0)
-    least = th3 * th3 / th4
-    carried = th3 * th3 / th2 if th2 > 0.0 else least
-    if not least <= carried <= th1:
-        carried = least
-    rod = max(th4 - th2, 0.0) if th2 > 0.0 else 0.0
+    carried, rod = th3 * th3 / th4, 0.0
+    if th2 > 0.0 and carried <= th3 * th3 / th2 <= th1:
+        carried, rod = th3 * th3 / th2, max(th4 - th2, 0.0)
     P[0, k] = gain * (inertia * (th1 - carried) + mass * arm * arm * carried)
-    P[1, k] = gain * mass * length * length * th2
+    P[1, k] = gain * mass * length * length * th2 if th2 >= 0.0 else P[0, k] * th2 / th1
     P[2, k] = gain * mass * arm * length * th3
     P[3, k] = gain * mass * length * length * (th4 - rod + shape * rod)
     P[4, k] *= gain * mass * length

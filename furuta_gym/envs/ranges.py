@@ -4,14 +4,15 @@ NAME=RANGE NAME=RANGE …
 
 RANGE   uniform:LOW,HIGH | loguniform:LOW,HIGH | normal:MEAN,STD | NUMBER,  or chance:P:RANGE (else it is off)
 NAME    an effect with one parameter (input_delay), EFFECT.PARAMETER (arm_spring.k), or one of `RIG`
-        EFFECT=chance:P lets an effect act with probability P, at a size of its own
+        EFFECT=chance:P lets an effect act with probability P, at a size of its own or as its ranges draw it
+        EFFECT.PARAMETER of a whole number, as arm_ripple.n, draws whole numbers
         theta=posterior draws θ from the plant's covariance; theta=physical:S draws masses, lengths, inertias,
         frictions and gain within ± S of themselves, so that every rig drawn could be built
 """
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,12 +50,13 @@ RIG: dict[str, Entry] = {
 
 @dataclass(frozen=True)
 class Range:
-    """A distribution: kind with its two numbers, and the probability that it is drawn from at all."""
+    """A distribution: kind with its two numbers, the probability that it is drawn from at all, and if it is rounded."""
 
     kind: int
     a: float
     b: float
     chance: float = 1.0
+    whole: bool = False
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -67,7 +69,7 @@ class Draws:
     """What `randomize` asks for.
 
     posterior: θ, r and carried effects from the covariance. physical: share of theta=physical, 0 for none. ranges:
-    of rig entries and of "effect.parameter". chances: of effects that act at a size of their own.
+    of rig entries and of "effect.parameter". chances: of effects to act in an episode; {} for those that always do.
     """
 
     posterior: bool
@@ -78,7 +80,8 @@ class Draws:
     @property
     def names(self) -> set[str]:
         """Names of everything that is drawn: effects, entries of the rig, and "theta"."""
-        found = {name.partition(".")[0] for name in self.ranges} | {n for n, p in self.chances.items() if p > 0}
+        found = {name.partition(".")[0] for name in self.ranges} | set(self.chances)
+        found -= {name for name, p in self.chances.items() if p == 0}
         return found | ({"theta"} if self.posterior or self.physical else set())
 
 
@@ -146,7 +149,10 @@ def _effect(name: str, text: str, ranges: dict[str, Range], chances: dict[str, f
     if wanted not in parameters:
         raise _wrong(name, text, f"{effect} has no parameter {wanted!r}; it has {', '.join(parameters)}")
     p = parameters[wanted]
-    ranges[f"{effect}.{wanted}"] = _inside(name, text, p.lower, p.upper, p.unit)
+    made = _inside(name, text, p.lower, p.upper, p.unit)
+    if p.integer and made.kind != NORMAL and not (made.a.is_integer() and made.b.is_integer()):
+        raise _wrong(name, text, f"{wanted} of {effect} is a whole number; give whole LOW and HIGH")
+    ranges[f"{effect}.{wanted}"] = replace(made, whole=p.integer)
 
 
 def _theta(text: str) -> tuple[bool, float]:
@@ -211,12 +217,22 @@ def never_drawn(wanted: Draws, plant: Plant, probabilities: Mapping[str, float])
 
 
 def with_drawn_effects(plant: Plant, wanted: Draws) -> Plant:
-    """The plant with the effects added that ranges draw, their other parameters at a size worth noticing."""
-    carried = {effect.name for effect in plant.effects}
-    new = {name.partition(".")[0] for name in wanted.ranges if "." in name} - carried
+    """The plant with the effects added that ranges draw and no chance switches on; what no range draws is neutral, or a
+    shape worth noticing. Raises ArgumentError for an effect of which no size is drawn."""
+    found = {effect.name for effect in plant.effects} | set(wanted.chances)
     added = []
-    for name in sorted(new):
+    for drawn in wanted.ranges:
+        name, dot, _ = drawn.partition(".")
+        if not dot or name in found:
+            continue
+        found.add(name)
         default = plant.default_effect(name).parameters
         sizes = {p.name: p.neutral for p in EFFECTS[name].parameters if p.role == "size"}
+        ways = [f"{name}.{size}" for size in sizes]
+        if not set(ways) & set(wanted.ranges):
+            fault = (
+                f"the plant has no {name}, and its size is not drawn; give {' or '.join(ways)} too, or {name}=chance:P"
+            )
+            raise ArgumentError("randomize", drawn, fault)
         added.append(Effect(name, {**default, **sizes}))
     return plant.with_effects(*added)

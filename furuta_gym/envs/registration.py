@@ -1,6 +1,9 @@
 """The names under which Gymnasium knows the environments, their options, and how long an episode lasts."""
 
+import math
 from typing import Any
+
+from ..arguments import ArgumentError
 
 ENV_ID = "FurutaID-v0"
 MAX_EPISODE_STEPS = 1000  # 10 s at the default 100 Hz
@@ -29,6 +32,17 @@ def options_of(env_id: str) -> dict[str, Any]:
     if env_id == ENV_ID:
         return {}
     raise ValueError(f"no environment {env_id!r} here; expected one of {', '.join((ENV_ID, *TASK_IDS.values()))}")
+
+
+def check_time_limit(spec: Any, actions: float) -> None:
+    """Raises ArgumentError where `FurutaID-v0` ends an episode before a `time_limit` of so many actions (inf: none).
+
+    spec: the env's, which does not say whether `gymnasium.make` was given another limit.
+    """
+    if spec is not None and spec.id == ENV_ID and MAX_EPISODE_STEPS < actions < math.inf:
+        fault = f"{ENV_ID} ends an episode after {MAX_EPISODE_STEPS}"
+        hint = f"; give max_episode_steps={actions:.0f} in its place"
+        raise ArgumentError("time_limit", f"of {actions:.0f} actions", fault, hint)
 
 
 def register() -> None:

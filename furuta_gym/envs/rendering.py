@@ -41,6 +41,7 @@ class Scene:
     unit: str
     u_max: float
     arm_limit: float
+    reward_scale: float
     pendulum_over_arm: float
 
     @classmethod
@@ -53,7 +54,7 @@ class Scene:
         command, time, reward = (float(column[row]) for row in (k.COMMAND, k.TIME, k.REWARD))
         return cls(
             q1, q2, command, time, reward, setup.options.task, setup.plant.unit, setup.plant.u_max,
-            setup.arm_limit, ratio,
+            setup.arm_limit, setup.options.reward_scale, ratio,
         )  # fmt: skip
 
 
@@ -91,8 +92,8 @@ class Viewer:
         A program that is too slow is not made up for: the clock goes on from where it came late by 0.1 s.
         """
         pygame = self._pygame
-        if 0.0 <= scene.time - self._shown < 1.0 / 60.0 - 1e-9:
-            return
+        if scene.time > 0.0 and 0.0 <= scene.time - self._shown < 1.0 / 60.0 - 1e-9:
+            return  # the start of an episode is always drawn
         if self._window is None:
             pygame.display.init()
             pygame.display.set_caption("FurutaID-v0")
@@ -214,7 +215,7 @@ class Viewer:
         self._text(f"+{scene.u_max:g}", WIDTH - 22, 316, 20, _FAINT, anchor="right")
         turns = f"{scene.q1 / (2 * math.pi):+.2f} turns"
         self._meter(346, "arm travel", turns, scene.q1 / scene.arm_limit, _ARM, True)
-        self._meter(408, "reward", f"{scene.reward:.2f}", scene.reward, _GOOD, False)
+        self._meter(408, "reward", f"{scene.reward:.2f}", scene.reward / scene.reward_scale, _GOOD, False)
 
     def _dial(self, x: int, y: int, angle: float, name: str, hint: str, mark: float | None) -> None:
         """A clock face: the pendulum's zero is up, as on the rig; the arm's is to the right, as seen from above."""

@@ -17,7 +17,7 @@ from ..plant.plant import Plant
 from . import kernels as k
 from .furuta import start_state
 from .options import Options, Setup, drawn_rig
-from .registration import MAX_EPISODE_STEPS
+from .registration import MAX_EPISODE_STEPS, check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
 from .threads import N_BOARD, cores, finish, share, take
@@ -94,8 +94,9 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._lanes[:, self._parameter_rows] = setup.random.plant.packed().p[:, None]
         self._streams = np.zeros((blocks, width), dtype=np.uint64)
         self._shared = (self._lanes, self._streams, setup.codes, setup.sizes, setup.numbers)
-        self._tables = (setup.random.table, setup.random.root, setup.random.switches, setup.random.ranges)
-        # where the threads leave a step: they may be at work on it before Python has seen what the step returns
+        # what a step reads and writes stays where it is: a thread that is still at the board of the last step takes
+        # blocks of the next one
+        self._tables = tuple(table.copy() for table in setup.random.tables)
         self._actions, self._board = np.zeros((self.num_envs, 1), dtype=np.float32), np.zeros(N_BOARD, dtype=np.int64)
         self._out: tuple[NDArray[Any], ...] = (*self._arrays(), *_outcome(self.num_envs))
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
@@ -105,6 +106,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        check_time_limit(self.spec, self.setup.longest)
         mask = _reset_mask(options, self.num_envs)
         self._seed(seed, mask)
         state = start_state(options, (self.num_envs, 4), ("state", "reset_mask"))
@@ -164,24 +166,31 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         """From the next reset of each env on, ranges reach only `level` in [0, 1] of the way; see
         `Randomization.narrowed`. For a curriculum. Raises ValueError for another level."""
         random = self.setup.random.narrowed(level, self.setup.numbers[k.RIG :])
-        self._tables = (random.table, random.root, random.switches, random.ranges)
+        for table, narrowed in zip(self._tables, random.tables, strict=True):
+            table[:] = narrowed
 
     def snapshot(self) -> dict[str, NDArray[Any]]:
-        """All that later steps depend on beside the options, as copies: the rigs, their random streams, who ended."""
+        """All that later steps depend on beside the options and the level, as copies: the rigs (rows, N), their random
+        streams (N,), who ended (N,)."""
         return {
-            "lanes": self._lanes.copy(),
-            "streams": self._streams.view(np.int64).copy(),
+            "lanes": self._columns().copy(),
+            "streams": self._own_streams.view(np.int64).copy(),
             "ended": self._ended.astype(np.uint8),
         }
 
     def restore(self, snapshot: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what `snapshot` of a batch with the same options gave. Raises ValueError if it does not fit."""
+        """Go on from what `snapshot` of a batch with the same options gave, on any number of threads.
+
+        Raises ValueError if it does not fit."""
         own = self.snapshot()
         for name, value in own.items():
             given = snapshot.get(name)
             if given is None or given.shape != value.shape or given.dtype != value.dtype:
                 raise ValueError(f"the rigs' {name} must be {value.dtype} of shape {value.shape}")
-        self._lanes[:], self._streams[:] = snapshot["lanes"], snapshot["streams"].view(np.uint64)
+        blocks, rows, width = self._lanes.shape
+        whole = np.concatenate([snapshot["lanes"], self._columns(all_lanes=True)[:, self.num_envs :]], axis=1)
+        self._lanes[:] = whole.reshape(rows, blocks, width).transpose(1, 0, 2)
+        self._own_streams[:] = snapshot["streams"].view(np.uint64)
         self._ended[:] = snapshot["ended"].astype(bool)
         self._seeded = self._ready = True
 
@@ -189,7 +198,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         """The plants of the present episodes, of all envs or of those asked for."""
         if not self.setup.random.active:
             return [self.setup.plant] * (self.num_envs if indices is None else len(indices))
-        P = self._parameters()
+        P = self._columns(self._parameter_rows)
         return [self.setup.random.drawn_plant(P[:, i]) for i in (range(self.num_envs) if indices is None else indices)]
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -197,7 +206,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         if self.render_mode is None or not self._ready:
             return None
         self._viewer = self._viewer or Viewer()
-        rows = self._lanes.transpose(1, 0, 2).reshape(self._lanes.shape[1], -1)[:, : self.num_envs]
+        rows = self._columns()
         return tuple(self._viewer.draw(Scene.of(self.setup, rows[:, i])) for i in range(self.num_envs))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -210,7 +219,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
         n = self.num_envs
-        streams = self._streams.reshape(-1)[:n]
+        streams = self._own_streams
         each = [seed] * n if seed is None else _seeds(seed, n)
         if each[0] is not None:
             super().reset(seed=each[0])
@@ -231,17 +240,21 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         info = {"state": state, "_state": mask, "measured_state": measured, "_measured_state": mask}
         info |= {"command": command, "_command": mask}
         if self.setup.random.active and fresh.any():
-            info["plant"] = _masked(self.setup.random.describe(self._parameters()), fresh)
+            info["plant"] = _masked(self.setup.random.describe(self._columns(self._parameter_rows)), fresh)
             info["_plant"] = fresh.copy()
-            rig = self._lanes[:, k.NOISE1 : k.N_FIXED].transpose(1, 0, 2).reshape(k.N_FIXED - k.NOISE1, -1)
-            if drawn := drawn_rig(self.setup, rig[:, : self.num_envs]):
+            if drawn := drawn_rig(self.setup, self._columns(slice(k.NOISE1, k.N_FIXED))):
                 info["rig"], info["_rig"] = _masked(drawn, fresh), fresh.copy()
         return info
 
-    def _parameters(self) -> NDArray[np.float64]:
-        """P (n, N) of the present episodes."""
-        P = self._lanes[:, self._parameter_rows]
-        return P.transpose(1, 0, 2).reshape(P.shape[1], -1)[:, : self.num_envs]
+    def _columns(self, rows: slice = slice(None), all_lanes: bool = False) -> NDArray[np.float64]:
+        """Rows of the blocks, one column for each env (n, N), or for each lane, the last of which are no env's."""
+        part = self._lanes[:, rows]
+        return part.transpose(1, 0, 2).reshape(part.shape[1], -1)[:, : None if all_lanes else self.num_envs]
+
+    @property
+    def _own_streams(self) -> NDArray[np.uint64]:
+        """The random streams (N,), a part of the blocks' own memory."""
+        return self._streams.reshape(-1)[: self.num_envs]
 
 
 def _outcome(n: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:

@@ -67,7 +67,7 @@ class Errors(Struct):
     rms_q2: Annotated[Positive, Meta(description="Of the pendulum's angle, in rad")] = None
     ratio_to_floor: Annotated[
         Positive | UnsetType,
-        Meta(description="The error ratio: root mean square of the two errors, each over its noise floor"),
+        Meta(description="The gap: root mean square of the two errors, each divided by its noise floor"),
     ] = UNSET
 
 
@@ -228,7 +228,10 @@ class WhereEntry(Struct, kw_only=True):
     )
     innovations: Annotated[
         list[InnovationsEntry] | UnsetType,
-        Meta(description="Tests of the innovations of each stretch between gaps; each list is of q1 and q2"),
+        Meta(
+            description="Tests of the innovations of each stretch between breaks of the clock; each list is of q1 and "
+            "q2"
+        ),
     ] = UNSET
     maps: Annotated[
         list[MapEntry] | UnsetType, Meta(description="Mean missing torque on a row against a variable, in bins")
@@ -263,15 +266,15 @@ class DiagnosisFile(Struct, kw_only=True):
     effects: Annotated[
         list[EffectFound],
         Meta(
-            description="The effects found, in order. They are names if the verdict is named or ambiguous. If it is "
-            "unknown they were tried and are no names; plant.json has them unless held-out data spoke against them"
+            description="The effects found, in order. With the verdict named or ambiguous these are the names. With "
+            "unknown they were only tried. Even then plant.json has them, unless held-out data speak against them"
         ),
     ]
     other_laws: Annotated[
         list[OtherLaw] | UnsetType,
         Meta(
-            description="Effects that only describe what the library's law of a named one misses; part of the plant, "
-            "as an entry of effects has it, with law_of: the name of that effect"
+            description="Effects that are in the plant only because a named effect follows another law than the "
+            "library's. Each is an entry as in effects; law_of is that named effect"
         ),
     ] = UNSET
     ranking: Annotated[list[Ranked], Meta(description="The effects that were tried first, the best first")]
@@ -320,7 +323,9 @@ class DiagnosisFile(Struct, kw_only=True):
         Meta(description="Of each searched log, the seconds (from, to) that were taken; empty where all were"),
     ] = UNSET
     policy: Annotated[dict[str, Number] | UnsetType, Meta(description="Every threshold that was used")] = UNSET
-    runtime_s: Annotated[Positive | UnsetType, Meta(description="Duration of the search in s")] = UNSET
+    runtime_s: Annotated[
+        Positive | UnsetType, Meta(description="Duration of the search and of what the report measures, in s")
+    ] = UNSET
     where: Annotated[
         WhereEntry | UnsetType | None,
         Meta(

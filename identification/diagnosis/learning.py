@@ -97,7 +97,7 @@ def _judged(plant: Plant, found: Plant, held: HeldOut) -> tuple[GapChange | None
     if open_ones := [part.name for part in others if not part.closed.interval[0] > 0.0]:
         return change, f"it closes nothing for certain where the experiment is another: {', '.join(open_ones)}"
     if not closes(change, held.policy):
-        return change, f"it closes {100 * change.closed.value:.2g} % of the gap, too little to be worth it"
+        return change, f"its closed share is {100 * change.closed.value:.2g} %, too little to be worth it"
     return change, ""
 
 
@@ -105,6 +105,6 @@ def _praise(change: GapChange | None) -> str:
     assert change is not None
     before, after = change.over_floor(change.before), change.over_floor(change.after)
     return (
-        f"it holds on data of another kind of experiment that no fit saw: the error falls from {before:.2g} to "
+        f"it holds on held-out data of another kind of experiment: the error falls from {before:.2g} to "
         f"{after:.2g} times the noise floor"
     )

@@ -198,7 +198,7 @@ class Diagnosis:
             return "held-out data are not predicted better by what explains the searched logs"
         if self.rest.found:
             return self.rest.sentence
-        where = "on data that no fit saw alone" if self.still_off > 1.0 else "in other tests"
+        where = "on held-out data only" if self.still_off > 1.0 else "in other tests"
         return f"no torque stands out of the noise on the searched logs; what remains shows {where}"
 
     def entry(self) -> DiagnosisFile:
@@ -280,12 +280,12 @@ class Diagnosis:
                 if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:
-                    lines.append(f"    equally likely on these logs: {', '.join(equals)}")
+                    lines.append(f"    equals on these logs: {', '.join(equals)}")
         lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []
         if self.leftover and self.rest:
             lines.append(f"  unexplained structure: {self._left}")
             if self.found:
-                lines.append("  the error bars above assume that nothing is left: here they are too small")
+                lines.append("  the error bars above assume a complete model: here they are too small")
         if self.learned:
             lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
         if self.plant is not None and self.confirmed:

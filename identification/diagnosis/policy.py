@@ -120,7 +120,10 @@ class DecisionPolicy:
     round_iterations: int = _rule(4, "iterations in a round of the multi-start", COST, "iterations")
     rounds: int = _rule(8, "rounds of the multi-start at most", COST, "rounds")
     catches_up: float = _rule(
-        3.0, "a fit must be able to reach the best within so many rounds at its last pace", DEV, "rounds"
+        3.0,
+        "a fit goes on only if it could reach the best within so many rounds at the pace of its last one",
+        DEV,
+        "rounds",
     )
     rivals: int = _rule(2, "fits, besides the look-alikes, that restart from the best fit's parameters", COST, "fits")
     special: float = _rule(
@@ -161,7 +164,7 @@ class DecisionPolicy:
     stands_out: float = _rule(
         3.0, "a smoothed torque is marked in time if it exceeds so many of its own deviations", THEORY
     )
-    shortest: float = _rule(1.0, "shorter stretches between gaps are not looked at", THEORY, "s")
+    shortest: float = _rule(1.0, "shorter stretches between breaks of the clock are not looked at", THEORY, "s")
     samples: int = _rule(
         100_000, "a search takes so many samples at most: of more, some all along and what says most about θ", COST
     )
@@ -175,7 +178,7 @@ class DecisionPolicy:
         "McGill's log",
     )
     far: float = _rule(1.5, "an error of more than so many times the noise floor says that more is missing", DEV)
-    worth: float = _rule(0.05, "a further, small effect must close this share of the held-out gap", THEORY)
+    worth: float = _rule(0.05, "a further, small effect must have this closed share on held-out data", THEORY)
     beyond: float = _rule(
         0.05,
         "held-out logs alone do not speak against what depends on the arm's angle if it leaves the searched angles for "

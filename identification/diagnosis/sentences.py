@@ -34,7 +34,7 @@ def misses(naming: Naming) -> str:
     which = [i for i, suspect in enumerate(naming.accepted) if suspect.name in own]
     names = [naming.accepted[i].name for i in which]
     same = [naming.same[i] for i in which] if naming.same else ()
-    either = ", or a look-alike that these logs cannot tell from it" if any(naming.apart[i] for i in which) else ""
+    either = ", or one of its equals, which explain these logs as well" if any(naming.apart[i] for i in which) else ""
     text = f"The model misses {effects(names, same)}{either}."
     for suspect in naming.accepted:
         if (of := naming.describes(suspect.name)) is not None:
@@ -60,7 +60,7 @@ def only_sharpness(ratio: float) -> str:
     """That friction is softer or sharper than the paper has it, which shows in no prediction."""
     return (
         "No effect of the library is needed. Friction sets in at another sharpness than the paper's, which shows in no "
-        f"prediction: without it the error on held-out data is {ratio:.2f} times what noise alone would leave. r is "
+        f"prediction: without it the error on held-out data is {ratio:.2f} times the noise floor. r is "
         "fitted like the other parameters."
     )
 
@@ -112,12 +112,12 @@ def vetoed(names: Sequence[str]) -> str:
 
 def still_off(ratio: float) -> str:
     """How far off held-out data are predicted with everything found."""
-    return f"Predictions of held-out data are still {ratio:.1f} times as far off as noise alone would make them."
+    return f"The error on held-out data is still {ratio:.1f} times the noise floor."
 
 
 def astray(ratio: float, together: float | None, far: float) -> str:
     """How far off held-out data are predicted, and with the parameters fitted to them as well."""
-    told = f"Predictions of held-out data are {ratio:.1f} times as far off as noise alone would make them"
+    told = f"The error on held-out data is {ratio:.1f} times the noise floor"
     if together is None:
         return f"{told}, though nothing stands out of the noise on the searched logs."
     if together > far:

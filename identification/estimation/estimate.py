@@ -185,12 +185,17 @@ class Estimate:
         if self.stretches:
             lines.append(f"  fitted on {spans_text(self.stretches)}: what says most about θ; --all takes every sample")
         if self.u_max_guessed:
-            limit = f"{self.plant.u_max:g} {self.plant.unit}"
-            why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
-            lines.append(f"  u_max = {limit} (largest command {self.largest_command:.3g}, {why}); set it with --u-max")
+            lines.append(f"  {self.u_max_told}; set it with --u-max")
         lines.append(f"Verdict: {self.verdict}")
         lines += [f"  ! {w}" for w in (*self.identifiability.advice, *self.warnings)]
         return "\n".join(lines)
+
+    @property
+    def u_max_told(self) -> str:
+        """The guessed u_max, and from what it was guessed."""
+        why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
+        limit = f"{self.plant.u_max:g} {self.plant.unit}"
+        return f"u_max = {limit} (largest command {self.largest_command:.3g}, {why})"
 
     @property
     def verdict(self) -> str:

@@ -126,8 +126,8 @@ class Gap:
                 f"  {name}  rms {rms} mrad{inside}, floor {floor} mrad "
                 f"(readings alone {readings}), fit {self.fits[axis]} %"
             )
-        floor = "the spread of the repeated runs" if self.repeats else "noise alone"
-        rows.append(f"  {self.ratio_to_floor:.2f} times what {floor} would leave: {self.verdict}")
+        floor = "the noise floor (spread of repeated runs)" if self.repeats else "the noise floor"
+        rows.append(f"  {self.ratio_to_floor:.2f} times {floor}: {self.verdict}")
         return "\n".join(rows)
 
     @property
@@ -158,7 +158,7 @@ class Gap:
             if judged.adequacy is Adequacy.UNKNOWN:
                 return f"this says little: {doubt}. Repeat a run, or let `furuta diagnose` look for what is missing"
             seen = "the plant misses something; `furuta diagnose` looks for it"
-            return f"{seen}. The gap is larger than it seems: {doubt}"
+            return f"{seen}. The floor is in doubt, so the gap may be larger: {doubt}"
         if judged.adequacy is Adequacy.UNKNOWN:
             return (
                 "below the floor, which no plant can be. What this one misses looks like torque noise and has raised "
@@ -246,6 +246,12 @@ class ClosedFraction:
 
     value: float
     interval: tuple[float, float]
+
+    def __str__(self) -> str:
+        if not np.isfinite(self.value):
+            return "none: the error was at the floor before"
+        low, high = (100 * end for end in self.interval)
+        return f"{100 * self.value:.1f} % (95 %: {low:.1f} … {high:.1f} %)"
 
 
 def closed_fraction(before: Gap, after: Gap, seed: int = 0, draws: int = 1000, block: float = 1.0) -> ClosedFraction:

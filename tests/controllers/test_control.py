@@ -7,6 +7,7 @@ from controllers import make_controller
 from controllers.design import Weights, choose_sensors
 from controllers.known_effects import KnownEffects
 from controllers.lqr import design_dlqr
+from controllers.predictor import Predictor
 from controllers.region import region_of_attraction
 from controllers.swing_up import design_swing_up
 from controllers.trials import Starts, balance_starts, run_trials, swing_up_starts
@@ -156,6 +157,26 @@ class TestKnownEffects:
         Y = Sensors(None).read(X, np.repeat(p[:, None], 20, axis=1), codes, np.random.default_rng(0))
         assert np.abs(Y - X[:2]).max() > 0.03
         assert KnownEffects(real).angles(Y) == pytest.approx(X[:2], abs=1e-5)
+
+    @pytest.mark.parametrize("name", ["lqr", "lqg", "lqi", "lqg-friction", "swing-up"])
+    def test_the_encoders_zeros_of_the_plant_file_are_undone(self, name):
+        """Readings that are off by a known offset give the true arm at zero; without it the arm stays away."""
+        rig = QUBE.replace(sensors={"offset": [0.3, 0.02]})
+        controller = make_controller(name, rig)
+        assert controller.feedback_gain is None
+        run = simulate(rig, controller, 8.0, sensors=choose_sensors(rig, None), x0=(0.1, 0.02, 0.0, 0.0))
+        assert np.abs(run.measured[0] - run.state[0, :2]).max() > 0.25
+        assert np.abs(run.state[-500:, 0].mean()) < 0.06
+        assert np.abs(run.state[-500:, 1].mean()) < 0.003
+
+    def test_friction_stays_smooth_where_an_effect_sharpens_it(self):
+        """Estimated speeds are noisy, so a controller's friction turns over at its own speed, not at the rig's."""
+        sharp = QUBE.with_effects(Effect("friction_sharpness", {"r1": 1000.0, "r2": 1000.0}))
+        x = np.array([0.0, 0.5, 0.01, 0.0])
+        assert KnownEffects(sharp).torque_for(3.0, x) == pytest.approx(KnownEffects(QUBE).torque_for(3.0, x))
+        assert max(Predictor(sharp, 0.004, Sensors()).plant.sharpest) <= 30.0
+        soft = QUBE.with_effects(Effect("friction_sharpness", {"r1": 8.0, "r2": 0.0}))
+        assert Predictor(soft, 0.004, Sensors()).plant.sharpest == (8.0, 30.0)
 
 
 class TestSwingUp:

@@ -108,9 +108,7 @@ def test_fuzzed_linear_headers(law, single, tmp_path):
     assert set(off) >= {0, 1, 2}
     assert (u != 0).mean() > 0.1
 
-    calm = [(again, q1, q2, 0.1) for again, q1, q2, _ in rows if abs(q1) <= 1e4 and abs(q2) <= 1e4]
-    u, off = played(program, calm)
-    ours, reasons = in_python(controller, envelope, calm)
+    ours, reasons = in_python(controller, envelope, rows)
     if not single:
         assert reasons == off.tolist()
         np.testing.assert_allclose(u, ours, atol=1e-9 * envelope.u_max)
@@ -134,9 +132,7 @@ def test_fuzzed_policy_headers(memory, single, tmp_path):
     check(u, off, rows, envelope, 0.02)
     assert (u != 0).mean() > 0.1
     if memory:  # it begins anew at each reset, as in Python
-        calm = [(again, q1, q2, 0.1) for again, q1, q2, _ in rows if abs(q1) <= 1e4 and abs(q2) <= 1e4]
-        u, off = played(program, calm)
-        ours, reasons = in_python(controller, envelope, calm)
+        ours, reasons = in_python(controller, envelope, rows)
         same = np.array(reasons) == off
         assert same.mean() > (0.99 if single else 0.9999)
         assert np.median(np.abs(u - ours)[same]) < 1e-3 * envelope.u_max
@@ -146,11 +142,11 @@ def test_fuzzed_policy_headers(memory, single, tmp_path):
 def in_python(controller, envelope, rows):
     """Commands and reasons of the same rows from the controller in Python."""
     inside = Guarded(controller, envelope)
-    controller.reference = 0.1
     ours, reasons = [], []
-    for again, q1, q2, _ in rows:
+    for again, q1, q2, reference in rows:
         if again:
             inside.reset()
+        controller.reference = reference
         ours.append(inside((q1, q2)))
         reasons.append(REASONS.index(inside.off))
     return np.array(ours), reasons
@@ -190,6 +186,8 @@ class TestEachRule:
             ({"arm_travel": 0.5}, [(0.6, 0.0)], "arm"),
             ({"arm_speed": 5.0}, [(0.0, 0.0), (0.03, 0.0)], "speed"),
             ({}, [(0.0, 1.7)], "tilt"),
+            ({"arm_speed": 5.0, "resolution": 0.006}, [(0.0, 0.0), (0.03, 0.0)], "speed"),
+            ({"arm_speed": 5.0}, [(0.0, 0.0), (math.nan, 0.0), (0.05, 0.0)], "speed"),
             ({"bad_readings": 2}, [(math.nan, 0.0), (0.0, math.inf)], "reading"),
         ],
     )
@@ -201,6 +199,46 @@ class TestEachRule:
         assert inside((0.1, 0.1)) == 0.0
         inside.reset()
         assert inside((0.1, 0.1)) != 0.0
+
+    def test_one_count_of_the_encoder_is_no_speed(self):
+        """1024 counts at 1 ms: a count is 6 rad/s, and a healthy arm turns at 0.5 rad/s."""
+        count = 2 * math.pi / 1024
+        plant = QUBE.replace(limits={"arm_speed": 5.0}, sensors={"encoder_counts": 1024})
+        inside = Guarded(make_controller("dlqr", plant, 0.001))
+        for k in range(200):
+            inside((count * round(0.5e-3 * k / count), 0.0))
+        assert inside.off == "on"
+        inside((inside._last[0] + 2 * count, 0.0))
+        assert inside.off == "speed"
+
+    def test_missed_samples_span_their_time(self):
+        inside = guarded(arm_speed=5.0)
+        for q1 in (0.0, math.nan, math.nan, 0.055):  # in 12 ms
+            inside((q1, 0.0))
+        assert inside.off == "on"
+
+    @pytest.mark.parametrize("name", ["lqr", "lqg", "lqi"])
+    @pytest.mark.parametrize("missed", [1, 2])
+    def test_a_dropped_reading_makes_no_kick(self, name, missed):
+        """The arm turns steadily: the command is that of a law that saw every sample, not of one that saw a jump."""
+        whole, broken = (Guarded(make_controller(name, QUBE, 0.004)) for _ in range(2))
+        for k in range(40):
+            y = 0.004 * k, 0.0008 * k
+            expected = whole(y)
+            found = broken((math.nan, math.nan) if 20 <= k < 20 + missed else y)
+            assert found == (0.0 if 20 <= k < 20 + missed else pytest.approx(expected, abs=1e-9))
+
+    @pytest.mark.parametrize("bad", [math.nan, math.inf, 2e4])
+    def test_a_bad_reference_is_a_bad_reading(self, bad):
+        inside, plain = guarded(), guarded()
+        inside.controller.reference = lambda t: bad if 0.0115 < t < 0.0185 else 0.1  # two samples
+        plain.controller.reference = 0.1
+        told = [(inside((0.01 * k, 0.02)), plain((0.01 * k, 0.02))) for k in range(10)]
+        assert [ours for ours, _ in told[3:5]] == [0.0, 0.0]
+        assert [ours for ours, _ in told[5:]] == pytest.approx([other for _, other in told[5:]])
+        inside.controller.reference = bad
+        assert [inside((0.1, 0.02)) for _ in range(3)] == [0.0] * 3
+        assert inside.off == "reading"
 
     def test_soft_start_and_slew(self):
         full, soft = guarded()((0.0, 0.1)), guarded(soft_start=0.04)
@@ -215,6 +253,9 @@ class TestEachRule:
         assert (inside((0.0, 0.1)), inside.off) == (0.0, "law")
 
     def test_bad_numbers_are_refused(self):
-        for change in ({"slew": 0.0}, {"tilt": -1}, {"arm_travel": math.nan}, {"soft_start": math.inf}):
+        for change in (
+            *({"slew": 0.0}, {"tilt": -1}, {"arm_travel": math.nan}, {"soft_start": math.inf}),
+            *({"bad_readings": math.inf}, {"bad_readings": 2.5}, {"resolution": math.inf}),
+        ):
             with pytest.raises(ValueError, match="envelope"):
                 guarded(**change)

@@ -46,6 +46,10 @@ CASES = {
         QUBE.with_effects(Effect("input_dead_zone", {"w": 0.1}), Effect("input_offset", {"b": 0.2})),
         "dlqr",
     ),
+    "zeros of both encoders": (
+        QUBE.replace(sensors={"offset": [0.3, -0.02]}).with_effects(Effect("pendulum_encoder_offset", {"b": 0.05})),
+        "lqg",
+    ),
     "tilt and encoder offset": (
         QUBE.with_effects(QUBE.default_effect("base_tilt"), Effect("pendulum_encoder_offset", {"b": 0.02})),
         "lqr-friction",

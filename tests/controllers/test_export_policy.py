@@ -150,6 +150,8 @@ def test_onnx_for_a_weaker_amplifier_is_driven_by_its_own_metadata(policy, tmp_p
         last = float(command[0, 0])
         assert last == pytest.approx(controller(y), abs=1e-3)
     assert float(about["u_max"]) == WEAKER.u_max
+    many = controller.history > 1
+    assert ("oldest first; at the first step all are the first one" in about["observation"]) == many
 
 
 WEAKER = QUBE.replace(u_max=0.4 * QUBE.u_max)

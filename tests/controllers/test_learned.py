@@ -169,6 +169,19 @@ def test_without_a_sample_time_it_plays_on_the_plants_clock(policy_file):
         assert controller.every * controller.sample_time == pytest.approx(0.01)
 
 
+def test_without_a_record_of_its_period_it_acts_as_often_alone_as_compared(policy_file, tmp_path):
+    """At the env's own period for the plant, whatever the clock of the trials."""
+    path = rewritten(policy_file, tmp_path / "small.zip", env={"task": "balance", "history": 2})
+    for clock, period in ((None, 0.01), (0.004, 0.004)):
+        plant = QUBE.replace(sample_time=clock)
+        alone = make_controller(path, plant)
+        compared = compare(plant, [path, "dlqr"], trials=1, duration=0.5, groups=("balance",)).policies["small.zip"]
+        for policy in (alone, compared):
+            assert policy.every * policy.sample_time == pytest.approx(period)
+    with pytest.raises(ValueError, match=r"no record of its sample time, so 0.01 s are taken.*play at 0.02 s"):
+        make_controller(path, QUBE.replace(sample_time=None), 0.02)
+
+
 def test_a_controller_is_played_at_its_own_sample_time():
     policy = make_controller("lqr", QUBE, 0.004)
     assert simulate(QUBE.replace(sample_time=None), policy, 0.1).t[1] == pytest.approx(0.004)

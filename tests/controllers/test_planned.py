@@ -9,7 +9,7 @@ from controllers import make_controller
 from controllers.base import DesignError
 from controllers.design import design_model
 from controllers.exports.c import c_header
-from controllers.planned import _moved_by_torque, _slopes, design_planned
+from controllers.planned import BALANCING, CALMING, _moved_by_torque, _slopes, design_planned
 from controllers.planning import MARGIN, SHARPEST, on_symbols, plan_swing_up
 from controllers.trials import run_trials, swing_up_starts
 from furuta_gym.plant import QUBE, Effect, Plant
@@ -96,6 +96,24 @@ def test_a_pendulum_that_swings_is_calmed_first(casadi) -> None:
     assert outcome.settling.min() > plan.duration
 
 
+def test_a_narrow_travel_is_kept_from_every_start(casadi) -> None:
+    """A plan from where the arm is would leave it: the arm is brought towards zero first."""
+    narrow = QUBE.replace(limits={"arm_travel": 1.6})
+    plan = plan_swing_up(narrow, COARSE)
+    starts = swing_up_starts(40, np.random.default_rng(5))
+    assert (np.abs(starts.x0[0] + plan.state[0][:, None]).max(axis=0) > 1.6).any()
+    outcome = run_trials(narrow, design_planned(narrow, plan=plan), starts, 8.0, 0.004, swing_up=True)
+    assert outcome.success.all()
+    assert outcome.largest_q1.max() < 1.6
+
+
+def test_it_catches_where_the_arm_has_room(casadi) -> None:
+    narrow = QUBE.replace(limits={"arm_travel": 1.6})
+    controller = design_planned(narrow, plan=plan_swing_up(narrow, COARSE))
+    controller(np.array([[0.1, 1.5], [0.02, 0.02]]))
+    assert controller.phase.tolist() == [BALANCING, CALMING]
+
+
 def test_slopes_upright_are_those_of_the_linear_plant() -> None:
     smooth = LAGGED.replace(theta=[*QUBE.theta[:7], 0.0, 0.0])
     model = design_model(smooth, 0.004)
@@ -108,6 +126,11 @@ class TestRefusals:
     def test_effects_that_no_plan_knows(self, casadi) -> None:
         with pytest.raises(DesignError, match="not arm_spring"):
             make_controller("planned", QUBE.with_effects(QUBE.default_effect("arm_spring")))
+
+    def test_a_plan_that_leaves_the_travel(self, casadi) -> None:
+        wide, narrow = plan_swing_up(LAGGED, COARSE), LAGGED.replace(limits={"arm_travel": 0.5})
+        with pytest.raises(DesignError, match=r"beyond 0.9 of its travel of 0.5 rad; give another plan"):
+            design_planned(narrow, plan=wide)
 
     def test_without_casadi(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "casadi", None)

@@ -43,9 +43,21 @@ REFUSED = {
     "endless start": (("qube", "lqr", "--soft-start", "1e300"), "lqr.h", ("--soft-start 1e+300", "60")),
     "no period": (("qube", "lqr", "--sample-time", "0"), "lqr.h", ("--sample-time 0.0", "seconds")),
     "no period of a policy": (("qube", str(POLICY), "--sample-time", "0"), "p.h", ("--sample-time 0.0", "seconds")),
+    "other period of a policy": (
+        ("qube", str(POLICY), "--sample-time", "0.004"),
+        "p.h",
+        ("--sample-time 0.004", "expected 0.02 s", "policy"),
+    ),
+    "other period in ONNX": (("qube", str(POLICY), "--sample-time", "0.01"), "p.onnx", ("0.01: expected 0.02 s",)),
     "tiny period": (("qube", str(POLICY), "--sample-time", "1e-320"), "p.h", ("--sample-time", "1e-6")),
     "period that is none": (("qube", str(POLICY), "--sample-time", "nan"), "p.h", ("--sample-time nan",)),
 }
+
+
+def test_the_policy_s_own_period_may_be_said(tmp_path: Path) -> None:
+    result = furuta("export", "qube", POLICY, "--sample-time", 0.02, "-o", tmp_path / "p.h")
+    assert result.exit_code == 0, result.output
+    assert "once every 0.02 s" in (tmp_path / "p.h").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("case", REFUSED)

@@ -82,9 +82,9 @@ def test_a_report_of_the_fit_and_of_its_validation(file: Path, tmp_path: Path) -
     assert "The test is a log that was not." in html
     result = CliRunner().invoke(app, ["validate", str(rig), str(file), "--report", str(other)])
     assert result.exit_code == 0, result.output
-    ratio = result.stdout.split(" times what noise alone")[0].split()[-1]
-    assert f"its error is {ratio} times what noise alone leaves" in other.read_text(encoding="utf-8")
-    assert "log.csv: fitted by this plant" in other.read_text(encoding="utf-8")
+    ratio = result.stdout.split(" times the noise floor")[0].split()[-1]
+    assert f"its error is {ratio} times the noise floor" in other.read_text(encoding="utf-8")
+    assert "log.csv: the plant was fitted to it" in other.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", ["page.txt", "log.csv", "no.html/page"])

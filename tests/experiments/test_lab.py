@@ -12,7 +12,7 @@ import pytest
 
 from experiments.bench import catalogue
 from experiments.lab import rigs, vault
-from experiments.lab.marking import marked
+from experiments.lab.marking import marked, read_diagnosis
 from experiments.trials.seal import rig_of, seal
 from experiments.trials.trial import Hidden, Trial
 from tests.commands import furuta, refused
@@ -90,6 +90,7 @@ def test_rigs_follow_from_the_secret_and_those_that_fall_are_passed_over() -> No
     def drawn(secret: int, fall: str = "", **more: Any) -> list[tuple[str, str]]:
         def sealed(trial: Trial) -> dict[str, Any]:
             assert all(h.ratio is None or h.ratio >= rigs.PLAIN for h in trial.hidden)
+            assert trial.experiment == "paper"  # another one would tell what is hidden
             about = {"trial": trial.to_dict(), "subject": trial.subject}
             return about | ({"problem": "the pendulum is lost"} if trial.subject == fall else {})
 
@@ -104,6 +105,13 @@ def test_rigs_follow_from_the_secret_and_those_that_fall_are_passed_over() -> No
     fallen = next(subject for subject in subjects if subject != "none")
     assert fallen not in [subject for _, subject in drawn(7, fallen)]
     assert any("+" in subject for _, subject in drawn(7, kinds=["two"]))
+    assert len(drawn(7, kinds=list(rigs.WEIGHTS))) == 6
+    cables = rigs.draw(2, 7, kinds=["library"], effects=["arm_cable"], seal=lambda trial: trial.to_dict())
+    assert {trial["rig"] for trial in cables} <= {"servo", "desk"}
+    with pytest.raises(ValueError, match=r"'paper', which hardly shows pendulum_quadratic_drag on rigs of table3, "):
+        drawn(7, effects=["arm_spring", "pendulum_quadratic_drag"])
+    with pytest.raises(ValueError, match="hardly shows arm_cable on rigs of table3;"):
+        drawn(7, effects=["arm_cable"], rigs=["table3"])
     with pytest.raises(ValueError, match="unknown kinds: hard"):
         drawn(7, kinds=["hard"])
     with pytest.raises(ValueError, match=r"only \d+ rigs for 6 groups"):
@@ -159,6 +167,19 @@ def test_marks_in_words(kind: str, hidden: tuple[Hidden, ...], verdict: str, say
     assert says in marked(sealed, {"verdict": verdict, "effects": effects})[1]
 
 
+def test_errors_that_were_not_measured_are_no_hindrance(spring: dict[str, Any], tmp_path: Path) -> None:
+    file = diagnosis(tmp_path, "none")
+    plain = json.loads(file.read_text())
+    for gap in (None, {"after": {"rms_q1": None, "rms_q2": 1e-3}, "noise_floor": {"rms_q1": 1e-3, "rms_q2": None}}):
+        file.write_text(json.dumps(plain | {"gap": gap}))
+        outcome, said, _ = marked(spring, read_diagnosis(file))
+        assert said.startswith("Wrong: an effect is hidden")
+        assert outcome.after_over_floor is None
+    measured = {"rms_q1": 2e-3, "rms_q2": 2e-3}
+    file.write_text(json.dumps(plain | {"gap": {"after": measured, "noise_floor": {"rms_q1": 1e-3, "rms_q2": 1e-3}}}))
+    assert marked(spring, read_diagnosis(file))[0].after_over_floor == pytest.approx(2.0)
+
+
 def test_another_key_is_one_sentence(group: Path, tmp_path: Path) -> None:
     key = tmp_path / "other.txt"
     key.write_text("another key\n")
@@ -171,12 +192,18 @@ def test_another_key_is_one_sentence(group: Path, tmp_path: Path) -> None:
 def test_what_cannot_be_marked_is_refused(group: Path, tmp_path: Path) -> None:
     command = ("bench", "reveal", group / "sealed.json", "--key-file", group.parent / "key.txt", "--diagnosis")
     wrong = tmp_path / "wrong.json"
+    sound = {"schema": "furuta-diagnosis/1", "verdict": "named", "effects": []}
+    ripple = {"name": "arm_ripple", "parameters": {"φ": {"value": 0.1}}}
     for text, words in (
         ("no json", "is not JSON"),
         ('{"verdict": "named"}', "expected a diagnosis.json"),
         ('{"schema": "furuta-diagnosis/1", "verdict": "spring"}', "verdict 'spring' given"),
         ('{"schema": "furuta-diagnosis/1", "verdict": "named", "effects": [{"name": 1}]}', "every entry of effects"),
         ('{"schema": "furuta-diagnosis/1", "verdict": "named"}', "every entry of effects"),
+        (json.dumps(sound | {"effects": [ripple]}), "and A beside φ"),
+        (json.dumps(sound | {"gap": [1]}), "gap must be null"),
+        (json.dumps(sound | {"gap": {"after": {"rms_q1": "small"}}}), "gap must be null"),
+        (json.dumps(sound | {"absorbed": 1}), "absorbed 1 given"),
     ):
         wrong.write_text(text)
         refused(furuta(*command, wrong), "wrong.json", words)

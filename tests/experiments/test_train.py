@@ -14,7 +14,7 @@ import pytest
 
 from controllers import make_controller
 from controllers.recipes import discount, observation_scale, recipe, training_period
-from controllers.training_record import OTHER_SEED
+from controllers.seeds import BUILT_SEED, FINAL_SEED, OTHER_SEED
 from controllers.trials import balance_starts, run_trials
 from furuta_gym.declared import checked
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
@@ -76,9 +76,30 @@ def test_a_finished_policy_goes_on(trained: Path, tmp_path: Path) -> None:
     assert len(record["resumed_at"]) == 1
     before = json.loads(trained.with_suffix(".json").read_text())
     assert record["best_return"] >= before["best_return"]
+    assert (record["seed"], record["earlier_seeds"]) == (3, [3])
+    assert record["spent"]["cpu_s"] > before["spent"]["cpu_s"], "of both sittings"
 
 
-def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+def test_a_finished_policy_goes_on_with_another_seed_beyond_those_of_its_judges(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from stable_baselines3 import PPO
+
+    path = tmp_path / "policy.zip"
+    path.write_bytes(trained.read_bytes())
+    seeds, set_seed = [], PPO.set_random_seed
+    monkeypatch.setattr(PPO, "set_random_seed", lambda model, seed: (seeds.append(seed), set_seed(model, seed)))
+    result = furuta(
+        *("train", "--plant", "qube", "--seed", 5, "-o", path, "--resume", "--steps", 150_000, "--json"),
+    )
+    assert result.exit_code == 0, result.output
+    record = json.loads(result.stdout)
+    assert (record["seed"], record["earlier_seeds"]) == (5, [3])
+    assert min(seeds[-1] - record["seed"] - judge for judge in (OTHER_SEED, FINAL_SEED, BUILT_SEED)) > 1_000_000
+
+
+def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from controllers.spent import Clock
     from controllers.training import Training, train
 
     path = tmp_path / "policy.zip"
@@ -92,8 +113,16 @@ def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
         train(training, path, progress=stop)
     assert not path.exists()
     assert [len(list(kept.iterdir())) for kept in path.with_suffix(".checkpoint").iterdir()] == [5, 5]
-    refused(furuta("train", "--plant", "qube", "--algo", "sac", "-o", path), "exists", "--resume")
+    again = ("train", "--plant", "qube", "--algo", "sac", "-o", path)
+    refused(furuta(*again), "exists", "--resume")
+    other = ("--steps", 2400, "--seed", 1, "--resume")
+    refused(furuta(*again, *other), "begun with --seed 0, and now 1 is asked for", "give --seed 0")
+    spent = json.loads((max(path.with_suffix(".checkpoint").iterdir()) / "state.json").read_text())["spent"]
+    assert spent["cpu_s"] > 0.1
+    monkeypatch.setattr(Clock, "after", lambda clock, before: {"wall_s": before.wall_s + 1, "cpu_s": before.cpu_s + 2})
     record = train(training, path, resume=True)
+    assert record["spent"] == {"wall_s": spent["wall_s"] + 1, "cpu_s": spent["cpu_s"] + 2}
+    assert record["earlier_seeds"] == []
     assert 1000 < record["resumed_at"][0] <= 2000
     assert record["steps"] == 2400
     assert not path.with_suffix(".checkpoint").exists()
@@ -143,7 +172,7 @@ def test_a_resumed_run_equals_one_that_was_never_stopped(
 def test_the_robust_recipe_gives_what_nobody_says(tmp_path: Path) -> None:
     path = tmp_path / "policy.zip"
     limited = QUBE.replace(limits={"arm_travel": 2.5}).save(tmp_path / "rig.json")
-    words = ("--recipe", "robust", "--steps", 1, "--history", 4, "--reward", "gentle=0.6", "--reward", "calm=0.2")
+    words = ("--recipe", "robust", "--steps", 1, "--history", 4, "--reward", "calm=0.2", "--arm-margin", 0)
     words = ("--task", "swing_up", *words)
     result = furuta("train", "--plant", limited, "-o", path, *words, "--noise", 0.001, "--curriculum", 0.8)
     assert result.exit_code == 0, result.output
@@ -153,8 +182,8 @@ def test_the_robust_recipe_gives_what_nobody_says(tmp_path: Path) -> None:
     record = json.loads(path.with_suffix(".json").read_text())
     env = record["env"]
     assert (record["recipe"], record["settings"]["net_arch"], env["history"]) == ("robust", [64, 64], 4)
-    assert env["reward_weights"] == {"gentle": 0.6, "calm": 0.2}
-    assert (env["arm_limit"], env["arm_margin"], env["noise_std"]) == (2.5, 1.0, 0.001)
+    assert env["reward_weights"] == {"gentle": 0.3, "calm": 0.2}
+    assert (env["arm_limit"], env["arm_margin"], env["noise_std"]) == (2.5, 0.0, 0.001)
     assert env["randomize"]["arm_spring.k"] == "uniform:0,0.6"
     assert env["observe_command"] is True
     assert not {"theta", "input_delay", "arm_spring", "noise_std"} & set(record["not_trained_for"])
@@ -162,6 +191,16 @@ def test_the_robust_recipe_gives_what_nobody_says(tmp_path: Path) -> None:
     assert record["drawn_rigs"]["episodes"] == 200
     policy = make_controller(path, QUBE, 0.004)
     assert (policy.history, policy.arm_limit, policy.every) == (4, 2.5, 5)
+
+
+def test_what_is_said_beats_the_recipe_and_nothing_else_changes() -> None:
+    from controllers.training import Training
+
+    robust = Training.of_recipe(QUBE, "robust", reward_weights={"calm": 0.2}, arm_margin=0.0)
+    assert robust.env["reward_weights"] == {"gentle": 0.3, "calm": 0.2}
+    assert robust.env["arm_margin"] == 0.0
+    assert Training.of_recipe(QUBE, "robust", reward_weights={"gentle": 0.0}).env["reward_weights"] == {"gentle": 0.0}
+    assert Training.of_recipe(QUBE, "plain", reward_weights=None).env["reward_weights"] == {}
 
 
 def test_levels_follow_success() -> None:

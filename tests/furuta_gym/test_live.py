@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from furuta_gym import LivePlant, Sensors, simulate
-from furuta_gym.plant import QUBE, TABLE_3
+from furuta_gym.plant import QUBE, TABLE_3, Effect
 from furuta_gym.simulation import open_loop
 from tests.factories import PaperPolicy
 
@@ -33,6 +33,15 @@ def test_it_moves_as_simulate_moves_it_also_where_old_commands_are_forgotten(kep
     live = LivePlant(LATE, 0.002, Sensors(), START, samples=kept)
     np.testing.assert_allclose(played(live, len(run)), run.state, rtol=0, atol=1e-12)
     assert live.t == pytest.approx(1.0)
+
+
+def test_a_delay_of_many_samples_is_kept_in_mind() -> None:
+    late = TABLE_3.with_effects(Effect("input_delay", {"d": 0.05}))  # of 5000 samples
+    run = simulate(late, open_loop(1.0), 0.054, 1e-5, x0=START)
+    live = LivePlant(late, 1e-5, x0=START)
+    for state in run.state:
+        np.testing.assert_allclose(live.state, state, rtol=0, atol=1e-12)
+        live.step(1.0)
 
 
 def test_a_torque_pushes_its_own_row() -> None:

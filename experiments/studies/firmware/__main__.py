@@ -19,6 +19,7 @@ from pathlib import Path
 from controllers import make_controller
 from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
+from controllers.learned import LearnedController
 from controllers.policies import FOLDER
 from experiments.cli.errors import explained
 from furuta_gym.plant import Plant
@@ -110,6 +111,7 @@ def headers(plant: Plant) -> dict[str, str]:
     """The C of each controller: two designed ones, and a policy that comes with the project."""
     designed = {name: c_header(make_controller(name, plant), single=True) for name in ("lqr", "lqg")}
     policy = make_controller(str(FOLDER / "balance-qube.zip"), plant)
+    assert isinstance(policy, LearnedController)
     return designed | {"balance-qube.zip": policy_c_header(policy, single=True)}
 
 

@@ -53,7 +53,7 @@ def main(
         check_folder(work)
         conditions = leaderboard_conditions(rig, trials)
         if page_only:
-            blocks = collected(contestants, seeds, conditions, work)
+            blocks = collected(contestants, seeds, rig, conditions, work)
         else:
             blocks = _run(contestants, seeds, rig, conditions, work, backend, jobs)
         cells = cells_of(contestants, conditions, blocks, DURATION)

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from controllers.conditions import Condition
 from controllers.design import choose_sample_time
+from controllers.training_setup import plant_sha256
 from experiments.workers import workers
 from furuta_gym.files import read_json, write_whole
 from furuta_gym.plant import Plant
 
-from .contestants import Contestant, DesignError, learn, made
+from .contestants import MEND, Contestant, DesignError, check_policy, learn, made
 from .rigs import SEED, sizes
 
 FIGURES = ("settling", "largest_q1", "roughness", "energy")
@@ -31,7 +32,8 @@ Tell = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Block:
-    """The trials of one controller in one condition, (trials,) each; refused: why it could not be made."""
+    """The trials of one controller in one condition, (trials,) each. made_with: what they follow from, see `made_with`.
+    refused: why the controller could not be made."""
 
     contestant: str
     seed: int
@@ -39,6 +41,7 @@ class Block:
     success: list[bool]
     left_travel: list[bool]
     figures: dict[str, list[float]]
+    made_with: dict[str, str | float]
     refused: str = ""
 
     def array(self, figure: str) -> NDArray[np.float64]:
@@ -50,6 +53,11 @@ def block_file(folder: Path, contestant: Contestant, seed: int, condition: str) 
     """Where a block is kept."""
     plain = re.sub(r"[^\w.]+", "-", condition).strip("-")
     return folder / "trials" / f"{contestant.name}-{seed}" / f"{plain}.json"
+
+
+def made_with(plant: Plant, row: Condition) -> dict[str, str | float]:
+    """What the trials of a condition follow from, its name and the controller's apart; as a block keeps it."""
+    return {"plant_sha256": plant_sha256(plant), "trials": row.trials, "duration": row.duration, "seed": SEED}
 
 
 def read_block(file: Path) -> Block | None:
@@ -74,30 +82,45 @@ def run(
 ) -> list[Block]:
     """Train what is not trained, play what is not played, and return all blocks. Stop it when you like.
 
-    backend, jobs: see `experiments.workers`; workers of a Dask cluster must see the same folder."""
+    backend, jobs: see `experiments.workers`; workers of a Dask cluster must see the same folder. Raises ValueError
+    as `collected` does, before any work."""
     folder.mkdir(parents=True, exist_ok=True)
-    pairs = [(c, seed) for c in contestants for seed in (range(seeds) if c.learned else (0,))]
+    there = {(b.contestant, b.seed, b.condition) for b in collected(contestants, seeds, plant, conditions, folder)}
+    pairs = _pairs(contestants, seeds)
     with workers(backend, jobs):
         trainings = [delayed(learn)(c, seed, plant, folder.absolute(), command) for c, seed in pairs if c.learned]
         _all(trainings, lambda done: tell("training", done, len(trainings)))
         places = [(c, seed, row) for c, seed in pairs for row in conditions]
-        missing = [p for p in places if read_block(block_file(folder, p[0], p[1], p[2].name)) is None]
+        missing = [(c, seed, row) for c, seed, row in places if (c.name, seed, row.name) not in there]
         trials = [delayed(play)(c, seed, plant, row, folder.absolute()) for c, seed, row in missing]
         _all(trials, lambda done: tell("trials", done, len(trials)))
-    return collected(contestants, seeds, conditions, folder)
+    return collected(contestants, seeds, plant, conditions, folder)
 
 
 def collected(
-    contestants: Sequence[Contestant], seeds: int, conditions: Sequence[Condition], folder: Path
+    contestants: Sequence[Contestant], seeds: int, plant: Plant, conditions: Sequence[Condition], folder: Path
 ) -> list[Block]:
-    """All blocks that are there."""
-    found = [
-        read_block(block_file(folder, c, seed, row.name))
-        for c in contestants
-        for seed in (range(seeds) if c.learned else (0,))
-        for row in conditions
-    ]
-    return [block for block in found if block is not None]
+    """All blocks that are there. Raises ValueError for a policy or a block that was made with something else than what
+    is asked for."""
+    found = []
+    for c, seed in _pairs(contestants, seeds):
+        if c.learned:
+            check_policy(c, seed, plant, folder)
+        for row in conditions:
+            file = block_file(folder, c, seed, row.name)
+            block = read_block(file)
+            if block is None:
+                continue
+            for key, wanted in made_with(plant, row).items():
+                if (had := block.made_with.get(key)) != wanted:
+                    raise ValueError(f"{file} was played with {key} = {had}, and now {wanted} is asked for; {MEND}")
+            found.append(block)
+    return found
+
+
+def _pairs(contestants: Sequence[Contestant], seeds: int) -> list[tuple[Contestant, int]]:
+    """Each contestant with each seed of its training."""
+    return [(c, seed) for c in contestants for seed in (range(seeds) if c.learned else (0,))]
 
 
 def _all(tasks: list, tell: Callable[[int], None]) -> None:
@@ -111,7 +134,8 @@ def play(contestant: Contestant, seed: int, plant: Plant, row: Condition, folder
     try:
         policy = made(contestant, seed, plant, folder, T)
     except DesignError as error:
-        block = Block(contestant.name, seed, row.name, [], [], {name: [] for name in FIGURES}, str(error))
+        empty: dict[str, list[float]] = {name: [] for name in FIGURES}
+        block = Block(contestant.name, seed, row.name, [], [], empty, made_with(plant, row), str(error))
     else:
         outcome = row.play(policy, row.starts(SEED), T, SEED)
         block = Block(
@@ -121,6 +145,7 @@ def play(contestant: Contestant, seed: int, plant: Plant, row: Condition, folder
             outcome.success.tolist(),
             outcome.left_travel.tolist(),
             {name: sizes(getattr(outcome, name)) for name in FIGURES},
+            made_with(plant, row),
         )
     file = block_file(folder, contestant, seed, row.name)
     file.parent.mkdir(parents=True, exist_ok=True)

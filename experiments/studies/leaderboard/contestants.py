@@ -8,8 +8,12 @@ from typing import Any
 
 from controllers import make_controller
 from controllers.base import DesignError
+from controllers.policy_file import read_record
+from controllers.resuming import check_same
 from controllers.training import Training, train
 from furuta_gym.plant import Plant
+
+MEND = "ask for the same, or choose another --work"
 
 
 @dataclass(frozen=True)
@@ -57,13 +61,9 @@ def policy_file(folder: Path, contestant: Contestant, seed: int) -> Path:
     return folder / "policies" / f"{contestant.name}-{seed}.zip"
 
 
-def learn(contestant: Contestant, seed: int, plant: Plant, folder: Path, command: str) -> None:
-    """Train one policy, or go on with a training that was stopped; nothing where it is there already."""
-    path = policy_file(folder, contestant, seed)
-    if path.exists():
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    training = Training.of_recipe(
+def training_of(contestant: Contestant, seed: int, plant: Plant) -> Training:
+    """How a learned one is made."""
+    return Training.of_recipe(
         plant,
         contestant.recipe,
         task="swing_up",
@@ -71,7 +71,30 @@ def learn(contestant: Contestant, seed: int, plant: Plant, folder: Path, command
         steps=contestant.steps,
         seed=seed,
     )
-    train(training, path, resume=path.with_suffix(".checkpoint").exists(), command=command)
+
+
+def check_policy(contestant: Contestant, seed: int, plant: Plant, folder: Path) -> None:
+    """Raises ValueError where the policy that is there was trained in another way than is asked for."""
+    path, training = policy_file(folder, contestant, seed), training_of(contestant, seed, plant)
+    if not path.exists():
+        return
+    record = read_record(path)
+    check_same(training, record, path, MEND)
+    rollout = training.recipe.envs * training.recipe.settings.get("n_steps", 1)  # to whole ones of which steps go up
+    if not training.steps <= record.get("steps", 0) < training.steps + rollout:
+        raise ValueError(
+            f"{path} was trained with steps = {record.get('steps')}, and now {training.steps} is asked for; {MEND}"
+        )
+
+
+def learn(contestant: Contestant, seed: int, plant: Plant, folder: Path, command: str) -> None:
+    """Train one policy, or go on with a training that was stopped; nothing where it is there already."""
+    path = policy_file(folder, contestant, seed)
+    if path.exists():
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    resume = path.with_suffix(".checkpoint").exists()
+    train(training_of(contestant, seed, plant), path, resume=resume, command=command)
 
 
 def made(contestant: Contestant, seed: int, plant: Plant, folder: Path, sample_time: float) -> Any:
@@ -82,4 +105,4 @@ def made(contestant: Contestant, seed: int, plant: Plant, folder: Path, sample_t
     return make_controller(path, plant, sample_time)
 
 
-__all__ = ["ALL", "Contestant", "DesignError", "chosen", "learn", "made", "policy_file"]
+__all__ = ["ALL", "MEND", "Contestant", "DesignError", "check_policy", "chosen", "learn", "made", "policy_file"]

@@ -49,42 +49,47 @@ def tables(
     spent: Mapping[str, Mapping[str, Any]],
     plant: Plant,
 ) -> str:
-    """Markdown: success everywhere, then how, on the rig as it is; best mean success first."""
+    """Markdown: success everywhere, then how, on the rig as it is; best mean success first.
+
+    Only those are ranked that played every rig, with the same number of trainings: a mean over other rigs is another.
+    """
     at = {(c.contestant, c.condition): c for c in cells}
-    mean = {c.name: _mean(c, conditions, at) for c in contestants}
-    ranked = sorted((c for c in contestants if not np.isnan(mean[c.name])), key=lambda c: -mean[c.name])
     names = [row.name for row in conditions]
-    heads = [f"{c.words} ({next(x.seeds for (n, _), x in at.items() if n == c.name)} seeds)" for c in ranked]
-    heads = [head if c.learned else c.words for head, c in zip(heads, ranked, strict=True)]
-    lines = [f"| rig | {' | '.join(heads)} |", "|---" * (len(ranked) + 1) + "|"]
+    played = {c.name: [at[c.name, name] for name in names if (c.name, name) in at] for c in contestants}
+    whole = [c for c in contestants if _is_whole(played[c.name], len(names))]
+    mean = {c.name: float(np.mean([x.success.value for x in played[c.name]])) for c in whole}
+    ranked = sorted(whole, key=lambda c: -mean[c.name])
+    heads = [f"{c.words} ({played[c.name][0].seeds} seeds)" if c.learned else c.words for c in ranked]
+    trained = " or ".join(map(str, sorted({played[c.name][0].seeds for c in ranked if c.learned})))
+    lines = ["Success in %, with its 95 % interval" + (f" of these {trained} trainings." if trained else "."), ""]
+    lines += [f"| rig | {' | '.join(heads)} |", "|---" * (len(ranked) + 1) + "|"]
     for name in names:
-        lines.append(f"| {name} | {' | '.join(_rate(at.get((c.name, name))) for c in ranked)} |")
+        lines.append(f"| {name} | {' | '.join(_rate(at[c.name, name]) for c in ranked)} |")
     lines.append(f"| mean | {' | '.join(f'{100 * mean[c.name]:.1f}' for c in ranked)} |")
     u = plant.unit
     lines += ["", "On the rig as it is:", ""]
     head = f"up after [s] (worst 5 %) | roughness [{u}/s] | effort [{u}² s] | largest arm angle [rad]"
     lines += [f"| controller | {head} | env steps | CPU of a training [s] |", "|---" * 7 + "|"]
     for c in ranked:
-        x = at.get((c.name, names[0]))
-        if x is None or np.isnan(x.settling.value):
+        x = at[c.name, names[0]]
+        if np.isnan(x.settling.value):
             continue
         cost = spent.get(c.name)
-        trained = f"{cost['steps']:,} | {np.mean(cost['cpu_s']):.0f}" if cost else "– | –"
+        training = f"{cost['steps']:,} | {np.mean(cost['cpu_s']):.0f}" if cost else "– | –"
         figures = f"{x.settling.value:.2f} ({x.worst_settling:.2f}) | {_number(x.roughness)} | {_number(x.energy)}"
-        lines.append(f"| {c.words} | {figures} | {x.largest_q1:.1f} | {trained} |")
-    if left := [c.words for c in contestants if c not in ranked]:
+        lines.append(f"| {c.words} | {figures} | {x.largest_q1:.1f} | {training} |")
+    if left := [c.words for c in contestants if c not in ranked and not played[c.name]]:
         lines += ["", f"Not run, or not possible on this rig: {'; '.join(left)}."]
+    if left := [c.words for c in contestants if c not in ranked and played[c.name]]:
+        lines += ["", f"Not ranked, as trials are missing: {'; '.join(left)}."]
     return "\n".join(lines) + "\n"
 
 
-def _mean(c: Contestant, conditions: Sequence[Condition], at: Mapping[tuple[str, str], Cell]) -> float:
-    found = [at[c.name, row.name].success.value for row in conditions if (c.name, row.name) in at]
-    return float(np.mean(found)) if found else float("nan")
+def _is_whole(played: Sequence[Cell], rigs: int) -> bool:
+    return len(played) == rigs and len({cell.seeds for cell in played}) == 1
 
 
-def _rate(x: Cell | None) -> str:
-    if x is None:
-        return "–"
+def _rate(x: Cell) -> str:
     return f"{100 * x.success.value:.3g} ({100 * x.success.low:.3g}–{100 * x.success.high:.3g})"
 
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from controllers.conditions import SWING_UP_PUSH, Condition, built_later, later
+from controllers.conditions import SWING_UP_PUSH, Condition
 from controllers.design import choose_sensors
+from controllers.variations import built_later, later, noisier, weaker
 from furuta_gym.plant import Effect, Plant
 
 DURATION = 15.0  # s
@@ -44,11 +45,10 @@ def leaderboard_conditions(plant: Plant, trials: int) -> list[Condition]:
     wanted = ("0 ms late", "8 ms late", "16 ms late", "24 ms late", "built ±20 %, 8 ms late")
     found = [c for c in robust_conditions(plant, trials) if c.name in wanted or c.name.startswith("cable")]
     plain = found[0]
-    noisy = replace(plain.sensors, noise_std=(0.003, 0.003))
     return [
         *found,
-        swing_up("supply 60 %", plant.replace(u_max=0.6 * plant.u_max), trials, plant),
-        replace(plain, name="noise 3 mrad", sensors=noisy),
+        swing_up("supply 60 %", weaker(plant, 60), trials, plant),
+        replace(plain, name="noise 3 mrad", sensors=noisier(plain.sensors, 3)),
         replace(plain, name="pushed", tap=SWING_UP_PUSH),
     ]
 

@@ -88,7 +88,11 @@ def _adequate(frame: Frame, gap: Gap | None) -> None:
     ahead = f"{gap.horizon:g} s ahead, on the fitted logs"
     with ui.element("div").classes("cards"):
         number_card(
-            "Error over noise floor", f"{ratio:.3g} ×", f"{ahead}; 1 is as good as noise allows", state, str(adequacy)
+            "Gap, times the noise floor",
+            f"{ratio:.3g} ×",
+            f"{ahead}; 1 is as good as noise allows",
+            state,
+            str(adequacy),
         )
         number_card("Fit of the arm", _signed(gap.fit_percent[0]), f"q1, {ahead}")
         number_card("Fit of the pendulum", _signed(gap.fit_percent[1]), f"q2, {ahead}")

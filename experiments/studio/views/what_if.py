@@ -62,7 +62,7 @@ def _picture(frame: Frame, live: Live) -> None:
     log = live.window.log
     with ui.element("div").classes("readout").props("role=status aria-live=off"):
         with ui.element("div").classes("card"):
-            ui.label("Error over noise floor").classes("card-title")
+            ui.label("Gap, times the noise floor").classes("card-title")
             live.ratio = ui.label("…").classes("card-value").mark("ratio")
             live.detail = ui.label("").classes("card-meaning").mark("detail")
         with ui.element("div").classes("card"):

@@ -248,16 +248,16 @@ ARM_EFFECTS = (
     ),
     EffectType(
         name="arm_backlash",
-        title="play between motor and arm",
+        title="backlash between motor and arm",
         place="arm",
         equation="play of width 2b between motor and arm: a rotor of inertia θ1/10 drives the arm through a stop",
         symptom="on each reversal of the command the arm is free for a moment, then is hit",
-        says=lambda b: f"There is a play of {Quantity(2 * b, b.unit)} between motor and arm",
+        says=lambda b: f"There is a backlash of {Quantity(2 * b, b.unit)} between motor and arm",
         parameters=(
             Parameter(
                 "b",
                 "rad",
-                "half-width of the play",
+                "half-width of the backlash",
                 0.01,
                 lower=0.0,
                 upper=1.0,

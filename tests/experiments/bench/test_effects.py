@@ -170,6 +170,12 @@ def test_a_strength_is_found_for_a_wanted_gap(monkeypatch):
             strength_for(Rig("servo"), name, ratio)
 
 
+def test_no_strength_is_given_at_which_the_pendulum_is_lost():
+    late = Rig("servo", [HiddenEffect("input_delay", parameters={"d": 0.08})])
+    with pytest.raises(PendulumLost, match=r"arm_spring on servo, .*lost at the strengths 1, 0\.5, 0\.25"):
+        strength_for(late, "arm_spring", 1.5)
+
+
 @pytest.mark.parametrize("name", ["arm_cable", "arm_taut_cable"])
 def test_a_cables_other_law_has_no_corner_and_pulls_back_everywhere(name):
     """Between the points of its table, at them, and beyond."""

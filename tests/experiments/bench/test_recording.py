@@ -116,6 +116,18 @@ def test_every_processor_makes_the_same_run(kind):
     assert len(set(told)) == 1
 
 
+@pytest.mark.parametrize("noise_free", [False, True])
+def test_a_motion_that_cannot_be_followed_is_a_lost_pendulum(noise_free):
+    torn = Rig("servo", [HiddenEffect("arm_spring", parameters={"k": -1e9})], engine="lagrange")
+    with pytest.raises(PendulumLost, match="lost at t") as loss:
+        record(torn, "paper", seed=1, duration=2.0, noise_free=noise_free)
+    assert not np.isfinite(loss.value.record.state[-1]).all()
+    assert np.isfinite(loss.value.record.q1[:-1]).all()
+    lab = Laboratory(torn, noise_free=noise_free)
+    lab.reset(q=(0.1, 0.0))
+    assert np.isnan([lab.step(0.0) for _ in range(5)][-1]).all()
+
+
 def test_a_policy_takes_the_place_of_the_rigs_own_controller():
     class Own:
         def __init__(self):

@@ -147,7 +147,7 @@ def test_the_command_writes_all_three_files(files, at_once, tmp_path):
     assert found["gap"]["held_out"] is True
     assert found["gap"]["logs"] == ["other.csv"]
     assert found["policy"] == DecisionPolicy().to_dict()
-    assert "gap closed" in result.stdout
+    assert "closed share" in result.stdout
     assert "other.csv" in (out / "report.html").read_text()
     (out / "next_experiment.csv").write_text("an earlier run's")
     (out / "mine.txt").write_text("mine")

@@ -13,10 +13,12 @@ import pytest
 pytest.importorskip("plotly", reason="the report needs the extra 'report'")
 pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 
+from experiments.report import tables
 from experiments.report.search_figures import rankings
-from identification.diagnosis.gap_change import rms_interval
+from identification.diagnosis.gap_change import Part, rms_interval
+from identification.diagnosis.outcome import SecondWitness
 from identification.diagnosis.verify import measure_gap
-from identification.validation.gap import closed_fraction, validate
+from identification.validation.gap import ClosedFraction, closed_fraction, validate
 
 from .asking import Page, build, held, text_of
 
@@ -48,12 +50,12 @@ def test_one_verdict_that_no_section_contradicts(examined):
     assert "no torque stands out of the noise any more" in complete
     assert "remains" not in complete
     short = text_of(build(replace(examined, diagnosis=examined.diagnosis.falling_short(2.4))))
-    assert "Named; a part remains" in short
+    assert "Named; unexplained structure" in short
     assert short.count("2.4 times") >= 2
     for promise in ("Nothing is left", "any more", "the error should stay near the noise floor"):
         assert promise not in short
     vetoed = text_of(build(replace(examined, diagnosis=examined.diagnosis.vetoed())))
-    assert "A cable that pulls like a spring would explain the fitted logs, but the error on new data" in vetoed
+    assert "A cable that pulls like a spring would explain the fitted logs, but the error on held-out data" in vetoed
     assert "Use plant.json in the simulator" not in vetoed
 
 
@@ -63,8 +65,8 @@ def test_the_first_sentence_is_physical_and_its_numbers_are_the_files(examined, 
     before, after = (data["gap"][side]["ratio_to_floor"] for side in ("before", "after"))
     headline = text_of(page[page.index("<h1>") : page.index("</h1>")])
     assert headline == (
-        f"A cable pulls the arm towards {math.degrees(q1n):.0f}°: {k:.3g} V/rad. After adding it, the error on new "
-        f"data falls from {before:.1f} to {after:.1f} times the noise."
+        f"A cable pulls the arm towards {math.degrees(q1n):.0f}°: {k:.3g} V/rad. After adding it, the error on "
+        f"held-out data falls from {before:.1f} to {after:.1f} times the noise floor."
     )
 
 
@@ -95,12 +97,12 @@ def test_bars_show_the_contenders(examined):
 
 
 def test_every_number_of_nats_says_what_it_counts(examined, page):
-    """Those of the bars are net gains on the searched logs, one is of the next readings of new data; no others."""
+    """Those of the bars are net gains on the searched logs, one is of the next readings of held-out data; no others."""
     ranked = {f"{s.net:+.0f}".replace("-", "−") for step in examined.diagnosis.naming.rankings for s in step}
     text = text_of(page)
     for said in re.findall(r"([+−]\d+) nats", text):
         assert said in ranked
-    likelier = f"One reading ahead, the addition makes new data likelier by {examined.gap.likelier:.0f} nats"
+    likelier = f"One reading ahead, the addition makes held-out data likelier by {examined.gap.likelier:.0f} nats"
     assert likelier in text
     assert "nats" not in text_of(page[page.index("<h1>") : page.index("</header>")])
 
@@ -136,3 +138,35 @@ def test_without_a_held_out_log_only_the_tail_is_predicted(examined, logs):
 def test_intervals_of_the_rms_cover_it(examined):
     low, high = rms_interval(examined.gap.after).T
     assert np.all((low < examined.gap.after.rms) & (examined.gap.after.rms < high))
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_a_second_fit_is_shown_and_whose_plant_was_written(examined, better):
+    first = examined.diagnosis.after
+    plant = first.plant.replace(theta=first.plant.theta * np.where(np.arange(9) == 4, 1.1, 1.0))
+    second = SecondWitness(plant, ("theta5",), examined.gap, better)
+    page = build(replace(examined, diagnosis=replace(examined.diagnosis, second=second)))
+    head = text_of(page[page.index("<h1>") : page.index("</header>")])
+    assert "A second fit, by multiple shooting, disagrees about θ5" in head
+    assert ("its plant is the one that was written" in head) == better
+    assert ("the first may have taken a missing torque for noise" in head) != better
+    whole = text_of(page)
+    assert f"{plant.theta[4]:.4g} ●" in whole
+    assert ("the plant of the second fit in plant.json" in whole) == better
+    assert "second fit" not in text_of(build(examined))
+
+
+def test_no_nan_is_shown_where_the_error_was_at_the_floor_before(examined):
+    gap = examined.gap
+    good = replace(gap, closed=ClosedFraction(math.nan, (math.nan, math.nan)))
+    part = Part("log A", 1, good.before.rms, good.after.rms, (0.9, 0.85), good.closed)
+    table = tables.parts([part], "log")
+    assert "nan" not in " ".join(table.rows[0])
+    assert "at the floor before" in " ".join(table.rows[0])
+
+
+def test_an_unknown_effect_that_closes_nothing_is_called_by_its_title(examined):
+    low = replace(examined.gap, closed=ClosedFraction(-0.1, (-0.3, 0.1)))
+    unknown = replace(examined.diagnosis, verdict="unknown", gap=low)
+    head = text_of(build(replace(examined, diagnosis=unknown)))
+    assert "Nearest comes a cable that pulls like a spring. The error on held-out data is" in head

@@ -78,7 +78,7 @@ def test_the_first_screen_of_identify_and_validate(examined, checked):
     for html in checked:
         first = text_of(html[html.index("<h1>") : html.index("</header>")])
         assert "The model is not adequate" in first
-        assert f"{gap.ratio_to_floor:.1f} times what noise alone leaves" in first
+        assert f"{gap.ratio_to_floor:.1f} times the noise floor" in first
         assert f"{gap.fit_percent[0]:.1f} and".replace("-", "−") in first
         assert "Next: Find what is missing: furuta diagnose" in first
         assert "-o diagnosis" in first
@@ -87,7 +87,7 @@ def test_the_first_screen_of_identify_and_validate(examined, checked):
     assert "Θ" not in checked[0]  # θ6 begins a sentence there
     assert text_of(checked[0]).count("(not identified)") == len(before.identifiability.unidentified) > 0
     fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", ["a.csv"]))
-    assert "a.csv: fitted by this plant, so this is no test on new data." in text_of(fitted)
+    assert "a.csv: the plant was fitted to it, so this is no test on held-out data." in text_of(fitted)
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.74, 0.76, 1.0, 1.09, 1.11, 1.9, 2.1, 30.0])
@@ -129,7 +129,7 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
         assert told["gap"] is None
         assert told["remarks"].keys() == {"where", "gap"}
     else:
-        naming = replace(d.naming, accepted=(), equals=())
+        naming = replace(d.naming, accepted=(), equals=(), same=())
         d = replace(d, verdict=verdict, after=d.before, naming=naming, gap=None)
         x = replace(examined, diagnosis=d, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
     json.dumps(x.to_dict(), allow_nan=False)
@@ -168,10 +168,10 @@ def test_a_named_effect_with_uncertain_parameters_leaves_no_part(examined, toget
     assert d.verdict == "named"
     screen = first_screen(d, "next")
     assert not screen.good
-    assert screen.badge.endswith("a part remains" if remains else "parameters uncertain")
+    assert screen.badge.endswith("unexplained structure" if remains else "parameters uncertain")
     shown = text_of(build(replace(examined, diagnosis=d)))
     assert f"all logs together it is {together:.1f} times" in shown
-    assert ("A part remains unexplained" in shown) is remains
+    assert ("Unexplained structure remains" in shown) is remains
     assert ("Diagnose all logs together, and hold out a new one" in shown) is not remains
 
 

@@ -12,9 +12,11 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
 
 from controllers import recipes
+from controllers.conditions import conditions
+from controllers.design import choose_sensors
 from experiments.studies import robust_policy, sb3_defaults
 from experiments.studies.leaderboard import blocks as blocks_module
-from experiments.studies.leaderboard.blocks import Block, block_file, run
+from experiments.studies.leaderboard.blocks import Block, block_file, collected, run
 from experiments.studies.leaderboard.contestants import Contestant, chosen, learn, made
 from experiments.studies.leaderboard.page import cells_of, draw, spent_on, tables
 from experiments.studies.leaderboard.rigs import leaderboard_conditions, robust_conditions
@@ -67,6 +69,51 @@ def test_what_is_there_is_not_run_again(backend: str, tmp_path: Path, monkeypatc
         assert (tmp_path / "board.png").stat().st_size > 5000
 
 
+def test_what_was_made_with_something_else_is_refused(tmp_path: Path) -> None:
+    """Another plant, number of trials, duration, or recipe: nothing is run, and the message names what differs."""
+    rows = small()[:1]
+    run((DESIGNED, LEARNED), 1, QUBE, rows, tmp_path, command="test")
+    heavier = QUBE.replace(theta=QUBE.theta * np.array([1.2, 1, 1, 1, 1, 1, 1, 1, 1]))
+    refused: list[tuple[Contestant, object, list, str]] = [
+        (DESIGNED, heavier, rows, "played with plant_sha256"),
+        (DESIGNED, QUBE, [replace(rows[0], trials=5)], "played with trials = 4, and now 5 is asked for"),
+        (DESIGNED, QUBE, [replace(rows[0], duration=7.0)], "duration = 6.0, and now 7.0"),
+        (LEARNED, heavier, rows, "trained with plant_sha256"),
+        (replace(LEARNED, steps=20_000), QUBE, rows, "trained with steps = 8192, and now 20000"),
+        (replace(LEARNED, recipe="robust"), QUBE, rows, "tiny-0.zip was trained with"),
+    ]
+    for contestant, plant, others, words in refused:
+        for go in (
+            lambda c=contestant, p=plant, r=others: run((c,), 1, p, r, tmp_path, command="test"),
+            lambda c=contestant, p=plant, r=others: collected((c,), 1, p, r, tmp_path),
+        ):
+            with pytest.raises(ValueError, match=words) as error:
+                go()
+            assert "choose another --work" in str(error.value)
+    assert len(collected((DESIGNED, LEARNED), 1, QUBE, rows, tmp_path)) == 2
+
+
+def test_only_who_played_every_rig_is_ranked(tmp_path: Path) -> None:
+    rows = small()
+    played = {"rows": [0.9, 0.5], "few": [1.0]}
+    who = [Contestant(name, f"who has {name}", design="swing-up") for name in played]
+    blocks = [
+        replace(block(row.name, share), contestant=name)
+        for name, shares in played.items()
+        for row, share in zip(rows, shares, strict=False)
+    ]
+    learned = Contestant("late", "who misses a seed", algorithm="ppo")
+    blocks += [replace(block(row.name, 1.0), contestant="late", seed=seed) for row in rows for seed in (0, 1)][:3]
+    text = tables([*who, learned], rows, cells_of([*who, learned], rows, blocks, 15.0), {}, QUBE)
+    assert "| rig | who has rows |" in text
+    assert "| mean | 70.0 |" in text
+    assert "Not ranked, as trials are missing: who has few; who misses a seed." in text
+    assert "of these" not in text  # nobody who is ranked was trained
+    blocks += [replace(block(rows[1].name, 1.0), contestant="late", seed=1)]
+    text = tables([learned], rows, cells_of([learned], rows, blocks, 15.0), {}, QUBE)
+    assert "with its 95 % interval of these 2 trainings" in text
+
+
 def test_seeds_that_differ_widen_the_interval() -> None:
     good, bad = np.ones(200), np.zeros(200)
     alike = over_seeds_rate([np.r_[np.ones(100), np.zeros(100)]] * 4)
@@ -81,7 +128,7 @@ def test_seeds_that_differ_widen_the_interval() -> None:
 def block(name: str, success: float, settling: float = 0.6, roughness: float = 12.0, left: bool = False) -> Block:
     won = [i < 200 * success for i in range(200)]
     figures = {"settling": settling, "largest_q1": 2.0, "roughness": roughness, "energy": 9.0}
-    return Block("ppo-robust", 0, name, won, [left] * 200, {key: [x] * 200 for key, x in figures.items()})
+    return Block("ppo-robust", 0, name, won, [left] * 200, {key: [x] * 200 for key, x in figures.items()}, {})
 
 
 def test_what_is_missed_is_said_of_the_worst_seed() -> None:
@@ -106,6 +153,18 @@ def test_conditions_are_what_they_are_called() -> None:
     assert rows["20 ms late"].plants.effect("input_delay").parameters["d"] == pytest.approx(0.02)
     assert rows["cable 0.5 V/rad"].plants.effect("arm_spring").parameters["k"] == pytest.approx(0.5)
     assert {"0 ms late", "supply 60 %", "noise 3 mrad", "pushed"} <= {c.name for c in leaderboard_conditions(QUBE, 3)}
+
+
+def test_a_weak_and_a_noisy_rig_are_those_of_the_comparison() -> None:
+    """Of the supply that the motor gets, and with the rig's own noise."""
+    plant = QUBE.replace(limits={"supply": 5.0}, sensors={"noise_std": 0.004})
+    sensors = choose_sensors(plant, None)
+    compared = {c.name: c for c in conditions(plant, sensors, 3, 3, 15.0, groups=("swing_up",), effects=())}
+    ours = {c.name: c for c in leaderboard_conditions(plant, 3)}
+    assert ours["supply 60 %"].plants == compared["swing-up, supply 60 %"].plants
+    assert ours["supply 60 %"].plants.supply == pytest.approx(3.0)
+    assert ours["noise 3 mrad"].sensors == compared["swing-up, noise 3 mrad"].sensors
+    assert ours["noise 3 mrad"].sensors.noise_std == pytest.approx((0.005, 0.005))
 
 
 def test_a_recurrent_policy_is_kept_and_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

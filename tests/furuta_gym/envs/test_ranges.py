@@ -6,7 +6,7 @@ import pytest
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.ranges import as_mapping, draws, never_drawn
 from furuta_gym.envs.vector import FurutaVectorEnv
-from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Plant, physical_consistency
+from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Effect, Plant, physical_consistency
 
 ALL = (
     "theta=physical:0.2 input_delay=uniform:0,0.03 arm_spring.k=chance:0.5:uniform:0.1,0.5 "
@@ -48,11 +48,17 @@ def test_what_is_drawn_has_its_distribution():
     assert (effects["arm_backlash"]["b"] > 0).mean() == pytest.approx(0.3, abs=0.03)
 
 
-@pytest.mark.parametrize("plant", [QUBE, LARGE_RIG, TABLE_3])
+def with_theta2(value):
+    """A plant as a log that hardly shows θ2 gives it."""
+    return QUBE.replace(theta=[QUBE.theta[0], value, *QUBE.theta[2:]])
+
+
+@pytest.mark.parametrize("plant", [QUBE, LARGE_RIG, TABLE_3, with_theta2(0.002), with_theta2(0.0), with_theta2(-0.05)])
 @pytest.mark.parametrize("share", [0.2, 0.5])
 def test_physical_draws_are_rigs_that_can_be_built(plant, share):
     theta = FurutaVectorEnv(3000, plant, randomize={"theta": f"physical:{share}"}).reset(seed=1)[1]["plant"]["theta"]
     assert (theta[:, 0] * theta[:, 3] > theta[:, 2] ** 2).all()
+    assert (theta[:, 0] + theta[:, 1] > 0).all()
     assert (theta[:, [0, 3, 4, 5, 6, 7, 8]] > 0).all()
     if physical_consistency(plant.theta).consistent:
         assert all(physical_consistency(row).consistent for row in theta)
@@ -61,6 +67,66 @@ def test_physical_draws_are_rigs_that_can_be_built(plant, share):
     assert (1 - share) ** 2 <= gain_and_friction.min() < (1 - 0.8 * share) ** 2
     assert (1 + 0.7 * share) ** 2 < gain_and_friction.max() <= (1 + share) ** 2
     np.testing.assert_allclose(theta.mean(axis=0)[[4, 5, 7]], plant.theta[[4, 5, 7]], rtol=0.03)
+
+
+def drawn_effect(name, asked, n=2000, level=1.0, **options):
+    env = FurutaVectorEnv(n, options.pop("plant", "qube"), randomize=asked, **options)
+    env.set_level(level)
+    found = env.reset(seed=2)[1]["plant"]["effects"][name]
+    env.plants(range(20))  # every draw is a valid Plant
+    return found
+
+
+@pytest.mark.parametrize("way", ["arm_spring=chance:0.5 ", ""])
+def test_an_effect_with_a_chance_and_ranges_acts_so_often_and_then_as_they_draw_it(way):
+    options = {} if way else {"effect_probabilities": {"arm_spring": 0.5}}
+    for plant in ("qube", QUBE.with_effects(Effect("arm_spring", {"k": 5.0, "q1n": 0.0}))):
+        asked = way + "arm_spring.k=uniform:0.1,1 arm_spring.q1n=uniform:1,2"
+        found = drawn_effect("arm_spring", asked, plant=plant, **options)
+        acts = found["k"] != 0.0
+        assert acts.mean() == pytest.approx(0.5, abs=0.04)
+        assert ((found["k"][acts] >= 0.1) & (found["k"][acts] <= 1.0)).all()
+        assert found["k"][acts].std() == pytest.approx(0.9 / np.sqrt(12), rel=0.1)
+        assert ((found["q1n"] >= 1.0) & (found["q1n"] <= 2.0)).all()
+
+
+def test_all_sizes_of_an_effect_act_together():
+    sizes = "arm_position_friction.a=uniform:0.1,0.2 arm_position_friction.b=uniform:0.3,0.4"
+    found = drawn_effect("arm_position_friction", "arm_position_friction=chance:0.3 " + sizes)
+    np.testing.assert_array_equal(found["a"] == 0.0, found["b"] == 0.0)
+    assert (found["a"] > 0.0).mean() == pytest.approx(0.3, abs=0.04)
+    never = drawn_effect("arm_position_friction", sizes, effect_probabilities={"arm_position_friction": 0.0})
+    assert not never["a"].any()
+    assert not never["b"].any()
+
+
+def test_a_chance_gives_the_size_that_no_range_draws():
+    found = drawn_effect("arm_spring", "arm_spring=chance:0.5 arm_spring.q1n=uniform:1,2")
+    largest = QUBE.default_effect("arm_spring").parameters["k"]
+    assert (found["k"] > 0.0).mean() == pytest.approx(0.5, abs=0.04)
+    assert 0.9 * largest < found["k"].max() <= largest
+    assert ((found["q1n"] >= 1.0) & (found["q1n"] <= 2.0)).all()
+
+
+def test_a_chance_and_its_ranges_both_widen_with_the_level():
+    found = drawn_effect("arm_spring", "arm_spring=chance:0.8 arm_spring.k=uniform:0,1", level=0.5)["k"]
+    assert (found > 0.0).mean() == pytest.approx(0.4, abs=0.04)
+    assert found.max() == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("kind", ["uniform:5,8", "loguniform:5,8", "normal:6,1", "7"])
+def test_what_counts_is_drawn_in_whole_numbers(kind):
+    n = drawn_effect("arm_ripple", f"arm_ripple.A=0.1 arm_ripple.n={kind}")["n"]
+    values, often = np.unique(n, return_counts=True)
+    assert (values == np.round(values)).all()
+    if kind == "7":
+        assert values.tolist() == [7.0]
+    elif kind == "normal:6,1":
+        assert n.mean() == pytest.approx(6.0, abs=0.1)
+    else:
+        assert values.tolist() == [5.0, 6.0, 7.0, 8.0]
+        assert often.min() > 350  # the ends as often as what lies between
+    assert drawn_effect("arm_ripple", f"arm_ripple.A=0.1 arm_ripple.n={kind}", level=0.3)["n"].std() <= n.std()
 
 
 def test_a_low_supply_cuts_the_command_and_leaves_the_scale():
@@ -146,10 +212,19 @@ def test_jitter_and_delay_stay_inside_the_memory():
             assert np.isfinite(env.step([5.0])[4]["state"]).all()
 
 
+def test_a_wide_normal_jitter_ends_where_periods_may():
+    env = FurutaVectorEnv(200, "qube", "swing_up", randomize="input_delay=uniform:0.01,0.05 jitter=normal:0.2,0.3")
+    jitter = env.reset(seed=0)[1]["rig"]["jitter"]
+    assert jitter.max() == 0.3
+    for _ in range(30):
+        assert np.isfinite(env.step(np.zeros((200, 1)))[4]["state"]).all()
+
+
 def test_what_was_never_drawn_is_named():
     missing = never_drawn(draws(ALL, QUBE), QUBE, {"arm_ripple": 0.1})
     drawn = {"input_delay", "arm_spring", "actuator_lag", "arm_backlash", "arm_ripple"}
     assert set(missing) == set(EFFECTS) - drawn
+    assert "arm_spring" in never_drawn(draws("arm_spring=chance:0 arm_spring.k=uniform:0,1", QUBE), QUBE, {})
     everything = never_drawn(draws(False, QUBE), QUBE, {})
     assert set(everything) == {*EFFECTS, "theta", "noise_std", "encoder_offset", "u_max", "jitter", "push"}
 
@@ -170,6 +245,9 @@ def test_what_was_never_drawn_is_named():
         ("arm_spring=0.3", "several parameters"),
         ("arm_spring.kk=0.3", "has no parameter"),
         ("push_rate=2", "give push"),
+        ("arm_ripple.A=1 arm_ripple.n=uniform:5.2,5.4", "n of arm_ripple is a whole number"),
+        ("arm_spring.q1n=uniform:-1,1", r"its size is not drawn; give arm_spring\.k too, or arm_spring=chance:P"),
+        ("base_tilt.G1=uniform:0,1", r"give base_tilt\.αx or base_tilt\.αy too"),
         ("input_delay", "expected NAME=RANGE"),
         ("jitter=0.1 jitter=0.2", "given twice"),
         (3, "randomize must be"),

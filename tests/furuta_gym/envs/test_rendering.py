@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.envs.furuta import FurutaEnv
-from furuta_gym.envs.rendering import _BOB, HEIGHT, WIDTH, Viewer
+from furuta_gym.envs.rendering import _BOB, _GOOD, HEIGHT, WIDTH, Viewer
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import PLANTS
 
@@ -65,6 +65,30 @@ def test_command_and_time_are_shown():
     assert (clock[0] != clock[1]).any()
 
 
+def test_the_bar_of_the_reward_is_full_at_the_largest_reward():
+    bars = []
+    for scale in (1.0, 0.1, 10.0):
+        env = FurutaEnv(render_mode="rgb_array", reward_scale=scale)
+        env.reset(seed=0, options={"state": [0, 0, 0, 0]})
+        env.step([0.0])
+        bars.append(env.render()[432:450, 500:700])
+    np.testing.assert_array_equal(bars[0], bars[1])
+    np.testing.assert_array_equal(bars[0], bars[2])
+    assert (np.abs(bars[1][9].astype(int) - _GOOD) < 12).all(axis=1).mean() > 0.95
+
+
+def test_every_start_is_shown_in_the_window(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    painted = []
+    paint = Viewer._paint
+    monkeypatch.setattr(Viewer, "_paint", lambda self, scene: painted.append(scene.q1) or paint(self, scene))
+    env = FurutaEnv(render_mode="human")
+    for q1 in (0.1, 0.2):
+        env.reset(seed=0, options={"state": [q1, 0, 0, 0]})
+    env.close()
+    assert painted == [0.1, 0.2]
+
+
 def test_window_without_a_screen(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env = gym.make("FurutaID-v0", render_mode="human")
@@ -75,19 +99,26 @@ def test_window_without_a_screen(monkeypatch):
     env.close()
 
 
-def test_a_frame_takes_a_few_milliseconds_of_cpu():
-    """Bound: 5 ms; twice that for slow machines. It took 36 ms before the ground and the words were kept."""
+def test_a_frame_costs_a_fraction_of_the_first_one():
+    """The ground and the words are kept. A first frame makes them, here in a viewer of its own each time."""
     import time
 
     env = FurutaEnv("qube", "swing_up", render_mode="rgb_array")
     env.reset(seed=0)
-    spent = []
-    for _ in range(60):
-        env.step(env.action_space.sample())
-        began = time.process_time()
-        env.render()
-        spent.append(time.process_time() - began)
-    assert np.median(spent[10:]) < 0.010
+    env.render()
+
+    def spent(first):
+        times = []
+        for _ in range(20):
+            env.step(env.action_space.sample())
+            if first:
+                env.close()
+            began = time.process_time()
+            env.render()
+            times.append(time.process_time() - began)
+        return np.median(times)
+
+    assert spent(first=False) < 0.6 * spent(first=True)
 
 
 def test_a_window_shows_time_as_it_passes(monkeypatch):

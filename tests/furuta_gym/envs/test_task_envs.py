@@ -123,6 +123,32 @@ def test_time_limit_is_in_seconds(env_id, plant):
         assert ends == [(False, False)] * 19 + [(False, True)]
 
 
+def test_one_end_of_an_episode_for_single_vector_and_sb3():
+    """A `time_limit` shortens the thousand actions of FurutaID-v0; one beyond them is refused, not left out."""
+    sb3 = pytest.importorskip("furuta_gym.envs.sb3", reason="needs the extra `rl`")
+    calm = {"time_limit": 0.2, "pendulum_limit": 100.0}
+    single = gym.make("FurutaID-v0", **calm)
+    batch = gym.make_vec("FurutaID-v0", num_envs=2, vectorization_mode="vector_entry_point", **calm)
+    learners = sb3.FurutaVecEnv(2, **calm)
+    single.reset(seed=0)
+    batch.reset(seed=0)
+    learners.reset()
+    for i in range(20):
+        ends = [single.step(np.zeros(1))[3], batch.step(np.zeros((2, 1)))[3][1], learners.step(np.zeros((2, 1)))[2][1]]
+        assert ends == [i == 19] * 3
+    for plant, actions in (("table3", 2000), ("qube", 5000)):
+        single = gym.make("FurutaID-v0", plant=plant, time_limit=20.0)
+        batch = gym.make_vec(
+            "FurutaID-v0", num_envs=2, vectorization_mode="vector_entry_point", plant=plant, time_limit=20.0
+        )
+        for env in (single, batch):
+            with pytest.raises(ValueError, match=f"after 1000; give max_episode_steps={actions} in its place"):
+                env.reset(seed=0)
+    short = gym.make(IDS[0], max_episode_steps=5, action_time=0.004)  # 20 s are more than a thousand actions here
+    short.reset(seed=0)
+    assert [short.step(np.zeros(1, np.float32))[3] for _ in range(5)] == [False] * 4 + [True]
+
+
 @pytest.mark.parametrize("env_id", IDS)
 def test_batch_equals_single_envs(env_id):
     options = {"time_limit": 0.2, "noise_std": 1e-3, "randomize": "theta=physical:0.2 input_delay=uniform:0,0.03"}

@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from furuta_gym.envs.furuta import FurutaEnv
-from furuta_gym.envs.threads import N_BOARD, finish, share, take
+from furuta_gym.envs.threads import N_BOARD, finish, post, share, take
 from furuta_gym.envs.vector import FurutaVectorEnv, _blocks
 from furuta_gym.plant import PLANTS
 from furuta_gym.plant.dynamics import _runge_kutta, plain_steps, workspace
@@ -157,6 +157,47 @@ def test_threads_that_wait_for_the_next_step_find_it_whole():
             total += env.step(actions[i % 7])[1]
         sums.append(total)
     np.testing.assert_array_equal(*sums)
+
+
+def test_a_new_level_holds_in_a_thread_that_waits_at_the_board_of_the_last_step(monkeypatch):
+    works = []
+
+    def by_who_waited(work, board, n, threads):
+        works.append(work)
+        post(board)
+        works[-2 if len(works) > 1 else -1](0)  # takes every block of this step with what it was given for the last one
+
+    monkeypatch.setattr("furuta_gym.envs.vector.share", by_who_waited)
+    env = FurutaVectorEnv(1024, "qube", randomize="arm_spring.k=uniform:1,2", max_episode_steps=1, threads=2)
+    env.reset(seed=0)
+    actions = np.zeros((1024, 1), dtype=np.float32)
+    for level in (1.0, 0.0, 1.0):
+        env.step(actions)  # ends every episode
+        env.set_level(level)
+        k = env.step(actions)[4]["plant"]["effects"]["arm_spring"]["k"]
+        assert (k > 1.0).all() if level else (k == 1.0).all()
+
+
+def test_a_snapshot_is_the_same_and_goes_on_on_any_number_of_threads():
+    options = {"noise_std": 1e-3, "delay": 0.012, "max_episode_steps": 7, "plant": uncertain(), "randomize": True}
+    first, second = FurutaVectorEnv(300, threads=1, **options), FurutaVectorEnv(300, threads=2, **options)
+    assert first._lanes.shape != second._lanes.shape
+    rng = np.random.default_rng(0)
+    for env in (first, second):
+        env.reset(seed=3)
+    for _ in range(5):
+        actions = actions_of(first, rng)
+        first.step(actions)
+    kept = first.snapshot()
+    second.restore(kept)
+    for name, value in second.snapshot().items():
+        np.testing.assert_array_equal(value, kept[name], err_msg=name)
+    for _ in range(20):
+        actions = actions_of(first, rng)
+        for a, b in zip(first.step(actions)[:4], second.step(actions)[:4], strict=True):
+            np.testing.assert_array_equal(a, b)
+    with pytest.raises(ValueError, match="lanes must be"):
+        second.restore(kept | {"lanes": kept["lanes"][:, :-1]})
 
 
 @pytest.mark.parametrize("lanes", [1, 5, 64])

@@ -48,7 +48,7 @@ def test_titles_tell_effects_apart():
         ("base_tilt:αx=0.03,αy=0.04", "The base is tilted by 2.9°"),
         ("input_delay:d=0.006", "The command reaches the motor 6 ms late"),
         ("payload_step:m=0.04,t0=8", "From 8 s on, the pendulum is 4 % heavier"),
-        ("arm_backlash:b=0.01", "There is a play of 1.1° between motor and arm"),
+        ("arm_backlash:b=0.01", "There is a backlash of 1.1° between motor and arm"),
         ("friction_sharpness:r1=12", "Friction sets in with a sharpness of 12 s/rad on the arm"),
         (
             "arm_coulomb_asymmetry:a=-0.04",

@@ -75,7 +75,7 @@ def test_what_names_leave_is_told() -> None:
     assert short.verdict == "named"
     assert short.leftover
     assert "still 1.8 times" in short.summary
-    assert "what remains shows on data that no fit saw alone" in str(short)
+    assert "what remains shows on held-out data only" in str(short)
 
 
 def test_nothing_is_left_is_not_said_beside_what_is_left() -> None:

@@ -1,0 +1,28 @@
+"""`furuta simulate`: what a controller that was designed from another plant is played at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import QUBE
+from identification import read_log
+from tests.commands import furuta, refused
+
+
+def test_a_design_plant_of_another_unit_is_refused(tmp_path: Path) -> None:
+    words = ("--controller", "lqr", "--design-plant", "large", "-o", tmp_path / "log.csv")
+    refused(furuta("simulate", "--plant", "qube", *words), "design plant's command is in N·m", "the plant's in V")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("own", [0.005, None])
+def test_a_design_is_played_on_the_rig_s_clock(own: float | None, tmp_path: Path) -> None:
+    rig = QUBE.replace(sample_time=own).save(tmp_path / "rig.json")
+    log = tmp_path / "log.csv"
+    words = ("--controller", "lqr", "--design-plant", "qube", "--duration", 0.5, "-o", log)
+    result = furuta("simulate", "--plant", rig, *words)
+    assert result.exit_code == 0, result.output
+    assert np.diff(read_log(log).t) == pytest.approx(own or 0.002)
