@@ -66,8 +66,8 @@ def test_where_no_effect_was_found_nothing_is_taken_back() -> None:
             "unknown",
             "2.2 times with the parameters fitted to all logs together: something is missing",
         ),
-        ("none", 2.6, None, "none", "2.6 times as far off"),
-        ("unknown", 2.6, 1.1, "unknown", "still 2.6 times as far off"),
+        ("none", 2.6, None, "none", "2.6 times the noise floor"),
+        ("unknown", 2.6, 1.1, "unknown", "still 2.6 times the noise floor"),
         ("unknown", 1.4, 1.1, "unknown", None),
     ],
 )
@@ -98,7 +98,7 @@ def test_all_logs_are_fitted_only_where_it_matters() -> None:
     [
         ("arm_spring", 1.1, 1.0, "say too little about them"),
         ("arm_spring", 1.8, 2.1, "1.8 times with the parameters fitted to all logs together: something is missing"),
-        ("arm_spring", None, 2.1, "still 2.1 times as far off"),
+        ("arm_spring", None, 2.1, "still 2.1 times the noise floor"),
     ],
 )
 def test_a_fit_to_all_logs_tells_uncertain_parameters_from_a_part_that_is_missing(
