@@ -72,7 +72,7 @@ def test_every_command_takes_it_and_says_so(german: Path) -> None:
         result = furuta(*arguments)
         assert result.exit_code == 0, result.output
         assert "Read as rig.toml says: --columns" in result.stderr
-        assert "times what" in result.stdout
+        assert "times the noise floor" in result.stdout
 
 
 def test_every_command_that_reads_logs_takes_a_mapping() -> None:
