@@ -1,0 +1,65 @@
+"""Evaluations on the way of a training: levels, who fell, and policies with a memory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from furuta_gym.declared import checked
+from furuta_gym.plant import QUBE
+from tests.controllers.chance import recurrent_network
+
+
+def test_levels_follow_success() -> None:
+    from controllers.curriculum import Curriculum, Evaluation, reached
+
+    rule = Curriculum(threshold=0.8, first=0.2, step=0.5, evaluations=2)
+    past: list[Evaluation] = []
+    levels = []
+    for success in (1.0, 0.5, 0.9, 0.7, 1.0, 1.0, 0.9, 0.0):
+        past.append(Evaluation(len(past), rule.level(past), 1.0, 0.0, success))
+        levels.append(past[-1].level)
+    assert levels == [0.2, 0.2, 0.2, 0.2, 0.7, 0.7, 1.0, 1.0]
+    assert (rule.level(past), reached(None, past)) == (1.0, 1.0)
+    assert checked(past[0].to_dict(), Evaluation) == past[0]
+
+
+def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:
+    """One episode for each rig: of balancers those that stay, of swing-ups those that end upright."""
+    from controllers.curriculum import play
+    from controllers.training import Training
+
+    still = lambda seen: np.zeros((len(seen), 1), dtype=np.float32)  # noqa: E731
+    total, success = play(still, Training(QUBE).judges(8), 0, 1.0)
+    assert not success.any()
+    assert (total > 0).all()
+    assert (total < 100).all()
+    hanging = Training(QUBE, "swing_up").judges(8)
+    total, success = play(still, hanging, 0, 1.0)
+    assert not success.any()
+    swing_up = make_controller("controllers/policies/swing-up-qube.zip", QUBE, 0.02)
+    total, success = play(lambda seen: swing_up.predict(seen), hanging, 0, 1.0)
+    assert success.all()
+    assert (total > 300).all()
+
+
+def test_an_evaluation_lets_a_policy_remember() -> None:
+    """Step by step what the network says that has seen the whole episode, twice the same."""
+    from controllers.curriculum import evaluation
+    from controllers.training import Training
+
+    network, rigs = recurrent_network(), Training(QUBE, observe_command=True).judges(8)
+    found = [evaluation(network, rigs, 0, 0, 1.0) for _ in range(2)]
+    act, total, going = network.begin(), np.zeros(8), np.ones(8, dtype=bool)
+    seen, _ = rigs.reset(seed=0)
+    while going.any():
+        seen, reward, terminated, truncated, _ = rigs.step(act(seen))
+        total += np.where(going, reward, 0.0)
+        going &= ~(terminated | truncated)
+    assert found[0] == found[1]
+    assert found[0].mean == pytest.approx(total.mean(), rel=1e-12)
+    other = evaluation(replace(network, cells=replace(network.cells, r=0 * network.cells.r)), rigs, 0, 0, 1.0)
+    assert other.mean != found[0].mean
