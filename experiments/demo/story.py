@@ -239,7 +239,7 @@ def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, 
 
 CAVEATS = (
     "The logs are from a simulated bench. It shares no code with the plant model, but what it hides is in the library "
-    "of effects, in the library's own form. A real rig may follow another law, and its error bars are then too small.",
+    "of effects, in the library's own form. A real rig may follow another law. Error bars may then be too small.",
     "This rig was chosen because the effect matters for its control. Where it matters less, controllers made with it "
     "and without it hardly differ.",
     "u_max in plant.json is the largest command in the log, with a margin. Set it to your amplifier's limit. The "

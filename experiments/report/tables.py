@@ -37,13 +37,9 @@ def parameters(before: Estimate, after: Estimate, leftover: bool) -> Table:
     return Table(
         ("parameter", "meaning", *columns, "unit"),
         rows,
-        "Values ± one standard deviation. The deviations assume that the model is complete."
-        + (" In the column before they are too small." if changed else "")
-        + (
-            f" Unexplained structure remains, so they are too small {'afterwards as well' if changed else 'here'}."
-            if leftover
-            else ""
-        ),
+        "Values ± one standard deviation. It allows for what the model lacks, as far as the log shows it."
+        + (" Where much is lacking, as in the column before, it may be too small." if changed else "")
+        + (" Unexplained structure remains, so the last column may be too small as well." if leftover else ""),
     )
 
 

@@ -164,7 +164,8 @@ def _doubts(d: Diagnosis) -> list[str]:
             remains.append(f"the error on held-out data is still {times(d.still_off)} times the noise floor")
     if remains:
         doubts.append(
-            f"Unexplained structure remains: {'; '.join(remains)}. The error bars are too small for that reason."
+            f"Unexplained structure remains: {'; '.join(remains)}. The error bars allow for it as far as the logs show "
+            "it, and may be too small."
         )
     return doubts
 

@@ -66,7 +66,7 @@ class HeldOut:
         heads = [log.slice(stop=_cut(log, tail)) for log in self.logs]
         # from the noise that the search ended with: from more of it, a fit loses what is small against it again
         start = plant.replace(covariance=None, checks={}, provenance={})
-        refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None)
+        refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None, model_error=False)
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
 
     def together(self, plant: Plant) -> float | None:
@@ -77,7 +77,7 @@ class HeldOut:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LogWarning)  # that their zeros lie apart, which is allowed for
             try:
-                fitted = identify((*self.logs, *self.whole), plant)
+                fitted = identify((*self.logs, *self.whole), plant, model_error=False)
                 return validate(fitted.plant, self.whole).ratio_to_floor
             except ValueError:
                 return None

@@ -285,7 +285,7 @@ class Diagnosis:
         if self.leftover and self.rest:
             lines.append(f"  unexplained structure: {self._left}")
             if self.found:
-                lines.append("  the error bars above assume a complete model: here they are too small")
+                lines.append("  the error bars above allow for that as far as the logs show it; they may be too small")
         if self.learned:
             lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
         if self.plant is not None and self.confirmed:

@@ -6,7 +6,7 @@ generalised least squares with the noise model in place, so that the residuals a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,9 +46,24 @@ class Normal:
 
     @classmethod
     def of(cls, path: FilterPath, found: Sequence[Family]) -> Normal:
-        D = np.concatenate([answers(path, family) for family in found], axis=1)
+        return cls.of_columns(path, [answers(path, family) for family in found])
+
+    @classmethod
+    def of_columns(cls, path: FilterPath, columns: Sequence[Array]) -> Normal:
+        """Of whitened answers (2 N, m), side by side."""
+        D = np.concatenate(columns, axis=1)
         w = whiten(path.e, path.S).ravel()
         return cls(D.T @ D, -D.T @ w, float(w @ w))
+
+    @classmethod
+    def together(cls, found: Iterable[Normal]) -> Normal:
+        """Of the data of all of them, one at least."""
+        first, *others = found
+        return cls(
+            sum((n.gram for n in others), first.gram),
+            sum((n.right for n in others), first.right),
+            sum((n.square for n in others), first.square),
+        )
 
 
 @dataclass(frozen=True)

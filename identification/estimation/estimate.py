@@ -40,6 +40,7 @@ class Estimate:
     in the units of `unit_of`.
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
+    model_error (n, n): the part of it that allows for what the model lacks (see `model_error`), or None.
     zeros: of the encoders in each log; the arm's in the first log is the plant's own.
     stretches: of each log, the seconds (from, to) that were fitted, where not all were.
     u_max_guessed: whether the plant's u_max was guessed from the largest command, which is largest_command [{u}].
@@ -54,6 +55,7 @@ class Estimate:
     identifiability: Identifiability
     classical: NDArray[np.float64] | None = None
     sandwich: NDArray[np.float64] | None = None
+    model_error: NDArray[np.float64] | None = None
     noise: NoiseReport | None = None
     log_likelihood: float = math.nan
     samples: int = 0
@@ -84,6 +86,29 @@ class Estimate:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
+    def std_if_right(self) -> NDArray[np.float64]:
+        """Standard deviations (n,) if the model is right: those of `std` without `model_error`."""
+        return np.where(self._rough, np.inf, self._width_if_right)
+
+    @property
+    def _width_if_right(self) -> NDArray[np.float64]:
+        added = 0.0 if self.model_error is None else np.diag(self.model_error)
+        return np.sqrt(np.maximum(np.diag(self.covariance) - added, 0.0))
+
+    @property
+    def _widened(self) -> str:
+        """How much wider `model_error` makes the error bars, where that is much; empty elsewhere."""
+        alone = self.std_if_right
+        ratio = np.divide(self.std, alone, out=np.ones(len(alone)), where=np.isfinite(alone) & (alone > 0))
+        if not ratio.size or ratio.max() < _MUCH_WIDER:
+            return ""
+        most = int(np.argmax(ratio))
+        return (
+            "error bars allow for what this model lacks: in the median "
+            f"{np.median(ratio):.2g} times those of a right model, at most {ratio[most]:.2g} times ({self.names[most]})"
+        )
+
+    @property
     def _rough(self) -> NDArray[np.bool_]:
         rough = {f"{e.name}.{p.name}" for e in self.plant.effects for p in e.type.parameters if p.rough}
         return np.array([name in rough for name in self.names])
@@ -109,7 +134,8 @@ class Estimate:
     def profile(self, name: str) -> Profile:
         """Profile likelihood of one estimated parameter: an interval that need not be symmetric.
 
-        Everything else is fitted anew at each value tried, some dozens of short fits. Raises ValueError for a name
+        Everything else is fitted anew at each value tried, some dozens of short fits. It is that of a right model: what
+        the model lacks is not allowed for. Raises ValueError for a name
         that was not estimated, or a method without a likelihood.
         """
         if self.problem is None or self.optimum is None:
@@ -118,7 +144,8 @@ class Estimate:
             raise ValueError(f"{name} was not estimated; a profile can be had of {', '.join(self.names)}")
         i = [c.name for c in self.problem.coordinates].index(name)
         slope = self.problem.coordinates[i].slope(self.optimum.z[i])
-        return profile(self.problem, self.optimum.z, name, float(self._width[self.names.index(name)] / abs(slope)))
+        width = float(self._width_if_right[self.names.index(name)])
+        return profile(self.problem, self.optimum.z, name, width / abs(slope))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plant file."""
@@ -130,8 +157,8 @@ class Estimate:
         return {
             "method": self.method,
             "parameters": {
-                n: {"value": float(v), "std": _finite(s), "unit": unit_of(n, self.plant)}
-                for n, v, s in zip(self.names, self.values, self.std, strict=True)
+                n: {"value": float(v), "std": _finite(s), "std_if_right": _finite(t), "unit": unit_of(n, self.plant)}
+                for n, v, s, t in zip(self.names, self.values, self.std, self.std_if_right, strict=True)
             },
             "fixed": dict(self.fixed),
             "noise": noise and {"torque_intensity": noise.torque, "reading_std": noise.reading_std},
@@ -166,22 +193,25 @@ class Estimate:
     def __str__(self) -> str:
         lines = [f"Estimate ({self.method}, {self.samples} samples): {self.message}"]
         width = max(len(n) for n in (*self.names, *self.fixed))
-        for n, v, s, rough in zip(self.names, self.values, self.std, self._rough, strict=True):
+        each = zip(self.names, self.values, self.std, self.std_if_right, self._rough, strict=True)
+        for n, v, s, right, rough in each:
             relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and math.isfinite(s) else ""
             remark = "at its bound" if n in self.at_bound else "likelihood too rough for an error" if rough else ""
             if n in self.identifiability.unidentified:
                 remark = "NOT IDENTIFIED"
             elif n in self.identifiability.weak:
                 remark = "weak"
-            elif n.startswith("theta") and not remark and s > WEAK * abs(v):
+            elif n.startswith("theta") and not remark and right > WEAK * abs(v):
                 remark = "small beside the other torques"
+            elif not remark and s > WEAK * abs(v) > right:
+                remark = "uncertain, as this model lacks something"
             row = f"  {n:<{width}}  {rounded(v, s):<24} {unit_of(n, self.plant):<10}{relative:>9}  {remark}"
             lines.append(row.rstrip())
         lines += [f"  {n:<{width}}  {v:.6g} (fixed)" for n, v in self.fixed.items()]
         if self.noise is not None:
             q, unit = self.noise.torque, self.plant.unit
             lines.append(f"  torque noise {q[0]:.2g}, {q[1]:.2g} ({unit})² s; " + _readings(self.noise.reading_std))
-        lines += [f"  {line}" for line in self.zeros_told]
+        lines += [f"  {line}" for line in (*self.zeros_told, self._widened) if line]
         if self.stretches:
             lines.append(f"  fitted on {spans_text(self.stretches)}: what says most about θ; --all takes every sample")
         if self.u_max_guessed:
@@ -215,6 +245,7 @@ class Estimate:
         return "; ".join(parts)
 
 
+_MUCH_WIDER = 1.5  # times the error bars of a right model, from which it is said
 _MOST_READINGS = 6  # pieces of logs whose reading noise is shown
 
 

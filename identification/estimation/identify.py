@@ -20,6 +20,7 @@ from .estimate import Estimate
 from .identifiability import NotIdentifiable, gate
 from .informative import informative
 from .methods import DEFAULT, method_named
+from .model_error import with_model_error
 from .pool import one_blas_thread
 from .zeros import warn_about_zeros
 
@@ -57,6 +58,7 @@ def identify(
     u_max: float | None = None,
     pool: Executor | None = None,
     every_sample: bool = False,
+    model_error: bool = True,
 ) -> Estimate:
     """Estimate θ (and r, and effect parameters) from one log or several of one rig, jointly.
 
@@ -70,7 +72,10 @@ def identify(
     plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`).
     every_sample: else "prediction-error" takes of logs with more than
     `informative.BUDGET` samples together the stretches that say most about θ.
-    method: one of `methods.METHODS`. All options above but u_max and every_sample belong to "prediction-error".
+    model_error: whether error bars allow for what the model lacks (see `model_error.model_error`), which takes a
+    second or two; of methods with a likelihood only.
+    method: one of `methods.METHODS`. All options above but u_max, every_sample and model_error belong to
+    "prediction-error".
 
     Logs may differ in sensors, sample time and experiment; uneven stamps are used as they are, gaps cut a log.
     Raises ValueError for bad arguments, among them an option that the method does not use, and NotIdentifiable (a
@@ -102,6 +107,8 @@ def identify(
     given = {name: options[name] for name in used}
     fitted = logs if best is None else best.logs
     estimate = estimator.estimate(fitted, template, None if start is None else template, **given)
+    if model_error:
+        estimate = with_model_error(estimate)
     if best is not None:
         estimate = replace(estimate, stretches=best.spans)
     warn_about_zeros(estimate.plant, logs, estimate.zeros)

@@ -92,7 +92,7 @@ def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> _Refitted:
         value = math.inf
         for _ in range(_REFITS):
             columns = [[parameters_of(look), *group] for look, group in zip(looks, added, strict=True)]
-            total = _sum([Normal.of(path, group) for path, group in zip(paths, columns, strict=True)])
+            total = Normal.together(Normal.of(path, group) for path, group in zip(paths, columns, strict=True))
             coefficients = ScaledGram.of(total.gram).solve(total.right, 1e-9).solution
             rank = _gain(_apart(total, 9), np.arange(len(total.right) - 9))[1] if len(total.right) > 9 else 0
             filtered, corrections = [], []
@@ -113,11 +113,8 @@ def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> _Refitted:
 
 def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy: DecisionPolicy) -> list[Suspicion]:
     """Families by what they add, at the log's own noise, beside free values of θ."""
-    total = _sum(
-        [
-            Normal.of(look.flexible.uncorrected, [parameters_of(look), *g])
-            for look, g in zip(looks, columns, strict=True)
-        ]
+    total = Normal.together(
+        Normal.of(look.flexible.uncorrected, [parameters_of(look), *g]) for look, g in zip(looks, columns, strict=True)
     )
     left = _apart(total, 9)
     whole = max(_gain(left, np.arange(len(left.right)))[0], 1e-12)
@@ -155,10 +152,6 @@ def _merged(family: Family) -> tuple[str, str]:
 
 def parameters_of(look: Look) -> Family:
     return Family("parameters", "theta", parameter_torques(look.signals, look.plain.plant))
-
-
-def _sum(normals: Sequence[Normal]) -> Normal:
-    return Normal(sum(n.gram for n in normals), sum(n.right for n in normals), sum(n.square for n in normals))  # type: ignore[arg-type]
 
 
 def _apart(normal: Normal, first: int) -> Normal:

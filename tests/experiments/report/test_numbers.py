@@ -40,9 +40,9 @@ def test_error_bars_are_told_too_small_where_something_is_left(examined):
     left = examined.diagnosis.falling_short(2.0)
     told = {d.leftover: (build(replace(examined, diagnosis=d)), str(d)) for d in (examined.diagnosis, left)}
     for leftover, (page, text) in told.items():
-        assert ("The error bars are too small for that reason" in page) == leftover
-        assert ("they are too small afterwards as well" in page) == leftover
-        assert ("here they are too small" in text) == leftover
+        assert ("The error bars allow for it as far as the logs show" in page) == leftover
+        assert ("so the last column may be too small as well" in page) == leftover
+        assert ("the error bars above allow for that" in text) == leftover
 
 
 def test_one_verdict_that_no_section_contradicts(examined):

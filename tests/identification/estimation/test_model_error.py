@@ -1,0 +1,109 @@
+"""Error bars that allow for what a model lacks: nothing where it is right, enough where it is not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from identification.estimation import model_error as room
+from identification.estimation.estimate import Estimate
+from identification.estimation.identify import identify
+from identification.estimation.model_error import likeliest_variances, model_error
+from tests.factories import hanging_log, loop_log, noisy_log
+
+
+def regression(seed: int, size: dict[str, float], rows: int = 4000, columns: int = 30):
+    """Normal equations of white noise plus columns whose coefficients have these deviations, by group."""
+    rng = np.random.default_rng(seed)
+    groups = [group for group in size for _ in range(columns)]
+    D = rng.standard_normal((rows, len(groups)))
+    D /= np.linalg.norm(D, axis=0)
+    w = np.array([size[g] for g in groups]) * rng.standard_normal(len(groups))
+    y = D @ w + rng.standard_normal(rows)
+    return D.T @ D, D.T @ y, groups
+
+
+@pytest.mark.parametrize("size", [3.0, 10.0])
+def test_the_variance_of_a_group_is_found_and_the_other_stays_small(size: float) -> None:
+    found = [likeliest_variances(*regression(seed, {"arm": size, "sensor": 0.0})) for seed in range(20)]
+    arm, sensor = (np.array([v[i] for v in found]) for i in (0, -1))
+    assert np.median(arm) == pytest.approx(size**2, rel=0.5)  # of 30 coefficients, on a grid of half decades
+    assert np.median(sensor) <= 0.1
+    assert all(len(set(v[:30])) == 1 for v in found)
+
+
+def test_noise_alone_has_no_variance_more_often_than_not() -> None:
+    found = np.array([likeliest_variances(*regression(seed, {"arm": 0.0})).max() for seed in range(60)])
+    assert np.mean(found == 0.0) > 0.5
+    assert found.max() <= 1.0  # the noise has that much itself
+
+
+@pytest.fixture(scope="module")
+def lacking() -> Estimate:
+    """Model (5) on a log whose arm is held by a weak spring."""
+    return identify(loop_log("arm_spring", 0.3)[0])
+
+
+def test_a_right_model_keeps_its_error_bars() -> None:
+    widened = []
+    for seed in range(4):
+        estimate = identify(noisy_log(seed))
+        widened.append(np.median(estimate.std / estimate.std_if_right))
+    assert min(widened) >= 1.0
+    assert np.median(widened) < 1.3
+
+
+def test_a_lacking_models_intervals_reach_the_truth_that_they_missed(lacking: Estimate) -> None:
+    truth = loop_log("arm_spring", 0.3)[1].theta
+    error = np.abs(lacking.values[:9] - truth)
+    assert np.sum(error > 1.96 * lacking.std_if_right[:9]) >= 5
+    assert np.sum(error > 1.96 * lacking.std[:9]) <= 1
+    assert "error bars allow for what this model lacks" in str(lacking)
+
+
+def test_the_covariance_is_the_sum_of_its_parts_and_stays_one(lacking: Estimate) -> None:
+    assert lacking.model_error is not None
+    plain = identify(loop_log("arm_spring", 0.3)[0], model_error=False)
+    assert plain.model_error is None
+    assert lacking.covariance - lacking.model_error == pytest.approx(plain.covariance, rel=1e-9)
+    assert plain.std == pytest.approx(lacking.std_if_right)
+    assert np.linalg.eigvalsh(lacking.model_error / np.outer(lacking.std, lacking.std)).min() > -1e-9
+    assert lacking.plant.covariance is not None
+    assert np.sqrt(np.diag(lacking.plant.covariance.matrix)) == pytest.approx(lacking.std)
+
+
+def test_a_long_log_is_looked_at_in_part(lacking: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert lacking.problem is not None
+    assert lacking.optimum is not None
+    whole = np.sqrt(np.diag(model_error(lacking.problem, lacking.optimum.z)))
+    monkeypatch.setattr(room, "_ENOUGH", len(lacking.problem.records[0].t) // 2)
+    part = np.sqrt(np.diag(model_error(lacking.problem, lacking.optimum.z)))
+    seen = whole > 0
+    assert np.all((part > 0) == seen)
+    assert np.median(np.abs(np.log(part[seen] / whole[seen]))) < math.log(2.0)
+
+
+def test_several_logs_are_looked_at_together() -> None:
+    spring = loop_log("arm_spring", 0.3)[0]
+    both = identify([spring, hanging_log()])
+    assert both.model_error is not None
+    assert np.all(both.std >= both.std_if_right)
+    assert np.max(both.std / both.std_if_right) > 1.2
+
+
+def test_methods_without_a_likelihood_are_left_alone() -> None:
+    estimate = identify(noisy_log(0), method="filtered-ls")
+    assert estimate.model_error is None
+    assert estimate.std == pytest.approx(estimate.std_if_right)
+
+
+def test_a_profile_does_not_start_from_the_widened_bar(lacking: Estimate) -> None:
+    """Its steps are those of the likelihood, or its first point would lie far beyond the interval's end."""
+    profile = lacking.profile("theta1")
+    low, high = profile.interval
+    half = 0.5 * (high - low)
+    assert lacking.classical is not None
+    assert half == pytest.approx(1.96 * math.sqrt(lacking.classical[0, 0]), rel=0.3)
+    assert half < 0.5 * 1.96 * lacking.std[0]

@@ -1,0 +1,104 @@
+"""docs/reference/json.md against what the commands print: no key missing, none invented."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .commands import furuta
+
+ROOT = Path(__file__).resolve().parent.parent
+LOGS = ROOT / "experiments" / "demo" / "logs"
+PAGE = (ROOT / "docs" / "reference" / "json.md").read_text(encoding="utf-8")
+
+
+def documented(command: str) -> list[str]:
+    """The keys in the table of a command, as the page has them."""
+    section = PAGE.split(f"## furuta {command}\n", 1)[1].split("\n## ", 1)[0]
+    rows = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
+    return [key for row in rows for key in re.findall(r"`([^`]+)`", row)]
+
+
+def paths(found: Any, at: str = "") -> Iterator[str]:
+    """Every path of an answer, of objects and lists as well as of what they hold."""
+    if at:
+        yield at
+    if isinstance(found, dict):
+        for key, value in found.items():
+            yield from paths(value, f"{at}.{key}" if at else key)
+    elif isinstance(found, list):
+        for value in found:
+            if isinstance(value, dict):
+                yield from paths(value, f"{at}[]")
+
+
+def pattern(key: str) -> re.Pattern[str]:
+    return re.compile(re.escape(key).replace("NAME", r"[^.]+"))
+
+
+def compared(command: str, answer: dict[str, Any]) -> None:
+    keys, there = documented(command), set(paths(answer))
+    assert len(keys) == len(set(keys)) > 3
+    missing = [key for key in keys if not any(pattern(key).fullmatch(path) for path in there)]
+    assert not missing, f"furuta {command} --json prints no {missing}"
+
+    def told(path: str) -> bool:
+        return any(
+            (m := pattern(key).match(path)) is not None and path[m.end() : m.end() + 1] in ("", ".", "[")
+            for key in keys
+        )
+
+    leaves = [
+        path
+        for path in there
+        if not any(other != path and other.startswith((f"{path}.", f"{path}[")) for other in there)
+    ]
+    assert not [path for path in leaves if not told(path)], f"not in docs/reference/json.md of furuta {command}"
+
+
+@pytest.fixture(scope="module")
+def plant_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    file = tmp_path_factory.mktemp("json") / "rig.json"
+    result = furuta("identify", LOGS / "paper.csv", "-o", file, "--json")
+    assert result.exit_code == 0, result.output
+    return file, json.loads(result.stdout)
+
+
+def test_identify(plant_file: tuple[Path, dict[str, Any]]) -> None:
+    compared("identify", plant_file[1])
+
+
+def test_validate(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    result = furuta("validate", plant_file[0], LOGS / "wide.csv", "--json", tmp_path / "gap.json")
+    assert result.exit_code == 0, result.output
+    compared("validate", json.loads((tmp_path / "gap.json").read_text()))
+
+
+def test_residuals(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    result = furuta("residuals", LOGS / "paper.csv", "--plant", plant_file[0], "-o", tmp_path / "res", "--json")
+    assert result.exit_code == 0, result.output
+    compared("residuals", json.loads(result.stdout))
+
+
+def test_compare(tmp_path: Path) -> None:
+    result = furuta(
+        *("compare", "--plant", "qube", "-o", tmp_path / "out", "--controllers", "lqr"),
+        *("--groups", "balance", "--trials", 2, "--duration", 2, "--json"),
+    )
+    assert result.exit_code == 0, result.output
+    compared("compare", json.loads(result.stdout))
+
+
+def test_an_invented_key_and_a_missing_one_are_seen() -> None:
+    with pytest.raises(AssertionError, match="prints no"):
+        compared("residuals", {"unit": "V"})
+    whole = {key: 0 for key in documented("residuals") if "[" not in key}
+    nested = whole | {"missing_torque_rms": {"arm": 0.0, "pendulum": 0.0}}
+    nested |= {"maps": [dict.fromkeys(("row", "variable", "edges", "mean", "std"), 0)], "more": 1}
+    with pytest.raises(AssertionError, match="not in docs"):
+        compared("residuals", nested)
