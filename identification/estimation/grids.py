@@ -17,6 +17,8 @@ import numpy as np
 from furuta_gym.plant import EFFECTS, Effect, Plant
 from furuta_gym.plant.effects.declaration import Parameter
 
+from ..discrepancy.correction import spectral_peaks
+from ..kalman.path import follow
 from ..kalman.record import Record
 from .long_logs import THINNED
 from .optimise import minimise
@@ -24,9 +26,12 @@ from .pool import mapped
 from .prediction_error import PredictionError
 from .start import reduced
 
-_SHORT = 6  # iterations
+_SHORT = 12  # iterations; after six, points are still ordered by their way to the optimum of everything else
 _ROUGH = 0.5  # nats
 _TIMES = np.linspace(0.05, 0.95, 19)  # of a log's duration
+_BETWEEN = np.array([-0.8, -0.6, -0.4, -0.2, 0.2, 0.4, 0.6, 0.8])  # of a distance, where a better one is looked for
+_CLOSER = (0.05, 0.01, 0.002)  # distances of such points, of a log's duration: of the grid's, and two finer ones
+_FREQUENCIES = 4  # peaks of the spectrum that are tried
 _MOST = 60  # points of an effect
 
 
@@ -43,14 +48,19 @@ def from_grids(
 
     Several effects join one at a time, the one first that brings most: all at once, each would take another's part.
     make: the problem of a plant, which may lack some effects, on records; it may be integrated more coarsely than
-    usual. known: "effect.parameter" of what is not tried. A frequency starts from its default: `diagnose` finds it in a
-    spectrum. pool: where the fits run side by side, each in one thread. further: the plant with other start values.
+    usual. known: "effect.parameter" of what is not tried. A frequency starts from the largest peaks in the spectrum of
+    what the plant leaves without the effects. pool: where the fits run side by side, each in one thread. further: the
+    plant with other start values.
     """
     duration = max(float(r.t[-1]) for r in records)
-    waiting = {e.name: at_grid_points(e, plant, known, duration) for e in plant.effects if e.name in names}
+    thin = [reduced(r, math.inf, THINNED, clock=True) for r in records]
+    given = [e for e in plant.effects if e.name in names]
+    hertz: tuple[float, ...] = ()
+    if any(p.grid == "frequencies" and f"{e.name}.{p.name}" not in known for e in given for p in e.type.parameters):
+        hertz = _spectrum(make, plant.replace(effects=tuple(e for e in plant.effects if e not in given)), thin)
+    waiting = {e.name: at_grid_points(e, plant, known, duration, hertz) for e in given}
     if not further and len(waiting) < 2 and all(len(points) == 1 for points in waiting.values()):
         return plant
-    thin = [reduced(r, math.inf, THINNED, clock=True) for r in records]
 
     def ended(start: Plant, joining: str) -> tuple[float, Plant]:
         problem = make(start, thin)
@@ -67,18 +77,52 @@ def from_grids(
             starts += [(current.replace(theta=other.theta).with_effects(e), e.name) for e in own]
         ends = list(mapped(pool, lambda start: ended(*start), starts))
         best = min(range(len(starts)), key=lambda i: ends[i][0])
-        current = ends[best][1]
-        del waiting[starts[best][1]]
+        value, current = ends[best]
+        name = starts[best][1]
+        for apart in _CLOSER:
+            finer = between(current, name, known, duration, apart * duration)
+            closer = list(mapped(pool, lambda plant, name=name: ended(plant, name), finer))
+            value, current = min([(value, current), *closer], key=lambda end: end[0])
+        del waiting[name]
     return current
 
 
-def at_grid_points(effect: Effect, plant: Plant, known: Container[str], duration: float) -> list[Effect]:
+def between(plant: Plant, name: str, known: Container[str], duration: float, apart: float) -> list[Plant]:
+    """The plant with the time of an effect's step at points less than `apart` [s] from where it is; none for an effect
+    without such a time."""
+    effect = plant.effect(name)
+    assert effect is not None
+    times = [p.name for p in effect.type.parameters if p.grid == "times" and f"{name}.{p.name}" not in known]
+    found = []
+    for key in times:
+        for t in effect.parameters[key] + _BETWEEN * apart:
+            if 0.0 < t < duration:
+                found.append(plant.with_effects(replace(effect, parameters={**effect.parameters, key: float(t)})))
+    return found
+
+
+def _spectrum(
+    make: Callable[[Plant, Sequence[Record]], PredictionError], plant: Plant, records: Sequence[Record]
+) -> tuple[float, ...]:
+    """The frequencies [Hz] that stand out of what a fit of the plant leaves on the longest record."""
+    problem = make(plant, records)
+    z = minimise(problem, problem.start(), _SHORT, _ROUGH, exact=False).z
+    record = max(problem.records, key=lambda r: len(r.t))
+    zeros = problem.zeros_at(z).get(record.log, (0.0, 0.0))
+    path = follow(problem.plant_at(z), record.moved(zeros), problem.noise_at(z).on(record))
+    return () if path is None else spectral_peaks(path, _FREQUENCIES).hertz
+
+
+def at_grid_points(
+    effect: Effect, plant: Plant, known: Container[str], duration: float, hertz: Sequence[float] = ()
+) -> list[Effect]:
     """The effect at every combination of the values worth starting from. plant: for values that are relative to it.
-    known: "effect.parameter" of what is not tried. duration [s]: of the longest log."""
+    known: "effect.parameter" of what is not tried. duration [s]: of the longest log. hertz: frequencies to try; its
+    own where there are none."""
     usual = plant.default_effect(effect.name).parameters
     grids: dict[str, tuple[float, ...]] = {}
     for p in effect.type.parameters:
-        points = () if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], duration)
+        points = () if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], duration, hertz)
         if len(points) * math.prod(map(len, grids.values())) <= _MOST and len(points) > 1:
             grids[p.name] = points
     return [
@@ -87,10 +131,12 @@ def at_grid_points(effect: Effect, plant: Plant, known: Container[str], duration
     ]
 
 
-def _points(p: Parameter, usual: float, duration: float) -> tuple[float, ...]:
+def _points(p: Parameter, usual: float, duration: float, hertz: Sequence[float]) -> tuple[float, ...]:
     """Values worth starting from; none for what has one optimum."""
     if not _several(p):
         return ()
+    if p.grid == "frequencies":
+        return tuple(hertz)
     return tuple((_TIMES * duration).tolist()) if p.grid == "times" else p.grid_on(usual)
 
 
