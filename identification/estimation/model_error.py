@@ -181,5 +181,8 @@ def _shifted(
     """Where coordinate i ends within its bounds, and the path of the plant there."""
     there = z.copy()
     there[i] = np.clip(z[i] + step * max(1.0, c.step / _STEP), problem.low[i], problem.high[i])
-    plant = filled_plant(path.plant, problem.coordinates, there)
+    try:
+        plant = filled_plant(path.plant, problem.coordinates, there)
+    except ValueError:  # at the limit of what a rigid body can have
+        return float(there[i]), None
     return float(there[i]), follow(plant, path.record, path.noise)
