@@ -60,7 +60,7 @@ def diagnose(
     if len(kept):
         say(f"{journal} keeps {len(kept)} fits of a search that was stopped; those of these logs are not made again")
     found = searched(held, start, most, only, say, fitter)
-    say("predicting data that no fit saw")
+    say("predicting the held-out data")
     found = verified(found, held)
     if found.still_off > 1.0 or found.floor_in_doubt:
         say("fitting the parameters a second way: multiple shooting")

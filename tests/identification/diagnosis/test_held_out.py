@@ -179,6 +179,6 @@ def test_logs_that_no_common_plant_can_be_measured_on_have_no_fit_to_all(monkeyp
     def too_short(*_: Any) -> Gap:
         raise ValueError("no log is long enough")
 
-    monkeypatch.setattr(held_out, "identify", lambda *_: an_estimate(TABLE_3))
+    monkeypatch.setattr(held_out, "identify", lambda *_, **__: an_estimate(TABLE_3))
     monkeypatch.setattr(held_out, "validate", too_short)
     assert _held().together(TABLE_3) is None
