@@ -5,8 +5,8 @@ Let the missing torques and reading errors be Φ w, Φ the answers of the innova
 answers to the parameters and Λ the prior's information, the estimate is off by B w, B = (JᵀJ + Λ)⁻¹ JᵀΦ. What J
 cannot imitate of Φ w is left in the innovations, and says how large w is. So w is given a prior of variance τ², one for
 torques on each row and one for reading errors, chosen by the marginal likelihood of the innovations (type II maximum
-likelihood, MacKay 1992), and B diag(τ²) Bᵀ is added to the covariance. It is the model discrepancy of Kennedy &
-O'Hagan (2001), with the part that the parameters imitate counted as uncertainty.
+likelihood, MacKay 1992), and B E[w wᵀ] Bᵀ is added to the covariance, the expectation given the innovations. It is the
+model discrepancy of Kennedy & O'Hagan (2001), with the part that the parameters imitate counted as uncertainty.
 """
 
 from __future__ import annotations
@@ -65,9 +65,10 @@ def model_error(problem: PredictionError, z: Array) -> Array:
     length = np.sqrt(np.maximum(np.diag(equations.gram)[k:], 1e-300))
     apart = equations.gram[k:, k:] - more * across.T @ inverse @ across
     right = equations.right[k:] - more * across.T @ inverse @ equations.right[:k]
-    variance = likeliest_variances(apart / np.outer(length, length), right / length, groups)
+    apart, right = apart / np.outer(length, length), right / length
+    variance = likeliest_variances(apart, right, groups)
     B = more * inverse @ (across / length)
-    found[np.ix_(own, own)] = (B * variance) @ B.T
+    found[np.ix_(own, own)] = B @ second_moment(apart, right, variance) @ B.T
     return found
 
 
@@ -98,6 +99,15 @@ def likeliest_variances(gram: Array, right: Array, groups: Sequence[str]) -> Arr
         if best - before < 1e-3:
             break
     return variance
+
+
+def second_moment(gram: Array, right: Array, variance: Array) -> Array:
+    """E[w wᵀ] (m, m) of a regression's coefficients w, given its data and a prior of these variances."""
+    s = np.sqrt(variance)
+    precision = np.eye(len(s)) * (1.0 + _JITTER) + s[:, None] * gram * s
+    spread = s[:, None] * np.linalg.inv(precision) * s
+    mean = spread @ right
+    return spread + np.outer(mean, mean)
 
 
 def _evidence(gram: Array, right: Array, variance: Array) -> float:

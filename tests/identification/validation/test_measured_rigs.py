@@ -91,14 +91,18 @@ def test_multiple_shooting_mends_what_a_wrong_structure_did_to_the_parameters(da
 
 
 def test_mcgills_names_hold_on_another_run_that_counts_from_its_own_zero(read: Read) -> None:
-    """Ten seconds of two runs; with one zero for both the same names make the error twice as large."""
+    """Ten seconds of two runs; with one zero for both the same names make the error twice as large. Multiple shooting
+    and other laboratories have 0.18 V/rad for the cable (see below), so only an error bar that allows for what these
+    names lack holds it."""
     runs = "qube_mcgill/balance_prbs_20230828T161301", "qube_mcgill/balance_prbs_20230828T161334"
     fitted, other = (log.slice(1.0, 11.0) for log in read(*runs, skip=1.0))
     bare = identify(fitted)
     found = identify(fitted, effects=["arm_spring", "input_delay", "input_dead_zone"])
     assert 0.6e-3 < found.value("input_delay.d") < 1.4e-3
     assert 0.04 < found.value("input_dead_zone.w") < 0.08
-    assert found.value("arm_spring.k") > 3.0 * found.std[found.names.index("arm_spring.k")]
+    at, k = found.names.index("arm_spring.k"), found.value("arm_spring.k")
+    assert k > 3.0 * found.std_if_right[at]
+    assert 2.0 * found.std_if_right[at] < 0.18 - k < 2.5 * found.std[at]
     before, after = validate(bare.plant, other), validate(found.plant, other)
     assert closed_fraction(before, after).interval[0] > 0.0
     count = 2 * np.pi / 2048
