@@ -67,6 +67,8 @@ def model_error(problem: PredictionError, z: Array) -> Array:
     right = equations.right[k:] - more * across.T @ inverse @ equations.right[:k]
     apart, right = apart / np.outer(length, length), right / length
     variance = likeliest_variances(apart, right, groups)
+    if not variance.any():
+        return found
     B = more * inverse @ (across / length)
     found[np.ix_(own, own)] = B @ second_moment(apart, right, variance) @ B.T
     return found
