@@ -40,7 +40,7 @@ class Weights:
         """
         th1, _, th3, _, th5 = plant.theta[:5]
         holding = th1 * abs(th5 / th3) * cls.q2 if th3 else np.inf
-        return cls(torque=min(3.0 * holding, 0.5 * plant.supply))
+        return cls(torque=float(min(3.0 * holding, 0.5 * plant.supply)))
 
     @property
     def Q(self) -> NDArray[np.float64]:

@@ -139,6 +139,19 @@ def test_the_loop_of_the_page_on_controllers_runs(tmp_path: Path) -> None:
     assert leans == pytest.approx(kept, abs=0.01)
 
 
+def test_a_controller_of_ones_own_is_compared_and_guarded(tmp_path: Path) -> None:
+    """docs/how-to/own_controller.md, then its controller in the loop of docs/how-to/controller.md."""
+    blocks = run_pages.kept(DOCS / "how-to" / "own_controller.md")
+    ((loop, _),) = run_pages.kept(DOCS / "how-to" / "controller.md")
+    guarded = re.sub(r"^(plant|controller) = .*\n", "", loop, flags=re.MULTILINE).replace("(controller)", "(mine)")
+    *printed, on = run_pages.run([*(code for code, _ in blocks), guarded], tmp_path, "own_controller")
+    for (_, shown), said in zip(blocks, printed, strict=True):
+        assert NUMBER.sub("#", said) == NUMBER.sub("#", shown)
+        numbers, kept = ([float(number) for number in NUMBER.findall(text)] for text in (said, shown))
+        assert numbers == pytest.approx(kept, rel=0.02, abs=0.01)
+    assert on.startswith("on after 5.0 s")
+
+
 def test_the_loop_that_plays_a_command_file_writes_a_log(tmp_path: Path) -> None:
     """docs/how-to/excite.md: its log holds the commands of the file, and a plant can be fitted to it."""
     import numpy as np

@@ -111,11 +111,11 @@ def kernel_turn(lanes: int, steps: int) -> Callable[[int], None]:
     p = TABLE_3.packed().p
     X, P = np.zeros((4, lanes)), np.repeat(p[:, None], lanes, axis=1)
     X[1] = 0.1
-    h, command = np.full(lanes, 2.5e-3), np.zeros(lanes)
+    h, command, W = np.full(lanes, 2.5e-3), np.zeros(lanes), np.zeros((2, lanes))
 
     def turn(n: int) -> None:
         for _ in range(n):
-            plain_steps(X, h, steps, command, P)
+            plain_steps(X, h, steps, command, W, P)
 
     return turn
 

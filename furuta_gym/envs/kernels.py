@@ -124,7 +124,7 @@ def block_rows(sizes):
 def _held(X, P, codes, start, h, command, W, substeps, work):
     """Carry X over `substeps` steps of h (L,) from start (L,), under the command (L,) as the amplifier gets it."""
     if codes.shape[0] == 0:
-        plain_steps(X, h, substeps, command, P)
+        plain_steps(X, h, substeps, command, W, P)
         return
     map_command(P, codes, command)
     _runge_kutta(X, start, h, substeps, command, W, P, codes, work)

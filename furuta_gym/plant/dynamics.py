@@ -15,6 +15,7 @@ import numpy as np
 from .compiled import compiled, lanes_of
 from .effects.dispatch import (
     add_torques,
+    changes_motion,
     changes_theta,
     command_delays,
     filter_command,
@@ -150,16 +151,19 @@ def rates(t, X, tau, W, P, codes, TH, F, K):
     memory_rates(t, X, tau, P, codes, TH, K)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, forceinline=True)
 def _runge_kutta(X, t, h, n, command, W, P, codes, work):
     """n classical Runge–Kutta steps of h (L,) seconds from t (L,), under a command held for all of them.
 
     The same sums as in `rates`; what no active effect asks for is done once and not in every stage.
     """
+    if not changes_motion(codes):
+        plain_steps(X, h, n, command, W, P)
+        return
     rows, lanes = X.shape
     XS, K, S = work[:rows], work[rows : 2 * rows], work[2 * rows : 3 * rows]
     F, tau, ts, since = work[3 * rows + N_BASE : 3 * rows + N_BASE + 2], work[-3], work[-2], work[-4]
-    filtered, active, remembered = True, codes.shape[0] > 0, rows > 4
+    filtered, remembered = True, rows > 4
     changed = changes_theta(codes)
     TH = work[3 * rows : 3 * rows + N_BASE] if changed else P[:N_BASE]
     for k in range(lanes):
@@ -185,8 +189,7 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
                     for k in range(lanes):
                         TH[row, k] = P[row, k]
                 modify_theta(ts, P, codes, TH)
-            if active:
-                add_torques(ts, XS, tau, P, codes, TH, F)
+            add_torques(ts, XS, tau, P, codes, TH, F)
             _accelerate(XS, F, TH, K)
             if rows > 4:
                 for row in range(4, rows):
@@ -204,27 +207,27 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
 
 
 @compiled(forceinline=True)
-def plain_stages(q2, v1, v2, u, h, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2):
-    """Stages two to four of a Runge–Kutta step of h seconds without effects, and the accelerations of all four.
+def plain_stages(q2, v1, v2, f1, f2, h, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2):
+    """Stages two to four of a Runge–Kutta step of h seconds under torques f1, f2 alone, and all four accelerations.
 
     Returns the speeds (w1, w2, y1, y2, z1, z2) and the accelerations (a1, a2, b1, b2, c1, c2, d1, d2), stage by stage.
     """
     half = 0.5 * h
-    a1, a2 = acceleration(q2, v1, v2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+    a1, a2 = acceleration(q2, v1, v2, f1, f2, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
     w1, w2, x = v1 + half * a1, v2 + half * a2, q2 + half * v2
-    b1, b2 = acceleration(x, w1, w2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+    b1, b2 = acceleration(x, w1, w2, f1, f2, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
     y1, y2, x = v1 + half * b1, v2 + half * b2, q2 + half * w2
-    c1, c2 = acceleration(x, y1, y2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+    c1, c2 = acceleration(x, y1, y2, f1, f2, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
     z1, z2, x = v1 + h * c1, v2 + h * c2, q2 + h * y2
-    d1, d2 = acceleration(x, z1, z2, u, 0.0, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
+    d1, d2 = acceleration(x, z1, z2, f1, f2, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2)
     return w1, w2, y1, y2, z1, z2, a1, a2, b1, b2, c1, c2, d1, d2
 
 
 @compiled
-def plain_steps(X, h, n, command, P):
-    """What `_runge_kutta` does to lanes without effects, the stages in registers: same bits, faster for few lanes.
+def plain_steps(X, h, n, command, W, P):
+    """What `_runge_kutta` does where no effect acts within the motion, the stages in registers: same bits, faster.
 
-    n Runge–Kutta steps of h (L,) seconds of X (4, L), under the command (L,).
+    n Runge–Kutta steps of h (L,) seconds of X (4, L), under the command (L,) and torques W (2, L).
     """
     for _ in range(n):
         for k in range(X.shape[1]):
@@ -234,7 +237,7 @@ def plain_steps(X, h, n, command, P):
             sixth = step * (1.0 / 6.0)
             q1, q2, v1, v2 = X[0, k], X[1, k], X[2, k], X[3, k]
             w1, w2, y1, y2, z1, z2, a1, a2, b1, b2, c1, c2, d1, d2 = plain_stages(
-                q2, v1, v2, command[k], step, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2
+                q2, v1, v2, W[0, k] + command[k], W[1, k], step, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2
             )
             X[0, k] = q1 + sixth * (((v1 + 2.0 * w1) + 2.0 * y1) + z1)
             X[1, k] = q2 + sixth * (((v2 + 2.0 * w2) + 2.0 * y2) + z2)
@@ -254,7 +257,7 @@ def shared_steps(X, tau, h, n, P):
             th7, th8, th9, r1, r2 = P[6, k], P[7, k], P[8, k], P[9, k], P[10, k]
             q2, v1, v2 = X[1, k], X[2, k], X[3, k]
             w1, w2, y1, y2, z1, z2, a1, a2, b1, b2, c1, c2, d1, d2 = plain_stages(
-                q2, v1, v2, tau, h, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2
+                q2, v1, v2, tau, 0.0, h, th1, th2, th3, th4, th5, th6, th7, th8, th9, r1, r2
             )
             X[0, k] += h * (v1 + 2.0 * (w1 + y1) + z1) * (1.0 / 6.0)
             X[1, k] += h * (v2 + 2.0 * (w2 + y2) + z2) * (1.0 / 6.0)
@@ -344,7 +347,7 @@ def advance_within(X, t0, t1, t_u, U, j, W, P, codes, h_max, work, state, source
                 done = False
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, forceinline=True)
 def _stretch(X, start, h, n, command, W, P, codes, work):
     """A stretch under one command: n steps of h (L,) seconds from start (L,); work[-1] says how long it lasts."""
     tau, lasts = work[-3], work[-1]

@@ -37,65 +37,29 @@ def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
 
 @compiled(forceinline=True)
 def sincos(x: float) -> tuple[float, float]:
-    """(sin x, cos x) for |x| < 1e4 rad, by reduction to [-pi/4, pi/4] and Taylor polynomials of degree 17/16."""
+    """(sin x, cos x) for |x| < 1e4 rad, by reduction to [-pi/4, pi/4] and Taylor polynomials of degree 17/16.
+
+    Polynomials here are summed in pairs (Estrin 1960): a sum term by term waits for each product.
+    """
     k = np.floor(x * _TWO_OVER_PI + 0.5)
     y = fma(-k, _P3, fma(-k, _P2, fma(-k, _P1, x)))
     z = y * y
-    s = fma(z, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0)
-    s = fma(z, s, 1.0 / 6227020800.0)
-    s = fma(z, s, -1.0 / 39916800.0)
-    s = fma(z, s, 1.0 / 362880.0)
-    s = fma(z, s, -1.0 / 5040.0)
-    s = fma(z, s, 1.0 / 120.0)
-    s = fma(z, s, -1.0 / 6.0)
-    s = fma(y * z, s, y)
-    c = fma(z, 1.0 / 20922789888000.0, -1.0 / 87178291200.0)
-    c = fma(z, c, 1.0 / 479001600.0)
-    c = fma(z, c, -1.0 / 3628800.0)
-    c = fma(z, c, 1.0 / 40320.0)
-    c = fma(z, c, -1.0 / 720.0)
-    c = fma(z, c, 1.0 / 24.0)
-    c = fma(z, c, -0.5)
-    c = fma(z, c, 1.0)
+    z2 = z * z
+    z4 = z2 * z2
+    s = fma(z2, fma(z, 1.0 / 362880.0, -1.0 / 5040.0), fma(z, 1.0 / 120.0, -1.0 / 6.0))
+    far = fma(
+        z2, fma(z, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0), fma(z, 1.0 / 6227020800.0, -1.0 / 39916800.0)
+    )
+    s = fma(y * z, fma(z4, far, s), y)
+    c = fma(z2, fma(z, -1.0 / 3628800.0, 1.0 / 40320.0), fma(z, -1.0 / 720.0, 1.0 / 24.0))
+    far = fma(z2, 1.0 / 20922789888000.0, fma(z, -1.0 / 87178291200.0, 1.0 / 479001600.0))
+    c = fma(z, fma(z, fma(z4, far, c), -0.5), 1.0)
     # quadrant k mod 4, in arithmetic: odd quadrants swap sin and cos; signs follow
     half = np.floor(k * 0.5)
     odd = k - 2.0 * half
     sign = 1.0 - 2.0 * (half - 2.0 * np.floor(half * 0.5))
     even = 1.0 - odd
     return sign * (even * s + odd * c), sign * (even * c - odd * s)
-
-
-@compiled(forceinline=True)
-def _series(y: float, e: float) -> float:
-    """Taylor's series of the exponential by Horner's rule, from y¹⁰/10! on (e: what comes beyond it) to y²/2!."""
-    e = fma(y, e, 1.0 / 3628800.0)
-    e = fma(y, e, 1.0 / 362880.0)
-    e = fma(y, e, 1.0 / 40320.0)
-    e = fma(y, e, 1.0 / 5040.0)
-    e = fma(y, e, 1.0 / 720.0)
-    e = fma(y, e, 1.0 / 120.0)
-    e = fma(y, e, 1.0 / 24.0)
-    e = fma(y, e, 1.0 / 6.0)
-    return fma(y, e, 0.5)
-
-
-@compiled(forceinline=True)
-def tanh(x: float) -> float:
-    """tanh x through exp(-2|x|) = (Taylor of degree 11 at a 64th of the argument)^64."""
-    a = abs(x)
-    a = 20.0 if a > 20.0 else a  # a select, where min() would be a branch; NaN stays NaN
-    y = a * (-2.0 / 64.0)
-    e = _series(y, 1.0 / 39916800.0)
-    # the square of 1 + m is 1 + (2m + m²): squaring m, not e, keeps tanh exact near zero
-    m = y * fma(y, e, 1.0)
-    m = m * (2.0 + m)
-    m = m * (2.0 + m)
-    m = m * (2.0 + m)
-    m = m * (2.0 + m)
-    m = m * (2.0 + m)
-    m = m * (2.0 + m)
-    t = -m / (2.0 + m)
-    return t if x > 0.0 else -t
 
 
 @instruction
@@ -112,16 +76,36 @@ def _scaled(typing_context: Any, x: Any, shifted: Any) -> Any:
 
 
 @compiled(forceinline=True)
-def exp(x: float) -> float:
-    """e^x for −700 ≤ x ≤ 700; relative error below 4e-16."""
-    shifted = x * _LOG2_E + _SHIFT
+def _reduced(x: float) -> tuple[float, float]:
+    """(e^y − 1, k + `_SHIFT`) where x = y + k ln 2 with |y| ≤ ½ ln 2, by Taylor's series of degree 13."""
+    shifted = fma(x, _LOG2_E, _SHIFT)
     k = shifted - _SHIFT
     y = fma(-k, _LN2_LOW, fma(-k, _LN2_HIGH, x))
-    e = fma(y, 1.0 / 6227020800.0, 1.0 / 479001600.0)
-    e = _series(y, fma(y, e, 1.0 / 39916800.0))
-    e = fma(y, e, 1.0)
-    e = fma(y, e, 1.0)
-    return _scaled(e, shifted)
+    y2 = y * y
+    y4 = y2 * y2
+    near = fma(y2, fma(y, 1.0 / 120.0, 1.0 / 24.0), fma(y, 1.0 / 6.0, 0.5))
+    middle = fma(y2, fma(y, 1.0 / 362880.0, 1.0 / 40320.0), fma(y, 1.0 / 5040.0, 1.0 / 720.0))
+    far = fma(y2, fma(y, 1.0 / 6227020800.0, 1.0 / 479001600.0), fma(y, 1.0 / 39916800.0, 1.0 / 3628800.0))
+    return fma(y2, fma(y4, fma(y4, far, middle), near), y), shifted
+
+
+@compiled(forceinline=True)
+def tanh(x: float) -> float:
+    """tanh x through m = exp(−2|x|) − 1, which is exact near zero."""
+    a = abs(x)
+    a = 20.0 if a > 20.0 else a  # a select, where min() would be a branch; NaN stays NaN
+    p, shifted = _reduced(-2.0 * a)
+    power = _scaled(1.0, shifted)
+    m = fma(power, p, power - 1.0)
+    t = -m / (2.0 + m)
+    return t if x > 0.0 else -t
+
+
+@compiled(forceinline=True)
+def exp(x: float) -> float:
+    """e^x for −700 ≤ x ≤ 700; relative error below 4e-16."""
+    p, shifted = _reduced(x)
+    return _scaled(1.0 + p, shifted)
 
 
 @compiled(forceinline=True)
@@ -172,11 +156,9 @@ def log(x: float) -> float:
     f = _mantissa(x) - 1.0
     s = f / (2.0 + f)
     z = s * s
-    r = fma(z, 1.479819860511658591e-01, 1.531383769920937332e-01)
-    r = fma(z, r, 1.818357216161805012e-01)
-    r = fma(z, r, 2.222219843214978396e-01)
-    r = fma(z, r, 2.857142874366239149e-01)
-    r = fma(z, r, 3.999999999940941908e-01)
-    r = z * fma(z, r, 6.666666666666735130e-01)
+    z2 = z * z
+    far = fma(z2, 1.479819860510658591e-01, fma(z, 1.531383769920937332e-01, 1.818357216161805012e-01))
+    r = fma(z2, far, fma(z, 2.222219843214978396e-01, 2.857142874366239149e-01))
+    r = z * fma(z2, r, fma(z, 3.999999999940941908e-01, 6.666666666666735130e-01))
     half = 0.5 * f * f
     return k * _LN2_HIGH - ((half - (s * (half + r) + k * _LN2_LOW)) - f)

@@ -59,28 +59,28 @@ def _source(function: str, hook: str, arguments: str) -> str:
     return "\n".join([*lines, "    return found"])
 
 
-def _entry(function: str, hook: str, arguments: str) -> Any:
+def _entry(function: str, hook: str, arguments: str, **options: Any) -> Any:
     names: dict[str, Any] = {"__name__": __name__} | {
         f"{effect.name}_{hook}": effect.kernels[hook] for effect in CARRIED.values() if hook in effect.kernels
     }
     exec(compile(_source(function, hook, arguments), __file__, "exec"), names)
-    return compiled(names[function])
+    return compiled(names[function], **options)
 
 
-command_delays = _entry("command_delays", "delay", "P, codes, out")
-map_command = _entry("map_command", "command", "P, codes, u")
-filter_command = _entry("filter_command", "filter", "u, since, X, P, codes, out")
-modify_theta = _entry("modify_theta", "theta", "t, P, codes, TH")
+command_delays = _entry("command_delays", "delay", "P, codes, out", forceinline=True)
+map_command = _entry("map_command", "command", "P, codes, u", forceinline=True)
+filter_command = _entry("filter_command", "filter", "u, since, X, P, codes, out", forceinline=True)
+modify_theta = _entry("modify_theta", "theta", "t, P, codes, TH", forceinline=True)
 add_torques = _entry("add_torques", "torque", "t, X, tau, P, codes, TH, F")
 memory_rates = _entry("memory_rates", "rate", "t, X, tau, P, codes, TH, K")
-update_memory = _entry("update_memory", "update", "X, P, codes")
+update_memory = _entry("update_memory", "update", "X, P, codes", forceinline=True)
 read_sensors = _entry("read_sensors", "sensor", "X, P, codes, Y")
 
 _FILTERS = frozenset(NUMBERS[e.name] for e in CARRIED.values() if "filter" in e.kernels)
 (_LAG,) = _FILTERS
 
 
-@compiled
+@compiled(forceinline=True)
 def store_filter(X, codes, value):
     """Keep the filtered command `value` (L,) in the memory of the active filter, if there is one."""
     for i in range(codes.shape[0]):
@@ -92,11 +92,27 @@ def store_filter(X, codes, value):
 _CHANGING = tuple(NUMBERS[e.name] for e in CARRIED.values() if "theta" in e.kernels)
 
 
-@compiled
+@compiled(forceinline=True)
 def changes_theta(codes):
     """Whether an active effect changes θ or r on the way."""
     for i in range(codes.shape[0]):
         for number in _CHANGING:
             if codes[i, 0] == number:
                 return True
+    return False
+
+
+_MOTION = frozenset({"filter", "theta", "torque", "rate", "update"})
+_OUTSIDE = tuple(NUMBERS[e.name] for e in CARRIED.values() if not _MOTION & e.kernels.keys())
+
+
+@compiled(forceinline=True)
+def changes_motion(codes):
+    """Whether an active effect acts within the motion, and not before it (on the command) or after it (on readings)."""
+    for i in range(codes.shape[0]):
+        outside = False
+        for number in _OUTSIDE:
+            outside = outside or codes[i, 0] == number
+        if not outside:
+            return True
     return False

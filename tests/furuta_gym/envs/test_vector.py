@@ -12,8 +12,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.threads import N_BOARD, finish, post, share, take
 from furuta_gym.envs.vector import FurutaVectorEnv, _blocks
-from furuta_gym.plant import PLANTS
-from furuta_gym.plant.dynamics import _runge_kutta, plain_steps, workspace
 
 from .helpers import OPTION_SETS, uncertain
 
@@ -198,22 +196,6 @@ def test_a_snapshot_is_the_same_and_goes_on_on_any_number_of_threads():
             np.testing.assert_array_equal(a, b)
     with pytest.raises(ValueError, match="lanes must be"):
         second.restore(kept | {"lanes": kept["lanes"][:, :-1]})
-
-
-@pytest.mark.parametrize("lanes", [1, 5, 64])
-@pytest.mark.parametrize("name", PLANTS)
-def test_lanes_without_effects_move_as_the_plants_own(name, lanes):
-    """`plain_steps` against the plant's integration: equal bits."""
-    p, codes, rows = PLANTS[name].packed()
-    rng = np.random.default_rng(3)
-    X = rng.uniform(-3, 3, (4, lanes))
-    reference = X.copy()
-    command, h = rng.uniform(-10, 10, lanes), np.full(lanes, 2e-3)
-    P = np.repeat(p[:, None], lanes, axis=1)
-    work = workspace(rows, lanes)[0]
-    _runge_kutta(reference, np.zeros(lanes), h, 7, command.copy(), np.zeros((2, lanes)), P, codes, work)
-    plain_steps(X, h, 7, command, P)
-    np.testing.assert_array_equal(X, reference)
 
 
 def test_next_step_autoreset_ignores_the_action_and_gives_no_reward():

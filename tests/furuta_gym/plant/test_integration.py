@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
+from furuta_gym.plant import EFFECTS, LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
 from furuta_gym.plant.dynamics import acting_row, advance, plain_steps, shared_steps, until_next
 from tests.furuta_gym.plant.helpers import mechanical_energy, reference_run, run, square_waves
 from tests.oracles import lagrangian
@@ -139,19 +139,44 @@ def test_a_common_command_serves_all_lanes():
     np.testing.assert_array_equal(X, X[:, :1] * np.ones(3))
 
 
+@pytest.mark.parametrize("lanes", [1, 7, 16])
 @pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
-def test_plain_steps_are_advance_without_effects(plant):
-    """Bit for bit with a command and a step of each lane; with shared ones, summed otherwise, to rounding."""
-    lanes, n, h, u = 7, 4, 5e-4, 0.07 * plant.u_max
-    start = np.random.default_rng(0).normal(size=(4, lanes))
-    P = np.repeat(plant.packed().p[:, None], lanes, axis=1)
-    whole, plain, shared = start.copy(), start.copy(), start.copy()
-    advance(whole, 0.0, n * h, np.zeros(1), np.full((1, 1), u), 0, np.zeros((2, lanes)), P, NO_EFFECTS, h)
-    plain_steps(plain, np.full(lanes, n * h / n), n, np.full(lanes, u), P)
+def test_plain_steps_are_the_stages_that_effects_take(plant, lanes):
+    """Bit for bit against a plant with a spring of no stiffness, under a command, a step and torques of each lane; with
+    shared ones, summed otherwise, to rounding."""
+    n, h, u = 4, 5e-4, 0.07 * plant.u_max
+    rng = np.random.default_rng(0)
+    start, W = rng.normal(size=(4, lanes)), rng.normal(size=(2, lanes)) * 0.01 * plant.u_max
+    staged, plain, shared = start.copy(), start.copy(), start.copy()
+    idle = plant.with_effects(Effect("arm_spring", {"k": 0.0})).packed()
+    P = np.repeat(idle.p[:, None], lanes, axis=1)
+    advance(staged, 0.0, n * h, np.zeros(1), np.full((1, 1), u), 0, W, P, idle.codes, h)
+    plain_steps(plain, np.full(lanes, n * h / n), n, np.full(lanes, u), W, P)
+    np.testing.assert_array_equal(plain, staged)
+    assert np.abs(staged - start).max() > 1e-3
+    plain, without = start.copy(), np.zeros((2, lanes))
+    plain_steps(plain, np.full(lanes, n * h / n), n, np.full(lanes, u), without, P)
     shared_steps(shared, u, n * h / n, n, P)
-    np.testing.assert_array_equal(plain, whole)
-    np.testing.assert_allclose(shared, whole, rtol=0, atol=1e-12)
-    assert np.abs(whole - start).max() > 1e-3
+    np.testing.assert_allclose(shared, plain, rtol=0, atol=1e-12)
+
+
+_COMMANDS_AND_READINGS = [n for n, e in EFFECTS.items() if not {*e.kernels} - {"delay", "command", "sensor"}]
+
+
+@pytest.mark.parametrize("name", _COMMANDS_AND_READINGS)
+def test_effects_on_command_and_readings_leave_the_motion_plain(name):
+    """The same motion, bit for bit, whether or not an effect that acts within it and adds nothing is beside them."""
+    effect, idle = TABLE_3.default_effect(name), Effect("arm_spring", {"k": 0.0})
+    found = []
+    for effects in ((effect,), (effect, idle)):
+        packed = TABLE_3.with_effects(*effects).packed()
+        X = np.array([[0.1], [0.2], [-0.3], [0.4]])
+        t_u, U = np.array([0.0, 0.004, 0.008]), 0.8 * TABLE_3.u_max * np.array([[1.0], [-0.5], [0.7]])
+        for j in range(3):
+            t = 0.004 * j
+            advance(X, t, t + 0.004, t_u, U, j, np.zeros((2, 1)), packed.p[:, None].copy(), packed.codes, 1e-3)
+        found.append(X)
+    np.testing.assert_array_equal(*found)
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8), st.floats(0, 1), st.floats(0, 1))
