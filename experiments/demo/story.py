@@ -146,11 +146,9 @@ def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Sa
     say(_indented(str(examination.diagnosis)))
     change = examination.gap
     assert change is not None
-    low, high = (100 * end for end in change.closed.interval)
     say(
         f"   held-out gap: {change.over_floor(change.before):.2f} times the noise floor before, "
-        f"{change.over_floor(change.after):.2f} after; closed share {100 * change.closed.value:.1f} % "
-        f"(95 %: {low:.1f} … {high:.1f} %)"
+        f"{change.over_floor(change.after):.2f} after; closed share {change.closed}"
     )
     hidden = ", ".join(
         f"{e['name']}(" + ", ".join(f"{p} = {v['value']:.4g}" for p, v in e["parameters"].items()) + ")"

@@ -121,12 +121,15 @@ def horizons(compared: Sequence[Side]) -> Drawing:
     floor = np.min(curves, axis=0)
     for axis, label in enumerate(AXES):
         for (name, gap, colour), rms in zip(compared, curves, strict=True):
-            low, high = 1e3 * rms_interval(gap)[axis]
-            last = 1e3 * rms[-1, 1 + axis]
-            rest = [None] * (len(rms) - 1)  # intervals are known at the last horizon only
-            whisker = {"array": [*rest, high - last], "arrayminus": [*rest, last - low], "color": colour, "width": 4}
             line = curve(rms[:, 0], 1e3 * rms[:, 1 + axis], name, colour, legend=axis == 0)
-            line.update(mode="lines+markers", marker={"symbol": MARKER[colour], "size": 8}, error_y=whisker)
+            line.update(mode="lines+markers", marker={"symbol": MARKER[colour], "size": 8})
+            interval, last = rms_interval(gap), rms[-1, 1 + axis]
+            if interval is not None:
+                rest = [None] * (len(rms) - 1)  # intervals are known at the last horizon only
+                below, above = 1e3 * np.abs(interval[axis] - last)
+                line.update(
+                    error_y={"array": [*rest, above], "arrayminus": [*rest, below], "color": colour, "width": 4}
+                )
             figure.add_trace(line, 1, axis + 1)
         figure.add_trace(curve(floor[:, 0], 1e3 * floor[:, 3 + axis], "noise floor", FLOOR, axis == 0), 1, axis + 1)
         figure.update_yaxes(title_text=f"error {label[-2:]} [mrad]", type="log", dtick="D2", col=axis + 1)

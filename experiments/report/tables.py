@@ -138,12 +138,14 @@ _ERRORS = ("error", "rms [mrad] (95 %)", "encoder counts", "times the noise floo
 
 
 def _error_row(name: str, found: Gap, axis: int, floor: float) -> tuple[str, ...]:
-    low, high = 1e3 * rms_interval(found)[axis]
     rms = found.rms[axis]
-    interval = f"{1e3 * rms:.3g} ({low:.3g} … {high:.3g})"
+    text, interval = f"{1e3 * rms:.3g}", rms_interval(found)
+    if interval is not None:
+        low, high = 1e3 * interval[axis]
+        text += f" ({low:.3g} … {high:.3g})"
     return (
         name,
-        interval,
+        text,
         _counts(rms, found.counts[axis]),
         f"{rms / floor:.3g}",
         f"{found.fits[axis]} %".replace("-", "−"),

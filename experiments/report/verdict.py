@@ -200,8 +200,7 @@ def _facts(d: Diagnosis) -> list[Fact]:
         Fact(f"Fit {ahead}", fits[-1], right + (f"; before: {fits[0]}" if gap.changed else "")),
     ]
     if gap.changed and math.isfinite(gap.closed.value):
-        low, high = (100 * end for end in gap.closed.interval)
-        facts.insert(1, Fact("Closed share", f"{100 * gap.closed.value:.1f} %", f"95 %: {low:.1f} … {high:.1f} %"))
+        facts.insert(1, Fact("Closed share", f"{100 * gap.closed.value:.1f} %", gap.closed.spoken))
     if d.after is not None and math.isfinite(d.left_over):
         share = 100 * d.left_over / d.command_rms if d.command_rms > 0 else math.nan
         meaning = f"rms; {share:.1f} % of the command" if math.isfinite(share) else "rms"

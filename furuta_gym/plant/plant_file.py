@@ -97,9 +97,9 @@ class LimitsEntry(Struct, forbid_unknown_fields=True):
     ] = UNSET
     arm_speed: Annotated[Limit | UnsetType, Meta(description="Largest speed of the arm, in rad/s")] = UNSET
     slew: Annotated[Limit | UnsetType, Meta(description="Largest change of the command, in its unit a second")] = UNSET
-    supply: Annotated[Limit | UnsetType, Meta(description="Largest command that the amplifier gives, in its unit")] = (
-        UNSET
-    )
+    supply: Annotated[
+        Limit | UnsetType, Meta(description="A smaller largest command that you choose for this rig, in its unit")
+    ] = UNSET
 
 
 class PlantFile(Struct):

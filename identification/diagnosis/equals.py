@@ -35,8 +35,9 @@ def _predicted(fitted: Fit, logs: Sequence[Log]) -> Gap | None:
 
 
 def _as_well(own: Gap, other: Gap | None, policy: DecisionPolicy) -> bool:
-    """Whether two predictions lie so near to each other on both axes; not where nobody can tell."""
-    if other is None or not own.counts.all():
+    """Whether two predictions lie so near to each other on both axes. Where an encoder's counts are not known, only the
+    share of what predictions are off counts."""
+    if other is None:
         return False
     apart = np.sqrt(np.mean((own.errors - other.errors) ** 2, axis=0))
     return bool(np.all(apart < np.maximum(policy.negligible * own.counts, policy.unnoticed * own.rms)))

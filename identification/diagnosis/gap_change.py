@@ -13,7 +13,7 @@ from furuta_gym.declared import written
 
 from ..logs.kind import kind_of
 from ..logs.log import Log
-from ..validation.gap import ClosedFraction, Gap, closed_fraction
+from ..validation.gap import FEWEST_BLOCKS, ClosedFraction, Gap, closed_fraction, time_blocks
 from .diagnosis_file import Errors, Floors, GapEntry, PartEntry
 from .policy import DecisionPolicy
 
@@ -170,11 +170,12 @@ def _of_logs(gap: Gap, which: list[int], floor: Array) -> Gap:
     return replace(gap, rms=rms, floor=floor, errors=errors, **windows)
 
 
-def rms_interval(gap: Gap, seed: int = 0, draws: int = 500, block: float = 1.0) -> Array:
-    """95 % interval (2, 2) [rad], axis by low and high, of the rms error, by a bootstrap over blocks of time [s]."""
-    _, group = np.unique(np.stack([gap.log, np.floor(gap.times / block)]), axis=1, return_inverse=True)
-    group = group.ravel()
-    groups = int(group.max()) + 1
+def rms_interval(gap: Gap, seed: int = 0, draws: int = 500) -> Array | None:
+    """95 % interval (2, 2) [rad], axis by low and high, of the rms error, by a bootstrap over `time_blocks`; None where
+    they are too few."""
+    group, groups = time_blocks(gap)
+    if groups < FEWEST_BLOCKS:
+        return None
     columns = (*(gap.errors**2).T, np.ones(len(gap.errors)))
     sums = np.stack([np.bincount(group, x, groups) for x in columns])
     picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))

@@ -22,7 +22,7 @@ from ..kalman.coordinates import Zeros, placed
 from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
-from ..validation.gap import ClosedFraction, Gap, closed_fraction, validate
+from ..validation.gap import ClosedFraction, Gap, closed_fraction, fit_percent, validate
 from .gap_change import GapChange, closes, speaks_against
 from .naming.fits import Fit, added, further
 from .naming.suspects import follows_clock
@@ -184,13 +184,12 @@ def _of_tails(plant: Plant, logs: Sequence[Log], tail: float) -> Gap:
     errors = gap.errors[late]
     rms, floor, only = (np.sqrt(np.mean(x, axis=0)) for x in (errors**2, gap.floors[late], gap.reading_floors[late]))
     reading = np.concatenate([readings_at(logs[i], gap.times[late & (gap.log == i)]) for i in range(len(logs))])
-    size = np.maximum(np.sqrt(np.mean((reading - reading.mean(axis=0)) ** 2, axis=0)), 1e-12)
     return replace(
         gap,
         rms=rms,
         floor=floor,
         reading_floor=np.minimum(only, floor),
-        fit_percent=100.0 * (1.0 - rms / size),
+        fit_percent=fit_percent(rms, reading, np.sort(gap.log[late])),
         curve=np.concatenate([[gap.horizon], rms, floor])[None],
         errors=errors,
         floors=gap.floors[late],

@@ -24,6 +24,7 @@ from .response import Normal, Solution, solve
 
 Array = NDArray[np.float64]
 
+FEWEST_PERIODS = 3.0  # within a log: what is slower drifts
 HIGHEST_FREQUENCY = 25.0
 """Highest frequency [Hz] at which a periodic torque is looked for; the arm hardly moves above it."""
 
@@ -87,7 +88,7 @@ def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
     w = whiten(path.e, path.S)[path.used]
     f = np.fft.rfftfreq(len(w), float(np.median(np.diff(path.record.t[path.used]))))
     power = np.sum(np.abs(np.fft.rfft(w - w.mean(axis=0), axis=0)) ** 2, axis=1)
-    inside = (f >= 3.0 / path.record.duration) & (f <= HIGHEST_FREQUENCY)
+    inside = (f >= FEWEST_PERIODS / path.record.duration) & (f <= HIGHEST_FREQUENCY)
     power[~inside] = 0.0
     hertz: list[float] = []
     for _ in range(most):

@@ -23,6 +23,7 @@ WEAK, LOST = 0.3, 1.0  # relative standard deviations from which a parameter is 
 
 PENDULUM = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
 EVERYTHING = tuple(f"theta{i}" for i in range(1, 10))
+_SCALED = ("theta3", "theta4", "theta5", "theta7", "theta9")  # only the pendulum's pull on the arm shows their scale
 
 
 class NotIdentifiable(ValueError):
@@ -145,9 +146,10 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
         )
     if m.command_constant and "theta1" not in lost:
         lost += EVERYTHING
-        advice.append(
-            "the command is constant throughout: the parameters have no scale; drive the arm, or add a driven log"
+        cause = (
+            "the parameters have no scale" if not set(EVERYTHING) & set(known) else "a fit needs a command that moves"
         )
+        advice.append(f"the command is constant throughout: {cause}; drive the arm, or add a driven log")
     lost = [n for n in dict.fromkeys(lost) if n not in set(known)]
     if not lost:
         return None
@@ -173,12 +175,19 @@ def judge(
     relative = dict(zip(names, (std / reference).tolist(), strict=True))
     # the sharpness of tanh is a numerical detail of friction near rest: reported, never a reason for alarm
     judged = {n: s for n, s in relative.items() if not n.startswith("r")}
-    lost = tuple(n for n, s in judged.items() if not s < LOST)
-    weak = tuple(n for n, s in judged.items() if WEAK < s < LOST)
+    lost = tuple(n for n, s in judged.items() if not s < LOST or (_scale_is_lost(judged) and n in _SCALED))
+    weak = tuple(n for n, s in judged.items() if WEAK < s < LOST and n not in lost)
     weakest = {n: float(c) for n, c in zip(names, direction, strict=True) if abs(c) > 0.25}
     level = "not identifiable" if lost else "weak" if weak else "good"
     advice = tuple(_advice((*lost, *weak), relative, motion))
     return Identifiability(level, lost, weak, relative, tuple(singular.tolist()), weakest, advice)
+
+
+def _scale_is_lost(relative: Mapping[str, float]) -> bool:
+    """Whether the scale that the pendulum's row shares is not identified. Then its frictions are not, either, though at
+    their bound, or as a share of what the fit makes of θ5, they may seem to be."""
+    own = [n for n in _SCALED[:3] if n in relative]
+    return len(own) == 3 and not any(relative[n] < LOST for n in own)
 
 
 def _references(names: Sequence[str], values: NDArray[np.float64], motion: Motion) -> NDArray[np.float64]:
@@ -201,7 +210,7 @@ def _shown(name: str, relative: Mapping[str, float]) -> str:
 
 
 def _advice(names: Sequence[str], relative: Mapping[str, float], m: Motion) -> Iterable[str]:
-    scale = [n for n in ("theta3", "theta4", "theta5", "theta7", "theta9") if n in names]
+    scale = [n for n in _SCALED if n in names]
     arm = [n for n in names if n in ("theta1", "theta6", "theta8")]
     for name in names:
         shown = _shown(name, relative)

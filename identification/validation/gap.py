@@ -49,8 +49,9 @@ class Gap:
 
     rms, floor (2,) [rad] and fit_percent (2,): at the horizon, for q1 and q2. reading_floor (2,): the part of the
     floor that the readings alone leave; the rest is torque noise. curve (J, 5): horizon [s], rms and floor of q1 and
-    q2 at shorter horizons. counts (2,): one encoder count [rad], 0 where unknown. repeats: whether all logs
-    were repeated, and the floor is their spread. whiteness: largest correlation of an innovation with the one before.
+    q2 at shorter horizons. counts (2,): one encoder count [rad], declared or seen in the samples, 0 where unknown.
+    repeats: whether all logs were repeated, and the floor is their spread. whiteness: largest correlation of an
+    innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
     floors, reading_floors (M, 2) [rad²]: of every window, whose means are the squares of the two floors.
     surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
@@ -206,30 +207,37 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     floors = np.concatenate(list(own.values()))
     only = np.concatenate([p.readings_floor for p in kept])[:, -1]
     floor = np.sqrt(np.mean(floors, axis=0))
-    last = error[:, -1], reading
-    centred = last[1] - last[1].mean(axis=0)
-    size = np.maximum(np.linalg.norm(centred, axis=0), 1e-12)
-    counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
+    log = np.concatenate([np.full(len(p.errors), p.log) for p in kept])
     tests = tuple(innovations(p.whitened) for p in kept)
     return Gap(
         horizon=horizon,
         rms=rms[-1],
         floor=floor[-1],
         reading_floor=np.minimum(np.sqrt(np.mean(only, axis=0)), floor[-1]),
-        fit_percent=100.0 * (1.0 - np.linalg.norm(last[0], axis=0) / size),
+        fit_percent=fit_percent(rms[-1], reading, log),
         whiteness=max(float(np.abs(test.correlation[0]).max()) for test in tests),
-        counts=np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0),
+        counts=long[0].record.quantum,
         repeats=sum(map(len, groups)) == len(by_log),
         curve=np.column_stack([[f * horizon for f in _CURVE], rms, floor]),
         tests=tests,
-        errors=last[0],
+        errors=error[:, -1],
         floors=floors[:, -1],
         reading_floors=only,
         times=np.concatenate([p.times for p in kept]),
-        log=np.concatenate([np.full(len(p.errors), p.log) for p in kept]),
+        log=log,
         surprise=np.concatenate([p.surprise for p in kept]),
         zeros=dict(zeros),
     )
+
+
+def fit_percent(rms: Array, readings: Array, log: NDArray[np.int_]) -> Array:
+    """(2,) [%]: 100 where an error rms (2,) is nothing beside the motion of readings (M, 2) about the mean of their own
+    log (M,). About one mean of all logs, hanging and upright runs would leave any error small."""
+    own = np.zeros_like(readings)
+    for i in np.unique(log):
+        own[log == i] = readings[log == i].mean(axis=0)
+    motion = np.sqrt(np.mean((readings - own) ** 2, axis=0))
+    return 100.0 * (1.0 - rms / np.maximum(motion, 1e-12))
 
 
 def filtered(plant: Plant, log: Log) -> FilterPath:
@@ -240,9 +248,27 @@ def filtered(plant: Plant, log: Log) -> FilterPath:
         raise ValueError(f"{log.source}: {error}") from error
 
 
+FEWEST_BLOCKS = 5
+"""Blocks of time below which a bootstrap says nothing certain: of one block every draw is the same."""
+
+
+def time_blocks(gap: Gap, block: float = 1.0) -> tuple[NDArray[np.int_], int]:
+    """The block of time (M,) in which each window ends, and how many there are: of `block` seconds, as neighbouring
+    windows overlap, or of the horizon where that leaves fewer than `FEWEST_BLOCKS`."""
+    group, groups = np.zeros(len(gap.times), dtype=int), 1
+    for width in (block, min(block, gap.horizon)):
+        _, found = np.unique(np.stack([gap.log, np.floor(gap.times / width)]), axis=1, return_inverse=True)
+        group = found.ravel()
+        groups = int(group.max()) + 1
+        if groups >= FEWEST_BLOCKS:
+            break
+    return group, groups
+
+
 @dataclass(frozen=True)
 class ClosedFraction:
-    """Share of the squared gap above the floor that one plant closes against another, with a 95 % interval."""
+    """Share of the squared gap above the floor that one plant closes against another, with a 95 % interval: NaN where
+    the windows are too few for one."""
 
     value: float
     interval: tuple[float, float]
@@ -250,33 +276,38 @@ class ClosedFraction:
     def __str__(self) -> str:
         if not np.isfinite(self.value):
             return "none: the error was at the floor before"
+        return f"{100 * self.value:.1f} % ({self.spoken})"
+
+    @property
+    def spoken(self) -> str:
+        """The interval in words."""
         low, high = (100 * end for end in self.interval)
-        return f"{100 * self.value:.1f} % (95 %: {low:.1f} … {high:.1f} %)"
+        return f"95 %: {low:.1f} … {high:.1f} %" if math.isfinite(low) else "too few windows for an interval"
 
 
 def closed_fraction(before: Gap, after: Gap, seed: int = 0, draws: int = 1000, block: float = 1.0) -> ClosedFraction:
     """(before − after) / (before − floor), squared and over both axes, each in units of its floor; at most 1.
 
     The floor is the lower of the two, because what a wrong plant does not explain can only raise it. The interval is
-    a bootstrap over blocks of `block` seconds, because neighbouring windows overlap. Raises ValueError if the two
-    gaps are not of the same logs and horizon.
+    a bootstrap over `time_blocks`; of fewer than `FEWEST_BLOCKS` it is NaN, so that nothing counts as certain. Raises
+    ValueError if the two gaps are not of the same logs and horizon.
     """
     if before.errors.shape != after.errors.shape or before.horizon != after.horizon:
         raise ValueError("the two gaps must be of the same logs and the same horizon")
     floor = np.minimum(before.floor, after.floor)
     b = np.sum((before.errors / floor) ** 2, axis=1)
     a = np.sum((after.errors / floor) ** 2, axis=1)
-    _, group = np.unique(np.stack([before.log, np.floor(before.times / block)]), axis=1, return_inverse=True)
-    group = group.ravel()
-    groups = int(group.max()) + 1
+    group, groups = time_blocks(before, block)
     sums = np.stack([np.bincount(group, x, groups) for x in (b, a, np.full(len(a), 2.0))])
-    rng = np.random.default_rng(seed)
-    picked = rng.integers(0, groups, (draws, groups))
+    value = float(_fraction(sums.sum(axis=1)))
+    if groups < FEWEST_BLOCKS:
+        return ClosedFraction(value, (math.nan, math.nan))
+    picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))
     fractions = [_fraction(s) for s in np.moveaxis(sums[:, picked].sum(axis=2), 1, 0)]
     if not np.isfinite(fractions).any():
         return ClosedFraction(math.nan, (math.nan, math.nan))
     low, high = np.nanquantile(fractions, [0.025, 0.975])
-    return ClosedFraction(float(_fraction(sums.sum(axis=1))), (float(low), float(high)))
+    return ClosedFraction(value, (float(low), float(high)))
 
 
 def _fraction(sums: Array) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...discrepancy.correction import HIGHEST_FREQUENCY
+from ...discrepancy.correction import FEWEST_PERIODS, HIGHEST_FREQUENCY
 
 Array = NDArray[np.float64]
 
@@ -36,10 +36,11 @@ def predictable(torque: Array, inputs: Array, seed: int = 0, stride: int = 5) ->
 
 
 def largest_line(torque: Array, T: float, highest: float = HIGHEST_FREQUENCY) -> tuple[float, float]:
-    """(Fisher's g, frequency [Hz]): largest share of one line in the periodogram of a torque sampled every T [s]."""
+    """(Fisher's g, frequency [Hz]): largest share of one line in the periodogram of a torque sampled every T [s], of
+    lines that have `FEWEST_PERIODS` in it. A slow drift would outweigh them, and does not repeat."""
     f = np.fft.rfftfreq(len(torque), T)
     power = np.abs(np.fft.rfft(torque - torque.mean())) ** 2
-    inside = (f > 0) & (f <= highest)
+    inside = (f >= FEWEST_PERIODS / (len(torque) * T)) & (f <= highest)
     total = float(power[inside].sum())
     if total <= 0.0:
         return 0.0, 0.0

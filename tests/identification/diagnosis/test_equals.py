@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -36,6 +37,14 @@ def test_what_no_prediction_is_good_enough_to_show_need_not_be_told(friction: fl
     lag, delay = _suspect("actuator_lag", friction, T=0.005), _suspect("input_delay", friction, d=0.005)
     found = naming(lag, equals=(("input_delay",),), rankings=((lag, delay),))
     log, _ = loop_log(duration=6.0)
+    assert interchangeable(found, [log], DecisionPolicy()) == (same,)
+
+
+@pytest.mark.parametrize(("late", "same"), [(0.0002, ("input_delay",)), (0.02, ())])
+def test_equals_can_be_the_same_where_nobody_declared_the_counts(late: float, same: tuple[str, ...]) -> None:
+    lag, delay = _suspect("actuator_lag", T=late), _suspect("input_delay", d=late)
+    found = naming(lag, equals=(("input_delay",),), rankings=((lag, delay),))
+    log = replace(loop_log(duration=6.0)[0], encoder_counts=None)
     assert interchangeable(found, [log], DecisionPolicy()) == (same,)
 
 

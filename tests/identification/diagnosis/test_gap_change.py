@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.gap_change import GapChange
+from identification.diagnosis.gap_change import GapChange, closes, rms_interval, speaks_against
+from identification.diagnosis.policy import DecisionPolicy
 from identification.logs.log import Log
 from identification.validation.gap import Gap, closed_fraction
 from tests.factories import made_log
@@ -16,6 +17,7 @@ from tests.identification.diagnosis.fits import a_gap
 
 HANGING, TURNS = (0.9 * math.pi, 1.1 * math.pi), (0.0, math.pi)
 FLOOR = 0.01  # rad, of `a_gap`
+SURPRISE = np.zeros((1, 3))  # as likely with as without
 
 
 def a_log(source: str, low: float, high: float) -> Log:
@@ -84,3 +86,30 @@ def test_both_sides_are_measured_by_the_floor_of_the_better_plant() -> None:
     for part in change.by_log:
         assert part.over_floor == pytest.approx((5.0, 1.5))
     assert change.closed.value == pytest.approx((5.0**2 - 1.5**2) / (5.0**2 - 1.0))
+
+
+@pytest.mark.parametrize(("seconds", "certain"), [(0.9, False), (2.0, True), (20.0, True)])
+@pytest.mark.parametrize("after", [1.5, 6.0])
+def test_windows_of_one_moment_make_nothing_certain(seconds: float, certain: bool, after: float) -> None:
+    """Every draw of a bootstrap over one block is the same: an interval of no width would be a verdict."""
+
+    def within(gap: Gap) -> Gap:
+        return replace(gap, times=np.linspace(2.0, 2.0 + seconds, len(gap.times), endpoint=False), surprise=SURPRISE)
+
+    change = _change(within(_gap(5.0)), within(_gap(after)))
+    low, high = change.closed.interval
+    (part,) = change.by_log
+    if certain:
+        assert low <= change.closed.value <= high
+        assert closes(change, DecisionPolicy()) == (after < 5.0)
+        assert part.grows == (after > 5.0)
+        assert rms_interval(change.after) is not None
+    else:
+        assert math.isnan(low)
+        assert math.isnan(high)
+        assert not closes(change, DecisionPolicy())
+        assert not part.grows
+        assert rms_interval(change.after) is None
+        assert "too few windows" in str(change.closed)
+    assert speaks_against(change, DecisionPolicy()) == (not certain or after > 5.0)
+    assert change.to_dict()["closed_interval"] == pytest.approx([low, high], nan_ok=True)

@@ -23,7 +23,7 @@ from identification.kalman.whiteness import Whitened, innovations
 from identification.logs.log import Log
 from identification.logs.reading import read_log
 from identification.validation.free_run import Windows, free_run
-from identification.validation.gap import closed_fraction, validate
+from identification.validation.gap import closed_fraction, fit_percent, validate
 from identification.validation.noise_floor import repeats
 from identification.validation.predicted import predicted
 from identification.validation.resimulation import resimulate
@@ -72,6 +72,20 @@ def test_the_fit_of_another_error_is_that_of_the_plant_which_has_it():
     assert np.all(before.fit_percent < after.fit_percent - 5)
     assert before.fit_at(after.rms) == pytest.approx(after.fit_percent, abs=1e-6)
     assert after.fit_at(after.floor) == pytest.approx(after.fit_percent, abs=1)
+
+
+def test_a_fit_is_about_the_mean_of_each_log():
+    """Hanging and upright runs lie π apart: beside that any error would be small."""
+    rng = np.random.default_rng(0)
+    hanging, upright = 0.1 * rng.standard_normal((500, 2)) + np.pi, 0.02 * rng.standard_normal((500, 2))
+    log = np.repeat([0, 1], 500)
+    together = fit_percent(np.full(2, 0.05), np.concatenate([hanging, upright]), log)
+    apart = np.concatenate([hanging - hanging.mean(axis=0), upright - upright.mean(axis=0)])
+    assert together == pytest.approx(100.0 * (1.0 - 0.05 / np.sqrt(np.mean(apart**2, axis=0))))
+    assert np.all(together < 35.0)
+    assert fit_percent(np.full(2, 0.05), hanging, log[:500]) == pytest.approx(
+        100.0 * (1.0 - 0.05 / hanging.std(axis=0))
+    )
 
 
 def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():

@@ -195,6 +195,8 @@ def test_structure_of_a_series():
     g, f = largest_line(np.sin(2 * np.pi * 4.0 * t) + 0.5 * rng.standard_normal(4000), 0.005)
     assert g > 0.3
     assert f == pytest.approx(4.0, abs=0.1)
+    drifting = np.sin(2 * np.pi * 4.0 * t) + 3.0 * np.sin(2 * np.pi * 0.8 * t / t[-1])
+    assert largest_line(drifting, 0.005)[1] == pytest.approx(4.0, abs=0.1), "what repeats, not what drifts"
 
 
 @pytest.mark.parametrize(("size", "low", "high", "left"), [(0.012, 4.0, 8.0, False), (0.016, 8.0, 16.0, True)])
