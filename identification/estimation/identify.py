@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -14,7 +13,7 @@ from furuta_gym.plant import Effect, Plant
 
 from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
-from ..logs.log import Log, as_logs
+from ..logs.log import Log, as_logs, check_each_once
 from .completed import with_plant
 from .estimate import Estimate
 from .identifiability import NotIdentifiable, gate
@@ -122,8 +121,7 @@ def _is_given(value: Any, absent: Any) -> bool:
 def _check(logs: Sequence[Log], u_max: float | None) -> None:
     if not logs:
         raise ValueError("identify needs at least one log, got none")
-    if twice := [one.source for one, other in itertools.combinations(logs, 2) if one.overlaps(other)]:
-        raise ValueError(f"{twice[0]} is given twice; expected each log once, or error bars come out too small")
+    check_each_once(logs, "error bars come out too small")
     if len(units := {log.input_unit for log in logs}) > 1:
         raise ValueError(f"logs of one rig must share the command's unit, got {', '.join(sorted(units))}")
     if u_max is not None and not u_max >= (largest := max(float(np.abs(log.u).max()) for log in logs)):

@@ -26,7 +26,7 @@ from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
 from ..kalman.record import Record, stretches
 from ..kalman.whiteness import FEWEST, Innovations, innovations
-from ..logs.log import Log, as_logs
+from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .noise_floor import repeats, spread
 from .predicted import SETTLE, predicted
@@ -178,11 +178,13 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     plant: a `Plant`, a plant file or a known set. own_zeros: estimate the zeros of the encoders in each log first, as
     logs of one rig need not count from the same place; off for logs that the plant was fitted to. Of logs that repeat
     one command the floor is their spread. Raises TypeError for what is no `Log`, and ValueError for logs that are too
-    short, whose command is in another unit than the plant's, or that the filter cannot follow with this plant.
+    short or given twice, whose command is in another unit than the plant's, or that the filter cannot follow with this
+    plant.
     """
     plant, logs = Plant.resolve(plant), list(as_logs(logs))
     if not logs:
         raise ValueError("validate needs at least one log, got none")
+    check_each_once(logs, "it passes for a repeated run without any noise")
     for log in logs:
         log.check_unit(plant.unit)
     if not (math.isfinite(horizon) and 0 < horizon <= 5):

@@ -200,6 +200,16 @@ def test_bad_input_is_refused():
         validate(plant, [])
 
 
+def test_a_log_given_twice_is_no_repeated_run():
+    """Its spread is zero, and any error infinitely many times that floor."""
+    log = replace(loop_log(duration=4.0)[0], sha256="0123", source="run.csv")
+    for twice in ([log, log], [log, replace(log, source="copy.csv")], [log.slice(stop=3.0), log.slice(2.0)]):
+        with pytest.raises(ValueError, match=r"run\.csv is given twice; expected each log once"):
+            validate(TABLE_3, twice)
+    parts = validate(TABLE_3, log.split(0.5))  # one file in parts is no log twice
+    assert set(parts.log.tolist()) == {0, 1}
+
+
 def test_measured_repeats_and_swing_ups(real_data):
     folder = real_data / "qube_darmstadt"
     with warnings.catch_warnings():
