@@ -34,7 +34,7 @@ def test_the_first_start_is_near_the_truth_of_a_fine_log(zero: float) -> None:
 
 def test_no_sign_is_blamed_where_there_is_no_command() -> None:
     decay = open_loop_log(np.zeros(1000), q2=2.5)
-    with pytest.raises(ValueError, match="the command does not change.*add a driven log") as raised:
+    with pytest.raises(ValueError, match=r"the command does not change.*add a driven log") as raised:
         candidates([decay, decay], TABLE_3)
     assert "sign" not in str(raised.value)
 
