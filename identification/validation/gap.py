@@ -24,10 +24,11 @@ from ..estimation.zeros import aligned
 from ..kalman.coordinates import Zeros
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
-from ..kalman.record import Record, stretches
+from ..kalman.record import Record, Stretch, stretches
 from ..kalman.whiteness import FEWEST, Innovations, innovations
 from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
+from .free_run import PER_HORIZON, Windows
 from .noise_floor import repeats, spread
 from .predicted import SETTLE, predicted
 
@@ -193,10 +194,15 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     if own_zeros:
         found = aligned(plant, logs)
         logs, zeros = list(found.logs), found.zeros
-    long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon and len(s.piece) >= FEWEST]
-    kept = [predicted(plant, stretch, tuple(f * horizon for f in _CURVE)) for stretch in long]
+    horizons = tuple(f * horizon for f in _CURVE)
+    long = [stretch for stretch in stretches(logs) if _long_enough(stretch, horizons)]
+    kept = [predicted(plant, stretch, horizons) for stretch in long]
     if not kept:
-        raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")
+        raise ValueError(
+            f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s without a gap of "
+            f"the clock, in which {2 * PER_HORIZON} samples lie after the first {SETTLE:g} s and before the last "
+            f"{horizon:g} s"
+        )
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
     by_log = {p.log: p for p in kept}
@@ -232,6 +238,13 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         surprise=np.concatenate([p.surprise for p in kept]),
         zeros=dict(zeros),
     )
+
+
+def _long_enough(stretch: Stretch, horizons: tuple[float, ...]) -> bool:
+    """Whether a stretch can be predicted over horizons [s], and its innovations be tested."""
+    record = stretch.record
+    lasts = record.duration >= SETTLE + 2 * max(horizons) and len(stretch.piece) >= FEWEST
+    return lasts and Windows.fit_into(record.t, horizons, SETTLE)
 
 
 def filtered(plant: Plant, log: Log) -> FilterPath:

@@ -210,6 +210,29 @@ def test_a_log_given_twice_is_no_repeated_run():
     assert set(parts.log.tolist()) == {0, 1}
 
 
+def test_a_horizon_below_two_samples_is_told_and_how_long_it_must_be():
+    log, plant = loop_log(duration=4.0)  # at 2 ms, compared at thirds of the horizon
+    with pytest.raises(ValueError, match=r"less than two samples of 2 ms\. Choose a longer horizon: 12 ms") as raised:
+        validate(plant, log, horizon=0.01)
+    assert "shorter" not in str(raised.value)
+    assert "longer log" not in str(raised.value)
+    assert validate(plant, log, horizon=0.012).horizon == 0.012
+
+
+def test_a_stretch_too_short_for_its_clock_does_not_end_the_validation():
+    """At 50 Hz it lasts long enough for a horizon of 0.15 s, but fewer windows start in it than are asked for."""
+    log, plant = loop_log(T=0.02, duration=12.0)
+    keep = np.ones(len(log), dtype=bool)
+    keep[45:47] = False
+    broken = log.taken(keep)
+    short, rest = broken.pieces()
+    assert short.duration > 0.5 + 2 * 0.15
+    gap = validate(plant, broken, horizon=0.15, own_zeros=False)
+    assert gap.times.min() > rest.t[0]
+    with pytest.raises(ValueError, match=r"no log is long enough.* 16 samples"):
+        validate(plant, short, horizon=0.15, own_zeros=False)
+
+
 def test_measured_repeats_and_swing_ups(real_data):
     folder = real_data / "qube_darmstadt"
     with warnings.catch_warnings():
