@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from furuta_gym.plant import TABLE_3
 from identification.estimation.identify import identify
-from identification.estimation.zeros import aligned
+from identification.estimation.zeros import aligned, warn_about_zeros
 from identification.logs.checks import LogWarning
 from identification.validation.gap import validate
-from tests.factories import loop_log
+from tests.factories import loop_log, paper_log
 
 ZERO = 0.4  # rad, of the arm in the second log
 
@@ -69,3 +71,18 @@ def test_beside_a_tilt_the_zero_is_free() -> None:
     for name, true in tilt.parameters.items():
         i = estimate.names.index(f"base_tilt.{name}")
         assert abs(estimate.values[i] - true) < 4.0 * estimate.std[i], name
+
+
+@pytest.mark.parametrize(
+    ("counts", "declared", "told"),
+    [
+        (None, None, r"\+0\.05 rad from the first"),
+        (4096, None, r"\(\+33 counts\)"),
+        (None, (2048, 2048), r"\(\+16 counts"),
+    ],
+)
+def test_counts_are_told_where_the_arm_has_an_encoder(counts, declared, told) -> None:
+    log = replace(paper_log(duration=4.0, counts=counts)[0], encoder_counts=declared)
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+    with pytest.warns(LogWarning, match=told):
+        warn_about_zeros(plant, [log, log], {1: (0.05, 0.0)})
