@@ -65,8 +65,9 @@ def identify(
     fixed: {name: value} of what is known, None for the start plant's value. priors: {name: (mean, std)}.
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
-    below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the fit goes on
-    from there and no other start is tried. zeros: of the logs' encoders, to start from (see `estimation.zeros`).
+    below zero (a sign that something is missing). noise: of an earlier fit, whose plant must be given as
+    `start`: the fit goes on from there and no other start is tried. zeros: of the logs' encoders, to start from (see
+    `estimation.zeros`).
     u_max [{u}]: largest command that the rig can give; by default the start
     plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`).
     every_sample: else "prediction-error" takes of logs with more than
