@@ -46,18 +46,20 @@ def aligned(plant: Plant, logs: Sequence[Log]) -> Aligned:
     """Logs of a plant that was identified on others, with the most likely zeros of their encoders taken off.
 
     Two numbers a log are estimated, nothing of the plant: the arm's zero, where an effect depends on its angle, and the
-    pendulum's within a count or two. A log on which the filter diverges keeps its zeros.
+    pendulum's within a count or two. A log on which the filter diverges, or without a stretch that it can follow, keeps
+    its zeros. Raises LogError where no log has such a stretch.
     """
     zeros: dict[int, tuple[float, float]] = {}
-    for i, log in enumerate(logs):
-        records = [stretch.record for stretch in stretches([log])]
+    found = stretches(logs)
+    for i in sorted({stretch.log for stretch in found}):
+        records = [stretch.record for stretch in found if stretch.log == i]
         least = quietest(plant, records)
-        coordinates = [*zero_coordinates(plant, records, free=(0,)), *noise_coordinates(least)]
+        coordinates = [*zero_coordinates(plant, records, free=(i,)), *noise_coordinates(least)]
         problem = PredictionError(plant, records, coordinates, Noise(_RESTLESS * least))
         problem = part_of(problem, PARTS[-1]) or problem  # enough for two numbers
         optimum = minimise(problem, problem.start(), _ITERATIONS, _TOLERANCE, exact=False)
         if np.isfinite(optimum.value):
-            zeros[i] = problem.zeros_at(optimum.z).get(0, (0.0, 0.0))
+            zeros[i] = problem.zeros_at(optimum.z).get(i, (0.0, 0.0))
     return Aligned(moved(logs, zeros), zeros)
 
 
