@@ -12,7 +12,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.effects import EFFECTS, where_to_look
 
 from ..estimation.pool import one_blas_thread
-from ..logs.log import Log, as_logs
+from ..logs.log import Log, as_logs, check_each_once
 from .held_out import HeldOut
 from .learning import with_learned
 from .naming.journal import FitJournal
@@ -44,7 +44,7 @@ def diagnose(
     of effects, to restrict the library. progress(text) is called at each step. policy: the thresholds (default:
     `DecisionPolicy()`). journal: a file that keeps what was fitted, from which a search that was stopped goes on and
     ends the same. watch(tried) is called after each fit, from several threads; what it raises ends the search.
-    Raises ValueError for bad arguments, and for held-out logs that are also searched or of
+    Raises ValueError for bad arguments, and for held-out logs that are also searched, given twice or of
     another unit.
     """
     began = time.monotonic()
@@ -85,6 +85,7 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
     if searched_too := [log for log in held_out if any(log.overlaps(own) for own in logs)]:
         names = ", ".join(log.source for log in searched_too)
         raise ValueError(f"{names} is searched and held out at once; hold out a log that is not fitted")
+    check_each_once(held_out, "as held-out data it passes for a repeated run without any noise")
     if units := {log.input_unit for log in held_out} - {logs[0].input_unit}:
         raise ValueError(
             f"the held-out logs' command is in {', '.join(sorted(units))}, the others' in {logs[0].input_unit}; "

@@ -36,7 +36,7 @@ _LOG = 5  # θ1 … θ5 are carried as logarithms
 _PARAMETER_STEP = 1e-5
 _START_STD = np.array([0.7] * _LOG + [1.0] * 4)  # of η: a factor two, or the friction's own size
 _UNREST, _SETTLING = 1000.0, 1.5  # the torque noise starts this much larger and calms down with this time constant [s]
-_WARM_UP = 3.0  # s of the log from which a start is made where none is given
+_WARM_UP = 3.0  # s of the log, from where its command begins, of which a start is made where none is given
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ def track(
 ) -> OnlineHistory:
     """Run the joint filter over the logs, one after the other, parameters carried on.
 
-    start: where θ starts (default: smoothed regression on the first seconds of the first log with a command). wander:
-    how far η may drift in a second, to follow a plant that changes. Torque noise is taken to be two percent of the
-    command for 10 ms; the friction's sharpness r is the start plant's. Raises ValueError for bad arguments, or if the
-    filter diverges.
+    start: where θ starts (default: smoothed regression on the first seconds of the first log with a command, from
+    where that begins to change). wander: how far η may drift in a second, to follow a plant that changes. Torque noise
+    is taken to be two percent of the command for 10 ms; the friction's sharpness r is the start plant's. Raises
+    ValueError for bad arguments, or if the filter diverges.
     """
     logs = as_logs(logs)
     if not logs:
@@ -76,7 +76,7 @@ def track(
         raise ValueError(f"wander must be a number that is not negative [1/√s], got {wander!r}")
     first = next((log for log in logs if np.ptp(log.u) > 0), logs[0])  # a free decay says nothing of the scale
     if start is None:
-        early = first.slice(stop=float(first.t[0]) + _WARM_UP)
+        early = _warm_up(first)
         start = candidates([early], Plant(np.array([1, 0.1, 0.1, 1, 1, 0, 0, 0, 0.0]), unit=first.input_unit))[0].plant
     theta = start.theta
     scale = np.maximum(np.abs(theta[_LOG:]), [0.2 * theta[0], 0.1 * theta[3], theta[0], 0.3 * theta[3]])
@@ -113,6 +113,13 @@ def track(
     std = np.sqrt(np.maximum(np.concatenate(variances), 0.0)) * slope
     cost = spent / len(eta_history)
     return OnlineHistory(np.concatenate(times), theta_history, std, covariance, cost, start.friction_sharpness)
+
+
+def _warm_up(log: Log) -> Log:
+    """The seconds of a log of which a start is made: before its command begins to change nothing tells the scale."""
+    begins = float(log.t[np.argmax(log.u[1:] != log.u[:-1])])
+    begins = max(min(begins, float(log.t[-1]) - _WARM_UP), float(log.t[0]))
+    return log.slice(begins, begins + _WARM_UP)
 
 
 class _Scaling(NamedTuple):

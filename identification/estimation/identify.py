@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -14,7 +13,7 @@ from furuta_gym.plant import Effect, Plant
 
 from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
-from ..logs.log import Log, as_logs
+from ..logs.log import Log, as_logs, check_each_once
 from .completed import with_plant
 from .estimate import Estimate
 from .identifiability import NotIdentifiable, gate
@@ -66,8 +65,9 @@ def identify(
     fixed: {name: value} of what is known, None for the start plant's value. priors: {name: (mean, std)}.
     effects: names of effects to estimate along with θ, or Effects with start values. physical: keep θ to what a
     rigid arm and pendulum can have. sharpness: r [s/rad], estimated by default. negative_friction: let friction go
-    below zero (a sign that something is missing). noise: of an earlier fit, whose plant is `start`: the fit goes on
-    from there and no other start is tried. zeros: of the logs' encoders, to start from (see `estimation.zeros`).
+    below zero (a sign that something is missing). noise: of an earlier fit, whose plant must be given as
+    `start`: the fit goes on from there and no other start is tried. zeros: of the logs' encoders, to start from (see
+    `estimation.zeros`).
     u_max [{u}]: largest command that the rig can give; by default the start
     plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`).
     every_sample: else "prediction-error" takes of logs with more than
@@ -122,8 +122,7 @@ def _is_given(value: Any, absent: Any) -> bool:
 def _check(logs: Sequence[Log], u_max: float | None) -> None:
     if not logs:
         raise ValueError("identify needs at least one log, got none")
-    if twice := [one.source for one, other in itertools.combinations(logs, 2) if one.overlaps(other)]:
-        raise ValueError(f"{twice[0]} is given twice; expected each log once, or error bars come out too small")
+    check_each_once(logs, "error bars come out too small")
     if len(units := {log.input_unit for log in logs}) > 1:
         raise ValueError(f"logs of one rig must share the command's unit, got {', '.join(sorted(units))}")
     if u_max is not None and not u_max >= (largest := max(float(np.abs(log.u).max()) for log in logs)):

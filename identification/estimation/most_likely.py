@@ -69,6 +69,11 @@ def _most_likely(
         raise ValueError(
             f"noise must be a Noise of an earlier fit, got {type(noise).__name__}; make one by Noise(torque)"
         )
+    if noise is not None and start is None:
+        raise ValueError(
+            "noise is that of an earlier fit, and there is no start for it to belong to. Expected both: "
+            "identify(logs, estimate.plant, noise=Noise(estimate.noise.torque)); or leave noise out"
+        )
     pool = pool or shared_pool()
     used = stretches(logs)
     records = [stretch.record for stretch in used]

@@ -30,6 +30,8 @@ from .prediction_error import PredictionError
 
 _SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
 _TRUNCATED = 8.0  # widths: cut at scipy's 4, a second derivative keeps 1e-3/width² of the angle itself
+_SHORTEST = 0.5, 40  # s and samples: a stretch that has both is long enough for `smoothed`
+_NO_COMMAND = 1e-9  # of the largest command: what rounding leaves of one that does not change
 _ROD = 0.75  # θ2/θ4 of a thin rod
 _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a palm-sized pendulum and an arm-sized one
 _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
@@ -93,7 +95,8 @@ def nonnegative(columns: Sequence[Array], output: Array) -> Array:
 def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | None = None) -> list[Start]:
     """Start plants for `logs`, the most likely first; `plant` gives unit, effects and whatever is not θ or r.
 
-    known: values (fixed, or means of priors) that settle the pendulum's scale where they hold θ2 … θ5.
+    known: values (fixed, or means of priors) that settle the pendulum's scale where they hold θ2 … θ5. Raises
+    ValueError where the logs give none: too short, without a command, or driven against its sign.
     """
     m = smoothed(logs)
     pendulum = PendulumRow.of(m)
@@ -107,11 +110,26 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
     rows = (pendulum, *(PendulumRow(*ratios, 0.1, 0.1, generic=True) for ratios in _RATIOS))
     starts = [start for row in rows for start, _ in starts_with(m, row, plant, command, [soft], known)]
     if not starts:
-        raise ValueError(
-            f"in {', '.join(log.source for log in logs)} a positive command does not drive the arm to the positive "
-            "side: no inertia explains that. Check the signs (--flip u, q1 or q2), the column mapping and the units"
-        )
+        raise ValueError(f"in {', '.join(dict.fromkeys(log.source for log in logs))} {_why_none(m, logs)}")
     return starts
+
+
+def _why_none(m: Motion, logs: Sequence[Log]) -> str:
+    """Why logs of this smoothed motion give no start, and what to do."""
+    if not np.ptp(m.q, axis=0).any():
+        return (
+            "no motion is long enough to be smoothed for start values. Expected axes that move, in a stretch of at "
+            f"least {_SHORTEST[0]:g} s and {_SHORTEST[1]} samples without a gap of the clock; record a longer one"
+        )
+    if np.ptp(m.u) <= _NO_COMMAND * max(float(np.abs(log.u).max()) for log in logs):
+        return (
+            "the command does not change where the motion can be smoothed for start values, so nothing tells the scale "
+            "of the inertias. Expected a command that drives the arm there; add a driven log"
+        )
+    return (
+        "a positive command does not drive the arm to the positive side: no inertia explains that. Check the signs "
+        "(--flip u, q1 or q2), the column mapping and the units"
+    )
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ the rig depends on the arm's angle, as a cable does; the pendulum's is set at re
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,7 @@ from .prediction_error import PredictionError, quietest
 _RESTLESS = 100.0  # times the least torque noise, from which the fit of the zeros starts
 _ITERATIONS, _TOLERANCE = 20, 0.05
 _PLAIN_COUNTS = 5.0  # a zero that lies further off than so many counts is worth a warning
+_NO_STEP = 1e-3  # rad, taken for a count where readings have none
 
 
 @dataclass(frozen=True)
@@ -44,18 +46,20 @@ def aligned(plant: Plant, logs: Sequence[Log]) -> Aligned:
     """Logs of a plant that was identified on others, with the most likely zeros of their encoders taken off.
 
     Two numbers a log are estimated, nothing of the plant: the arm's zero, where an effect depends on its angle, and the
-    pendulum's within a count or two. A log on which the filter diverges keeps its zeros.
+    pendulum's within a count or two. A log on which the filter diverges, or without a stretch that it can follow, keeps
+    its zeros. Raises LogError where no log has such a stretch.
     """
     zeros: dict[int, tuple[float, float]] = {}
-    for i, log in enumerate(logs):
-        records = [stretch.record for stretch in stretches([log])]
+    found = stretches(logs)
+    for i in sorted({stretch.log for stretch in found}):
+        records = [stretch.record for stretch in found if stretch.log == i]
         least = quietest(plant, records)
-        coordinates = [*zero_coordinates(plant, records, free=(0,)), *noise_coordinates(least)]
+        coordinates = [*zero_coordinates(plant, records, free=(i,)), *noise_coordinates(least)]
         problem = PredictionError(plant, records, coordinates, Noise(_RESTLESS * least))
         problem = part_of(problem, PARTS[-1]) or problem  # enough for two numbers
         optimum = minimise(problem, problem.start(), _ITERATIONS, _TOLERANCE, exact=False)
         if np.isfinite(optimum.value):
-            zeros[i] = problem.zeros_at(optimum.z).get(0, (0.0, 0.0))
+            zeros[i] = problem.zeros_at(optimum.z).get(i, (0.0, 0.0))
     return Aligned(moved(logs, zeros), zeros)
 
 
@@ -64,10 +68,17 @@ def warn_about_zeros(plant: Plant, logs: Sequence[Log], zeros: Zeros) -> None:
     if not placed(plant):
         return
     for i, (zero, _) in zeros.items():
-        step = logs[i].encoder_steps[0] or 1e-3
-        if abs(zero) > _PLAIN_COUNTS * step:
+        step = _arm_step(logs[i])
+        if abs(zero) > _PLAIN_COUNTS * (step or _NO_STEP):
+            counted = f" ({zero / step:+.0f} counts)" if step else ""
             warn(
-                f"{logs[i].source}: the arm's angle is counted from a zero that lies {zero:+.3g} rad "
-                f"({zero / step:+.0f} counts) from the first log's. That is allowed for. To have one zero, start every "
-                "recording with the arm at the same place."
+                f"{logs[i].source}: the arm's angle is counted from a zero that lies {zero:+.3g} rad{counted} from the "
+                "first log's. That is allowed for. To have one zero, start every recording with the arm at the same "
+                "place."
             )
+
+
+def _arm_step(log: Log) -> float | None:
+    """One count of the arm's encoder [rad], declared or as the samples show it; None where it has none."""
+    counts = log.encoder_counts[0] if log.encoder_counts else 0.0
+    return 2 * math.pi / counts if counts > 0 else log.encoder_steps[0]

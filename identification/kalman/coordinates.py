@@ -99,8 +99,8 @@ def plant_coordinates(
     ones (an effect switched off), what was learned, and an optional size that is neutral, with its shapes, stay as they
     are. A shape that mechanics limit has a log-normal prior around its default. Names are theta1 … theta9, r (or r1,
     r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a
-    log-normal prior of this width around the plant's values on every log coordinate. Raises ValueError for an unknown
-    name or an impossible prior.
+    log-normal prior of this width around the plant's values on every log coordinate. What stays as it is may be in
+    `fixed` too. Raises ValueError for an unknown name or an impossible prior.
     """
     fixed, priors = set(fixed), dict(priors or {})
     coordinates = _theta_coordinates(plant, negative_friction)
@@ -121,9 +121,15 @@ def plant_coordinates(
                 name = f"{effect.name}.{p.name}"
                 coordinates.append(_effect_coordinate(name, p, usual, plant.layout.row(name)))
     known = {c.name for c in coordinates}
-    if strange := (fixed | set(priors)) - known:
+    still = {f"{effect.name}.{name}" for effect in plant.effects for name in effect.parameters} - known
+    if strange := (fixed | set(priors)) - known - still:
         free = ", ".join(sorted(known))
         raise ValueError(f"cannot fix or put a prior on {', '.join(sorted(strange))}; the parameters are {free}")
+    if held := set(priors) & still:
+        raise ValueError(
+            f"cannot put a prior on {', '.join(sorted(held))}, which no descent moves: a whole number, or a part of an "
+            "effect that is switched off. Fix its value, or leave the prior out"
+        )
     if both := fixed & set(priors):
         raise ValueError(f"{sorted(both)} cannot be fixed and have a prior; give one of the two")
     p0 = plant.packed().p

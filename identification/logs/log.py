@@ -7,6 +7,7 @@ and the command u[k] is held from t[k] to t[k+1].
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -249,6 +250,12 @@ def as_logs(given: Log | Iterable[Log]) -> tuple[Log, ...]:
         name = os.fspath(files[0])
         raise TypeError(f"expected a Log, got {name!r}; read the file first: read_log({name!r})")
     return logs
+
+
+def check_each_once(logs: Iterable[Log], lest: str) -> None:
+    """Raise ValueError where logs are the same, or parts of one file that share samples. lest: what comes of it."""
+    if twice := [one.source for one, other in itertools.combinations(logs, 2) if one.overlaps(other)]:
+        raise ValueError(f"{twice[0]} is given twice; expected each log once, or {lest}")
 
 
 def write_log(path: str | os.PathLike[str], log: Log) -> None:

@@ -23,6 +23,9 @@ from ..kalman.noise_model import RecordNoise
 from ..kalman.path import LONGEST_STEP, FilterPath
 from ..kalman.path_kernels import gain
 
+PER_HORIZON = 8
+"""Windows that start within the shortest horizon."""
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -36,28 +39,49 @@ class Windows:
     horizons: tuple[float, ...]
 
     @classmethod
-    def over(cls, t: NDArray[np.float64], horizons: tuple[float, ...], settle: float, per_horizon: int = 8) -> Windows:
+    def over(
+        cls, t: NDArray[np.float64], horizons: tuple[float, ...], settle: float, per_horizon: int = PER_HORIZON
+    ) -> Windows:
         """Windows over a log with stamps t (N,) [s]; the first starts `settle` seconds in.
 
-        `per_horizon` windows start within the shortest horizon. Raises ValueError if the log is too short.
+        `per_horizon` windows start within the shortest horizon. Raises ValueError if that is below two samples, or if
+        the log is too short.
         """
         T = float(np.median(np.diff(t)))
-        first = int(np.searchsorted(t, t[0] + settle))
-        last = int(np.searchsorted(t, t[-1] - max(horizons) + 0.5 * T))
-        stride = max(1, round(min(horizons) / (per_horizon * T)))
-        starts = np.arange(first, last, stride, dtype=np.int64)
-        if starts.size < 2 * per_horizon or min(horizons) < 2 * T:
+        if min(horizons) < (1.0 - 1e-9) * 2 * T:
+            longer = 2 * T * max(horizons) / min(horizons)
+            raise ValueError(
+                f"predictions over {max(horizons):g} s are compared from {1e3 * min(horizons):.3g} ms on, less than "
+                f"two samples of {1e3 * T:.3g} ms. Choose a longer horizon: {np.ceil(1e3 * longer - 1e-6):g} ms or more"
+            )
+        if not cls.fit_into(t, horizons, settle, per_horizon):
             raise ValueError(
                 f"the log lasts {t[-1] - t[0]:.3g} s at {1e3 * T:.3g} ms: too short for prediction over "
                 f"{max(horizons):g} s after {settle:g} s of settling. Choose a shorter horizon or a longer log."
             )
+        starts = _starts(t, horizons, settle, per_horizon)
         ends = [np.searchsorted(t, t[starts] + h - 0.5 * T) for h in horizons]
         return cls(starts, np.stack(ends, axis=1).astype(np.int64), tuple(horizons))
+
+    @staticmethod
+    def fit_into(
+        t: NDArray[np.float64], horizons: tuple[float, ...], settle: float, per_horizon: int = PER_HORIZON
+    ) -> bool:
+        """Whether a log with stamps t (N,) [s] is long enough for `over`: twice `per_horizon` windows start in it."""
+        return _starts(t, horizons, settle, per_horizon).size >= 2 * per_horizon
 
     @property
     def open_at_once(self) -> int:
         stride = int(np.min(np.diff(self.starts)))
         return int(np.max(self.targets[:, -1] - self.starts)) // stride + 1
+
+
+def _starts(t: NDArray[np.float64], horizons: tuple[float, ...], settle: float, per_horizon: int) -> NDArray[np.int64]:
+    """Samples at which windows start, from `settle` seconds in to the last that ends within the log."""
+    T = float(np.median(np.diff(t)))
+    first = int(np.searchsorted(t, t[0] + settle - 0.5 * T))  # the nearest sample, whatever a clock's jitter
+    last = int(np.searchsorted(t, t[-1] - max(horizons) + 0.5 * T))
+    return np.arange(first, last, max(1, round(min(horizons) / (per_horizon * T))), dtype=np.int64)
 
 
 def free_run(path: FilterPath, windows: Windows, longest_step: float = LONGEST_STEP) -> NDArray[np.float64]:

@@ -24,10 +24,11 @@ from ..estimation.zeros import aligned
 from ..kalman.coordinates import Zeros
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
-from ..kalman.record import Record, stretches
+from ..kalman.record import Record, Stretch, stretches
 from ..kalman.whiteness import FEWEST, Innovations, innovations
-from ..logs.log import Log, as_logs
+from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
+from .free_run import PER_HORIZON, Windows
 from .noise_floor import repeats, spread
 from .predicted import SETTLE, predicted
 
@@ -179,11 +180,13 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     plant: a `Plant`, a plant file or a known set. own_zeros: estimate the zeros of the encoders in each log first, as
     logs of one rig need not count from the same place; off for logs that the plant was fitted to. Of logs that repeat
     one command the floor is their spread. Raises TypeError for what is no `Log`, and ValueError for logs that are too
-    short, whose command is in another unit than the plant's, or that the filter cannot follow with this plant.
+    short or given twice, whose command is in another unit than the plant's, or that the filter cannot follow with this
+    plant.
     """
     plant, logs = Plant.resolve(plant), list(as_logs(logs))
     if not logs:
         raise ValueError("validate needs at least one log, got none")
+    check_each_once(logs, "it passes for a repeated run without any noise")
     for log in logs:
         log.check_unit(plant.unit)
     if not (math.isfinite(horizon) and 0 < horizon <= 5):
@@ -192,15 +195,21 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     if own_zeros:
         found = aligned(plant, logs)
         logs, zeros = list(found.logs), found.zeros
-    long = [s for s in stretches(logs) if s.record.duration >= SETTLE + 2 * horizon and len(s.piece) >= FEWEST]
-    kept = [predicted(plant, stretch, tuple(f * horizon for f in _CURVE)) for stretch in long]
+    horizons = tuple(f * horizon for f in _CURVE)
+    long = [stretch for stretch in stretches(logs) if _long_enough(stretch, horizons)]
+    kept = [predicted(plant, stretch, horizons) for stretch in long]
     if not kept:
-        raise ValueError(f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s")
+        raise ValueError(
+            f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s without a gap of "
+            f"the clock, in which {2 * PER_HORIZON} samples lie after the first {SETTLE:g} s and before the last "
+            f"{horizon:g} s"
+        )
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
     by_log = {p.log: p for p in kept}
     own = {i: p.floor for i, p in enumerate(kept)}
     groups = [g for g in repeats(logs) if all(sum(p.log == i for p in kept) == 1 for i in g)]
+    groups = [g for g in groups if len({by_log[i].errors.shape for i in g}) == 1]
     for group in groups:
         between = spread([by_log[i].errors for i in group])
         own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
@@ -238,6 +247,13 @@ def fit_percent(rms: Array, readings: Array, log: NDArray[np.int_]) -> Array:
         own[log == i] = readings[log == i].mean(axis=0)
     motion = np.sqrt(np.mean((readings - own) ** 2, axis=0))
     return 100.0 * (1.0 - rms / np.maximum(motion, 1e-12))
+
+
+def _long_enough(stretch: Stretch, horizons: tuple[float, ...]) -> bool:
+    """Whether a stretch can be predicted over horizons [s], and its innovations be tested."""
+    record = stretch.record
+    lasts = record.duration >= SETTLE + 2 * max(horizons) and len(stretch.piece) >= FEWEST
+    return lasts and Windows.fit_into(record.t, horizons, SETTLE)
 
 
 def filtered(plant: Plant, log: Log) -> FilterPath:

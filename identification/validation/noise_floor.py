@@ -23,6 +23,7 @@ from ..logs.log import Log
 from .free_run import Windows, floor_covariance
 
 _SAME_PLACE = 0.1  # of the range of an angle
+_SAME_TIME = 0.1  # of a sample time: a clock that is read jitters
 
 Array = NDArray[np.float64]
 
@@ -58,13 +59,19 @@ def repeats(logs: Sequence[Log]) -> list[list[int]]:
     for i, log in enumerate(logs):
         for group in groups:
             other = logs[group[0]]
-            same = len(log) == len(other) and np.allclose(log.t - log.t[0], other.t - other.t[0], atol=1e-9)
-            if same and np.allclose(log.u, other.u, atol=1e-9) and _same_start(log, other):
+            same = len(log) == len(other) and np.allclose(log.u, other.u, atol=1e-9)
+            if same and _same_times(log, other) and _same_start(log, other):
                 group.append(i)
                 break
         else:
             groups.append([i])
     return [group for group in groups if len(group) > 1]
+
+
+def _same_times(log: Log, other: Log) -> bool:
+    """Whether stamps, counted from the first one, differ by no more than a small part of the sample time."""
+    apart = np.abs((log.t - log.t[0]) - (other.t - other.t[0]))
+    return float(apart.max()) <= _SAME_TIME * min(log.sample_time, other.sample_time)
 
 
 def _same_start(log: Log, other: Log) -> bool:

@@ -99,6 +99,7 @@ def test_the_thresholds_used_are_told(alone: Diagnosis) -> None:
         (LOG, "loop arm_spring is searched and held out at once"),
         (replace(PLAIN, sha256="of the file", source="again.csv"), "again.csv is searched and held out at once"),
         (replace(PLAIN, input_unit="N·m"), "must agree"),
+        ([PLAIN, PLAIN], "loop as modelled is given twice; expected each log once"),
     ],
 )
 def test_what_cannot_be_held_out_is_refused_before_the_search(held_out: object, message: str) -> None:

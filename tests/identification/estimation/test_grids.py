@@ -76,3 +76,30 @@ def test_values_that_are_given_are_not_left() -> None:
     found = identify(log, effects=[given])
     assert found.plant.effects[0].parameters["n"] == 5
     assert np.isfinite(found.log_likelihood)
+
+
+def test_a_whole_number_may_be_known() -> None:
+    """Then neither the grid nor a descent moves it."""
+    log, plant = loop_log("arm_ripple", T=0.008, duration=3.0, seed=1)
+    assert plant.effects[0].parameters["n"] == 12
+    found = identify(log, effects=["arm_ripple"], fixed={"arm_ripple.n": 3}, iterations=1, model_error=False)
+    assert found.plant.effects[0].parameters["n"] == 3
+    assert found.fixed == {"arm_ripple.n": 3}
+    assert "arm_ripple.n" not in found.names
+    assert "arm_ripple.A" in found.names
+    kept = identify(log, plant, fixed={"arm_ripple.n": None}, iterations=1, model_error=False)
+    assert kept.fixed == {"arm_ripple.n": 12}
+    with pytest.raises(ValueError, match=r"cannot put a prior on arm_ripple\.n, which no descent moves.*Fix its value"):
+        identify(log, effects=["arm_ripple"], priors={"arm_ripple.n": (3.0, 0.5)})
+    with pytest.raises(ValueError, match=r"cannot fix or put a prior on arm_ripple\.m; the parameters are"):
+        plant_coordinates(plant, fixed={"arm_ripple.m"})
+
+
+def test_an_optional_size_may_be_known_to_be_absent() -> None:
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_hysteresis"))
+    assert plant.effects[0].parameters["κ2"] == 0.0
+    free = {c.name for c in plant_coordinates(plant, fixed={"arm_hysteresis.κ2"})}
+    assert free == {c.name for c in plant_coordinates(plant)}
+    both = plant.with_effects(Effect("arm_hysteresis", {**plant.effects[0].parameters, "κ2": 1.0}))
+    assert "arm_hysteresis.κ2" in {c.name for c in plant_coordinates(both)}
+    assert "arm_hysteresis.κ2" not in {c.name for c in plant_coordinates(both, fixed={"arm_hysteresis.κ2"})}

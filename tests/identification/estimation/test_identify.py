@@ -23,7 +23,7 @@ from identification.kalman.record import Record
 from identification.kalman.rounding import counted
 from identification.logs.log import Log
 from identification.logs.reading import read_log
-from tests.factories import closed_loop, hanging_log, paper_log
+from tests.factories import closed_loop, hanging_log, open_loop_log, paper_log
 
 
 @pytest.fixture(scope="module")
@@ -194,6 +194,15 @@ def test_the_on_line_methods_come_through_the_same_door(method: str) -> None:
     assert estimate.method == method
     assert estimate.plant.theta[0] == pytest.approx(TABLE_3.theta[0], rel=0.1)
     assert estimate.plant.covariance is not None
+
+
+@pytest.mark.parametrize("idle", [4.0, 10.0])
+def test_the_online_filter_waits_for_the_command(idle: float) -> None:
+    """Of seconds in which the pendulum only swings nobody can make a start."""
+    t = 0.004 * np.arange(int((idle + 2.0) / 0.004))
+    log = open_loop_log(np.where(t < idle, 0.0, 0.5 * np.sin(3.0 * np.pi * (t - idle))), q2=2.5)
+    estimate = identify(log, method="ekf")
+    assert estimate.plant.theta[0] == pytest.approx(TABLE_3.theta[0], rel=0.2)
 
 
 @pytest.mark.parametrize("method", ["prediction-error", "ekf"])

@@ -110,3 +110,12 @@ def test_linear_algebra_has_one_thread_until_the_last_has_ended() -> None:
 def test_noise_of_another_kind_is_refused() -> None:
     with pytest.raises(ValueError, match=r"must be a Noise.*ndarray"):
         identify(loop_log(duration=3.0)[0], TABLE_3, noise=np.ones(4))  # type: ignore[arg-type]
+
+
+def test_noise_needs_the_plant_that_it_belongs_to() -> None:
+    """Else it would be used for nothing, but no restart would be tried."""
+    log = loop_log(duration=3.0)[0]
+    noise = Noise((1e-6, 1e-8))
+    with pytest.raises(ValueError, match=r"there is no start.*Expected both: identify\(logs, estimate\.plant, noise="):
+        identify(log, noise=noise)
+    assert identify(log, TABLE_3, noise=noise, iterations=1, model_error=False).samples == len(log)

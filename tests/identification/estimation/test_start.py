@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.estimation.start import candidates
-from tests.factories import TABLE_3, hanging_log, paper_log
+from tests.factories import TABLE_3, hanging_log, open_loop_log, paper_log
 
 
 @pytest.mark.parametrize("moved", [(2 * math.pi, 0.0), (-600.0, 2 * math.pi), (0.0, 200 * math.pi)])
@@ -30,3 +30,20 @@ def test_the_first_start_is_near_the_truth_of_a_fine_log(zero: float) -> None:
     assert found[[2, 4]] / found[3] == pytest.approx(true[[2, 4]] / true[3], rel=0.1)
     assert found[0] == pytest.approx(true[0], rel=0.1)
     assert found[3] == pytest.approx(true[3], rel=0.5)
+
+
+def test_no_sign_is_blamed_where_there_is_no_command() -> None:
+    decay = open_loop_log(np.zeros(1000), q2=2.5)
+    with pytest.raises(ValueError, match=r"the command does not change.*add a driven log") as raised:
+        candidates([decay, decay], TABLE_3)
+    assert "sign" not in str(raised.value)
+
+
+def test_no_sign_is_blamed_where_the_motion_is_too_short_to_be_smoothed() -> None:
+    log = paper_log(T=0.002, duration=8.0)[0]
+    with pytest.raises(ValueError, match=r"at least 0\.5 s and 40 samples without a gap") as raised:
+        candidates([log.slice(stop=0.45), log.slice(1.0, 1.45)], TABLE_3)
+    assert "sign" not in str(raised.value)
+    for T in (0.002, 0.02):  # what is asked for is enough
+        fine = paper_log(T=T, duration=8.0)[0]
+        assert candidates([fine.taken(slice(0, max(40, math.ceil(0.5 / T)) + 1))], TABLE_3)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from furuta_gym.plant import TABLE_3
 from identification.estimation.identify import identify
-from identification.estimation.zeros import aligned
-from identification.logs.checks import LogWarning
+from identification.estimation.zeros import aligned, warn_about_zeros
+from identification.logs.checks import LogError, LogWarning
 from identification.validation.gap import validate
-from tests.factories import loop_log
+from tests.factories import loop_log, paper_log
 
 ZERO = 0.4  # rad, of the arm in the second log
 
@@ -69,3 +72,35 @@ def test_beside_a_tilt_the_zero_is_free() -> None:
     for name, true in tilt.parameters.items():
         i = estimate.names.index(f"base_tilt.{name}")
         assert abs(estimate.values[i] - true) < 4.0 * estimate.std[i], name
+
+
+def test_a_log_full_of_gaps_does_not_stop_what_is_said_of_others() -> None:
+    log, plant = loop_log("arm_spring", duration=4.0, seed=3)
+    good = log.moved(-ZERO, 0.0)
+    useless = log.taken(np.flatnonzero(np.arange(len(log)) % 12))
+    with pytest.warns(LogWarning, match="stretches of fewer than 20"):
+        found = aligned(plant, [useless, good])
+    assert 0 not in found.zeros
+    assert found.logs[0] is useless
+    assert found.zeros[1][0] == pytest.approx(ZERO, abs=0.02)
+    assert found.zeros[1] == aligned(plant, [good]).zeros[0]
+    with pytest.warns(LogWarning, match="stretches of fewer than 20"):
+        gap = validate(plant, [useless, good])
+    assert set(gap.log.tolist()) == {1}
+    with pytest.warns(LogWarning), pytest.raises(LogError, match="no stretch of 20 samples"):
+        aligned(plant, [useless])
+
+
+@pytest.mark.parametrize(
+    ("counts", "declared", "told"),
+    [
+        (None, None, r"\+0\.05 rad from the first"),
+        (4096, None, r"\(\+33 counts\)"),
+        (None, (2048, 2048), r"\(\+16 counts"),
+    ],
+)
+def test_counts_are_told_where_the_arm_has_an_encoder(counts, declared, told) -> None:
+    log = replace(paper_log(duration=4.0, counts=counts)[0], encoder_counts=declared)
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+    with pytest.warns(LogWarning, match=told):
+        warn_about_zeros(plant, [log, log], {1: (0.05, 0.0)})

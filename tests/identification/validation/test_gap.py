@@ -174,6 +174,18 @@ def test_runs_of_one_input_give_a_floor_without_a_noise_model():
     assert np.all(mixed.floor > 2.0 * gap.floor)
 
 
+@pytest.mark.parametrize(("jitter", "repeated"), [(0.04, True), (0.4, False)])
+def test_runs_repeat_each_other_whatever_a_clock_that_is_read_jitters(jitter, repeated):
+    t = np.arange(1500) * 0.004
+    u = 0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t)
+    rng, logs = np.random.default_rng(0), []
+    for seed in range(3):
+        log = open_loop_log(u, torque_noise=(1e-5, 1e-7), seed=seed)
+        logs.append(replace(log, t=log.t + 0.004 * rng.uniform(-jitter, jitter, len(log.t))))
+    assert repeats(logs) == ([[0, 1, 2]] if repeated else [])
+    assert validate(TABLE_3, logs).repeats == repeated
+
+
 def test_free_decays_from_different_places_are_no_repeats():
     """Nor may a wrong plant's own errors pass for their spread."""
     logs = [open_loop_log(np.zeros(1500), q2, seed=seed) for seed, q2 in enumerate((np.pi + 1.0, np.pi - 0.7))]
@@ -212,6 +224,39 @@ def test_bad_input_is_refused():
         validate(TABLE_3, replace(log, input_unit="N·m"))
     with pytest.raises(ValueError, match="at least one log"):
         validate(plant, [])
+
+
+def test_a_log_given_twice_is_no_repeated_run():
+    """Its spread is zero, and any error infinitely many times that floor."""
+    log = replace(loop_log(duration=4.0)[0], sha256="0123", source="run.csv")
+    for twice in ([log, log], [log, replace(log, source="copy.csv")], [log.slice(stop=3.0), log.slice(2.0)]):
+        with pytest.raises(ValueError, match=r"run\.csv is given twice; expected each log once"):
+            validate(TABLE_3, twice)
+    parts = validate(TABLE_3, log.split(0.5))  # one file in parts is no log twice
+    assert set(parts.log.tolist()) == {0, 1}
+
+
+def test_a_horizon_below_two_samples_is_told_and_how_long_it_must_be():
+    log, plant = loop_log(duration=4.0)  # at 2 ms, compared at thirds of the horizon
+    with pytest.raises(ValueError, match=r"less than two samples of 2 ms\. Choose a longer horizon: 12 ms") as raised:
+        validate(plant, log, horizon=0.01)
+    assert "shorter" not in str(raised.value)
+    assert "longer log" not in str(raised.value)
+    assert validate(plant, log, horizon=0.012).horizon == 0.012
+
+
+def test_a_stretch_too_short_for_its_clock_does_not_end_the_validation():
+    """At 50 Hz it lasts long enough for a horizon of 0.15 s, but fewer windows start in it than are asked for."""
+    log, plant = loop_log(T=0.02, duration=12.0)
+    keep = np.ones(len(log), dtype=bool)
+    keep[45:47] = False
+    broken = log.taken(keep)
+    short, rest = broken.pieces()
+    assert short.duration > 0.5 + 2 * 0.15
+    gap = validate(plant, broken, horizon=0.15, own_zeros=False)
+    assert gap.times.min() > rest.t[0]
+    with pytest.raises(ValueError, match=r"no log is long enough.* 16 samples"):
+        validate(plant, short, horizon=0.15, own_zeros=False)
 
 
 def test_measured_repeats_and_swing_ups(real_data):
