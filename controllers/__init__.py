@@ -17,6 +17,7 @@ __all__ = [
     "export_onnx",
     "export_policy_c",
     "make_controller",
+    "run_figures",
     "train",
     "usual_controller",
 ]
@@ -34,6 +35,7 @@ _WHERE = {
     "export_onnx": ".exports.onnx",
     "export_policy_c": ".exports.policy_c",
     "make_controller": ".registry",
+    "run_figures": ".measured_run",
     "train": ".training",
     "usual_controller": ".registry",
 }
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from .exports.mjcf import export_mjcf
     from .exports.onnx import export_onnx
     from .exports.policy_c import export_policy_c
+    from .measured_run import run_figures
     from .registry import CONTROLLERS, make_controller, usual_controller
     from .training import train
     from .training_setup import Training

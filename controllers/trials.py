@@ -176,7 +176,7 @@ def run_trials(
     held = np.concatenate([[-np.inf], t[:n]])  # nothing is commanded before the trial
     travel = np.array([p.limit("arm_travel", ARM_TRAVEL) if arm_travel is None else arm_travel for p in plants])
     speed = np.array([p.limit("arm_speed", np.inf) for p in plants])
-    score = _Score(T, n, starts.push_time, travel, speed, hold if swing_up else None)
+    score = Score(T, n, starts.push_time, travel, speed, hold if swing_up else None)
     for k in range(n):
         if not score.watch(k, X):
             break
@@ -190,7 +190,7 @@ def run_trials(
     return score.outcome(U[1:])
 
 
-class _Score:
+class Score:
     """Adds up a batch of trials while it runs."""
 
     def __init__(

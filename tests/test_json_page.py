@@ -94,6 +94,12 @@ def test_compare(tmp_path: Path) -> None:
     compared("compare", json.loads(result.stdout))
 
 
+def test_score() -> None:
+    result = furuta("score", LOGS / "paper.csv", "--json")
+    assert result.exit_code == 0, result.output
+    compared("score", json.loads(result.stdout))
+
+
 def test_an_invented_key_and_a_missing_one_are_seen() -> None:
     with pytest.raises(AssertionError, match="prints no"):
         compared("residuals", {"unit": "V"})

@@ -20,6 +20,7 @@ from .identify import identify_command
 from .init import init_command
 from .logbook import keep_logbook, print_version
 from .residuals import residuals_command
+from .score import score_command
 from .simulate import simulate_command
 from .studio import studio_command
 from .train import train_command
@@ -86,6 +87,7 @@ app.command("effects", cls=Command)(effects_command)
 app.command("excite", cls=Command)(excite_command)
 app.command("simulate", cls=Command)(simulate_command)
 app.command("compare", cls=Command)(compare_command)
+app.command("score", cls=Command)(score_command)
 app.command("trials", cls=Command)(trials_command)
 app.command("train", cls=Command)(train_command)
 app.command("export", cls=Command)(export_command)

@@ -79,7 +79,7 @@ def test_every_command_that_reads_logs_takes_a_mapping() -> None:
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     takes = {name: {p.name for p in command.params} for name, command in commands.items()}
     reading = {name for name, params in takes.items() if "logs" in params and name not in ("init", "studio")}
-    assert reading == {"identify", "validate", "diagnose", "residuals"}
+    assert reading == {"identify", "validate", "diagnose", "residuals", "score"}
     assert all({"mapping", "columns", "as_given"} <= takes[name] for name in reading)
 
 

@@ -1,0 +1,64 @@
+"""`furuta score`: what a controller did on the rig, in the figures of `furuta compare`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from . import options as opt
+from .output import print_json
+from .reading import Reading, read, reads_logs
+
+if TYPE_CHECKING:
+    from controllers.measured_run import RunFigures
+
+
+@reads_logs
+def score_command(
+    logs: opt.Logs,
+    reading: Reading,
+    swing_up: Annotated[
+        bool, typer.Option("--swing-up", help="The runs begin hanging; the last 5 s are to be upright.")
+    ] = False,
+    arm_travel: Annotated[
+        float, typer.Option(help="To either side, in rad; a run has failed where the arm leaves it.")
+    ] = 2 * math.pi,
+    as_json: opt.AsJson = False,
+) -> None:
+    """Score runs that a controller balanced or swung up on the rig, in the figures of `furuta compare`."""
+    from controllers.measured_run import run_figures
+
+    if not arm_travel > 0:
+        raise ValueError(f"--arm-travel {arm_travel:g}: expected rad, above 0")
+    used = read(logs, reading, None)
+    found = []
+    for log in used:
+        try:
+            found.append(run_figures(log.t, log.q1, log.q2, log.u, swing_up=swing_up, arm_travel=arm_travel))
+        except ValueError as error:
+            raise ValueError(f"{log.source}: {error}") from error
+    unit = used[0].input_unit
+    if as_json:
+        print_json(
+            {"unit": unit, "runs": [{"log": log.source, **asdict(f)} for log, f in zip(used, found, strict=True)]}
+        )
+        return
+    _show([log.source for log in used], found, unit)
+
+
+def _show(names: list[str], found: list[RunFigures], unit: str) -> None:
+    heads = ("log", "held", "rms q1\n[rad]", "mean q1\n[rad]", "rms q2\n[rad]", f"energy\n[{unit}²·s]")
+    table = Table(*map(escape, (*heads, f"roughness\n[{unit}/s]", "settled\n[s]")))
+    for name, f in zip(names, found, strict=True):
+        held = "to the end" if f.failed_at is None else f"{f.failed_at:.2f} s"
+        figures = (f"{f.rms_q1:.3f}", f"{f.mean_q1:+.3f}", f"{f.rms_q2:.4f}", f"{f.energy:.3g}", f"{f.roughness:.3g}")
+        table.add_row(escape(name), held, *figures, "no" if f.settling is None else f"{f.settling:.2f}")
+    console = Console()
+    (console if console.is_terminal else Console(width=110)).print(table)
+    typer.echo("As furuta compare has them for simulated runs. Encoder noise is part of what is read.")

@@ -1,0 +1,85 @@
+"""Figures of a measured run are those of trials, where both can be had."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controllers import make_controller
+from controllers.measured_run import run_figures
+from controllers.trials import Starts, run_trials
+from furuta_gym.plant import QUBE
+from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import LivePlant
+
+T = 0.004
+EXACT = Sensors(encoder_counts=0, noise_std=0.0)
+
+
+def played(x0, seconds: float, name: str = "lqr"):
+    """Columns of a run without any noise, one more reading than commands that acted."""
+    controller, rig, rows = make_controller(name, QUBE, T, EXACT), LivePlant(QUBE, T, EXACT, x0=x0), []
+    controller.reset()
+    for _ in range(round(seconds / T) + 1):
+        y = rig.read()
+        u = controller(y)
+        rows.append((rig.t, *y, u))
+        rig.step(u)
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize(
+    ("name", "x0", "seconds"), [("lqr", (0.3, 0.05, 0.0, 0.0), 4.0), ("swing-up", (0.1, np.pi, 0.0, 0.0), 9.0)]
+)
+def test_the_figures_are_those_of_a_trial(name, x0, seconds) -> None:
+    t, q1, q2, u = played(x0, seconds, name)
+    swing_up = name == "swing-up"
+    found = run_figures(t, q1, q2, u, swing_up=swing_up)
+    starts = Starts(np.array(x0)[:, None], np.zeros(1), np.zeros(1))
+    trial = run_trials(QUBE, make_controller(name, QUBE, T, EXACT), starts, seconds, T, EXACT, swing_up=swing_up)
+    assert found.success
+    assert trial.success[0]
+    for figure in ("rms_q1", "rms_q2", "energy", "roughness", "settling", "largest_q1"):
+        assert getattr(found, figure) == pytest.approx(getattr(trial, figure)[0], rel=0.02, abs=2e-3), figure
+
+
+def test_a_pendulum_that_falls_has_figures_up_to_its_fall() -> None:
+    t = np.arange(500) * T
+    q1, u = np.full(500, 0.2), np.ones(500)
+    q2 = np.where(t < 1.0, 0.01, 2.0)
+    found = run_figures(t, q1, q2, u)
+    assert not found.success
+    assert found.failed_at == pytest.approx(1.0, abs=T)
+    assert found.rms_q2 == pytest.approx(0.01)
+    assert found.mean_q1 == pytest.approx(0.2)
+    assert found.energy == pytest.approx(1.0, abs=2 * T)
+    assert found.settling is None
+    assert "for 1.00 s" in str(found)
+
+
+def test_an_arm_beyond_its_travel_has_failed() -> None:
+    t = np.arange(500) * T
+    found = run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t, arm_travel=1.0)
+    assert found.failed_at == pytest.approx(0.5, abs=2 * T)
+    assert run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t).success
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"q2": np.full(500, np.nan)}, "not finite"),
+        ({"u": np.zeros(400)}, "one length"),
+        ({"t": np.r_[np.arange(250), np.arange(300, 550)] * T}, "step of"),
+        ({k: np.zeros(2) for k in ("t", "q1", "q2", "u")}, "3 or more"),
+    ],
+)
+def test_what_is_no_run_is_refused(change, said) -> None:
+    columns = {"t": np.arange(500) * T} | {k: np.zeros(500) for k in ("q1", "q2", "u")}
+    with pytest.raises(ValueError, match=said):
+        run_figures(**(columns | change))
+
+
+def test_a_swing_up_shorter_than_its_hold_is_refused() -> None:
+    zeros = np.zeros(500)
+    with pytest.raises(ValueError, match="stay upright"):
+        run_figures(np.arange(500) * T, zeros, zeros, zeros, swing_up=True)
