@@ -85,7 +85,7 @@ def test_seed_list_and_start_states():
 def test_without_seeds_envs_differ():
     for seed in (None, [None, 7, None, 7]):
         observations, _ = FurutaVectorEnv(4).reset(seed=seed)
-        assert len(np.unique(observations[:, 0])) == (4 if seed is None else 3)
+        assert len(np.unique(observations, axis=0)) == (4 if seed is None else 3)  # one angle alone may coincide
     batch = FurutaVectorEnv(2)
     first = batch.reset(seed=[1, 2])[0]
     again = batch.reset(seed=[None, 2])[0]  # the stream of env 0 goes on
