@@ -23,7 +23,7 @@ from ..logs.log import Log
 from .free_run import Windows, floor_covariance
 
 _SAME_PLACE = 0.1  # of the range of an angle
-_SAME_TIME = 0.1  # of a sample time: a clock that is read jitters
+_SAME_TIME = 0.5  # of a sample time: a clock that is read jitters, and every run is predicted at its own stamps
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def repeats(logs: Sequence[Log]) -> list[list[int]]:
 
 
 def _same_times(log: Log, other: Log) -> bool:
-    """Whether stamps, counted from the first one, differ by no more than a small part of the sample time."""
+    """Whether stamps, counted from the first one, differ by no more than half a sample time."""
     apart = np.abs((log.t - log.t[0]) - (other.t - other.t[0]))
     return float(apart.max()) <= _SAME_TIME * min(log.sample_time, other.sample_time)
 

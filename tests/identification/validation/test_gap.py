@@ -174,14 +174,14 @@ def test_runs_of_one_input_give_a_floor_without_a_noise_model():
     assert np.all(mixed.floor > 2.0 * gap.floor)
 
 
-@pytest.mark.parametrize(("jitter", "repeated"), [(0.04, True), (0.4, False)])
-def test_runs_repeat_each_other_whatever_a_clock_that_is_read_jitters(jitter, repeated):
+@pytest.mark.parametrize(("jitter", "pace", "repeated"), [(0.1, 1.0, True), (0.0, 1.001, False)])
+def test_runs_repeat_each_other_whatever_a_clock_that_is_read_jitters(jitter, pace, repeated):
     t = np.arange(1500) * 0.004
     u = 0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t)
     rng, logs = np.random.default_rng(0), []
     for seed in range(3):
         log = open_loop_log(u, torque_noise=(1e-5, 1e-7), seed=seed)
-        logs.append(replace(log, t=log.t + 0.004 * rng.uniform(-jitter, jitter, len(log.t))))
+        logs.append(replace(log, t=log.t * pace**seed + 0.004 * rng.uniform(-jitter, jitter, len(log.t))))
     assert repeats(logs) == ([[0, 1, 2]] if repeated else [])
     assert validate(TABLE_3, logs).repeats == repeated
 
