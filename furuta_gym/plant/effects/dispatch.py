@@ -67,6 +67,7 @@ def _entry(function: str, hook: str, arguments: str, **options: Any) -> Any:
     return compiled(names[function], **options)
 
 
+# the short ones are inlined: a call hands over some forty numbers for its arrays
 command_delays = _entry("command_delays", "delay", "P, codes, out", forceinline=True)
 map_command = _entry("map_command", "command", "P, codes, u", forceinline=True)
 filter_command = _entry("filter_command", "filter", "u, since, X, P, codes, out", forceinline=True)
