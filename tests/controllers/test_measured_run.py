@@ -64,6 +64,17 @@ def test_an_arm_beyond_its_travel_has_failed() -> None:
     assert run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t).success
 
 
+def test_lost_samples_and_an_uneven_clock_hardly_change_the_figures() -> None:
+    t, q1, q2, u = played((0.3, 0.05, 0.0, 0.0), 4.0)
+    rng = np.random.default_rng(0)
+    kept = rng.random(t.size) > 0.02
+    kept[[0, -1]] = True
+    jittered = t + 0.1 * T * rng.uniform(-1, 1, t.size)
+    whole, part = run_figures(t, q1, q2, u), run_figures(jittered[kept], q1[kept], q2[kept], u[kept])
+    for figure in ("rms_q1", "rms_q2", "mean_q1", "energy", "settling", "largest_q1"):
+        assert getattr(part, figure) == pytest.approx(getattr(whole, figure), rel=0.05, abs=2e-3), figure
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
