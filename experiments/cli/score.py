@@ -31,7 +31,7 @@ def score_command(
     ] = 2 * math.pi,
     as_json: opt.AsJson = False,
 ) -> None:
-    """Score runs that a controller balanced or swung up on the rig, in the figures of `furuta compare`."""
+    """Say how well a controller did in logs of the rig: the figures that `furuta compare` gives for simulated runs."""
     from controllers.measured_run import run_figures
 
     if not arm_travel > 0:

@@ -85,7 +85,7 @@ def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequen
     if searched_too := [log for log in held_out if any(log.overlaps(own) for own in logs)]:
         names = ", ".join(log.source for log in searched_too)
         raise ValueError(f"{names} is searched and held out at once; hold out a log that is not fitted")
-    check_each_once(held_out, "as held-out data it passes for a repeated run without any noise")
+    check_each_once(held_out, "as held-out data its noise floor would be that of a repeated run without noise: zero")
     if units := {log.input_unit for log in held_out} - {logs[0].input_unit}:
         raise ValueError(
             f"the held-out logs' command is in {', '.join(sorted(units))}, the others' in {logs[0].input_unit}; "

@@ -186,7 +186,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     plant, logs = Plant.resolve(plant), list(as_logs(logs))
     if not logs:
         raise ValueError("validate needs at least one log, got none")
-    check_each_once(logs, "it passes for a repeated run without any noise")
+    check_each_once(logs, "the noise floor would be that of a repeated run without noise: zero")
     for log in logs:
         log.check_unit(plant.unit)
     if not (math.isfinite(horizon) and 0 < horizon <= 5):
