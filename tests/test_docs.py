@@ -162,12 +162,58 @@ def test_the_loop_that_plays_a_command_file_writes_a_log(tmp_path: Path) -> None
     u = 0.5 * np.sign(np.sin(6.0 * t))
     rows = "".join(f"{now:.3f},{command:g}\n" for now, command in zip(t, u, strict=True))
     (tmp_path / "u.csv").write_text(f"# plant: qube\nt,u\n{rows}", encoding="utf-8")
-    (loop,) = run_pages.kept(DOCS / "how-to" / "excite.md")
+    loop, _ = run_pages.kept(DOCS / "how-to" / "excite.md")
     (said,) = run_pages.run([loop[0]], tmp_path, "loop")
     assert said.startswith("500 samples, the arm within")
     log = read_log(tmp_path / "log1.csv", input_unit="V")
     assert log.u == pytest.approx(u)
     assert np.ptp(log.q1) > 0.05
+
+
+BOARD = """
+#include <cstdint>
+#include <cstdio>
+#define PROGMEM
+struct Port {
+    void begin(long) {}
+    void print(long n) { std::printf("%ld", n); }
+    void print(unsigned long n) { std::printf("%lu", n); }
+    void print(char c) { std::putchar(c); }
+    void println(const char *text) { std::puts(text); }
+    void println(int n) { std::printf("%d\\n", n); }
+} Serial;
+static unsigned long clock_us = 0;
+static int driven = 0;
+static unsigned long micros() { return clock_us += 7; }
+static int pgm_read_word(const std::int16_t *at) { return *at; }
+static long arm_count() { return driven; }
+static long pendulum_count() { return -driven; }
+static void motor(int duty) { driven = duty; }
+"""
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
+def test_the_sketch_that_plays_a_command_file_prints_a_log(tmp_path: Path) -> None:
+    """docs/how-to/excite.md, on a stand-in for the board: every row in time, and the motor off at the end."""
+    import numpy as np
+
+    page = DOCS / "how-to" / "excite.md"
+    u = 2.0 * np.sin(0.05 * np.arange(300))
+    rows = "".join(f"{0.005 * k:.3f},{command:.6g}\n" for k, command in enumerate(u))
+    (tmp_path / "u.csv").write_text(f"# plant: qube\nt,u\n{rows}", encoding="utf-8")
+    _, table = run_pages.kept(page)
+    run_pages.run([table[0]], tmp_path, "table")
+    (sketch,) = re.findall(r"^```cpp\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    ends = "int main() { setup(); return driven; }\n"
+    (tmp_path / "sketch.cpp").write_text(BOARD + sketch + ends, encoding="utf-8")
+    subprocess.run(["g++", "-std=c++11", "-o", tmp_path / "sketch", tmp_path / "sketch.cpp"], check=True, timeout=60)
+    said = subprocess.run([tmp_path / "sketch"], capture_output=True, text=True, check=True, timeout=60).stdout
+    assert said.startswith("t,q1,q2,u\n")
+    t, arm, pendulum, duty = np.loadtxt(said.splitlines()[1:], delimiter=",", unpack=True)
+    assert duty == pytest.approx(np.round(u * 255 / 12))
+    assert np.abs(t - 5000 * np.arange(300)).max() < 50
+    assert arm == pytest.approx(np.append(0, duty[:-1]))
+    assert pendulum == pytest.approx(-arm)
 
 
 TITLED = re.compile(r'^```python title="([^"]*)"\n(.*?)^```', re.DOTALL | re.MULTILINE)

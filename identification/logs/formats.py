@@ -199,6 +199,8 @@ def _too_many(header: list[str], row: list[str], delimiter: str) -> str:
     expected = f"Expected {len(header)}, as in the header ({listed(header)})."
     joined = [",".join(pair) for pair in pairwise(row)]
     halves = [j for j, text in enumerate(joined) if re.fullmatch(r"[+-]?\d+,\d+(e[+-]?\d+)?", text, re.IGNORECASE)]
+    if delimiter == "," and len(row) == 2 * len(header) and set(range(0, len(row), 2)) <= set(halves):
+        return f"{expected} Are {joined[0]} and the others decimal commas? Then separate the columns by semicolons."
     if delimiter != "," or len(row) != len(header) + 1 or not halves:
         return f"{expected} Delete what is too much in that line, or name its column in the header."
     what = f"{joined[halves[0]]} in column {listed([header[halves[0]]])}" if len(halves) == 1 else "one of its pairs"

@@ -82,6 +82,15 @@ def test_compiled_header_gives_the_same_commands(case, tmp_path):
     assert from_c == pytest.approx(from_python, abs=1e-9 * plant.u_max)
 
 
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
+@pytest.mark.parametrize("single", [False, True])
+def test_a_header_compiles_as_cpp_too(single, tmp_path):
+    export_c(make_controller("lqg", QUBE, 0.004), tmp_path / "lqg.h", single=single)
+    (tmp_path / "main.cpp").write_text('#include "lqg.h"\n')
+    flags = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only"]
+    subprocess.run(["g++", *flags, tmp_path / "main.cpp"], check=True, timeout=60)
+
+
 FIRMWARE = """
 static long arm, pendulum;
 static double volts;

@@ -93,14 +93,20 @@ def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: 
     shapes = []
     try:
         for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
-            exec(code.replace('"MlpPolicy", env', '"MlpPolicy", env, n_steps=64').replace("200_000", "64"), names)
+            short = re.sub('"MlpPolicy", (env|batch)', r'"MlpPolicy", \1, n_steps=64', code).replace("200_000", "64")
+            exec(short, names)
             shapes.append(names["envs"].observation_space.shape if "envs" in names else None)
         env = gymnasium.make("MyRig-v0")
         assert env.get_wrapper_attr("plant").effect("input_delay").parameters["d"] == 0.015
         assert env.action_space == gymnasium.make("FurutaSwingUp-v0").action_space
+        real = gymnasium.make("MyRealRig-v0")
+        assert real.get_wrapper_attr("plant").effect("input_delay").parameters["d"] == 0.015
+        assert real.observation_space.shape == (18,)
+        assert real.get_wrapper_attr("setup").action_period == 0.02
         assert names["observation"].shape == (18,)
         assert (4, 18) in shapes
         assert shapes[-1] == (64, 5)
         assert "plant" in names["info"]
     finally:
-        gymnasium.registry.pop("MyRig-v0", None)
+        for name in ("MyRig-v0", "MyRealRig-v0"):
+            gymnasium.registry.pop(name, None)

@@ -49,6 +49,7 @@ def test_unknown_ending_lists_the_known_ones(tmp_path):
         (b"t,q1,q2,u\n1,2,3,4\nEnd of run\nmean;2\n", "line 3 has 1 cell. Expected 4.*notes.*delete lines 3 to 4"),
         (b"t,q1,q2,u\n1,2,3,4\n1,2\n2,2,3,4\n3\n", "line 3 has 2 cells. Expected 4.*cut off"),
         (b"t,q1,q2,u\n1,2,3,4\n1,2,3,4,5\n", "line 3 has 5 cells"),
+        (b"t,q1,q2,u\n0,005,0,2,-3,1,1,5\n", "line 2 has 8 cells. .* Are 0,005 and the others decimal .*semicolons"),
         (b"t,q1,q2,u\n.1,.2,.3,1,5\n", "line 2 has 5 cells. Expected 4.* 1,5 in column u a decimal comma.*semicolons"),
         (b"t;q1;q2;u\n1;2;3;4;5\n", "line 2 has 5 cells. Expected 4.*Delete what is too much"),
         (b't,q1,q2,u\n1,2,3,"4\n1,2,3,4\n', "quotation mark|cells"),
