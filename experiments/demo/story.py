@@ -14,8 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from experiments.demo import policies
 from experiments.demo.page import rig_section
 
@@ -208,9 +206,9 @@ def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, 
     change = figures["diagnosis"]["gap"]
     say("\nWhat was found")
     say(
-        f"  - Model (5) alone: the identified θ are up to {off['model (5)']:.1f} standard deviations from the bench's truth,"
+        f"  - Model (5) alone: the identified θ are up to {off['model (5)']:.1f} standard deviations from the bench's"
     )
-    say(f"    and the held-out error is {change['before']['ratio_to_floor']:.2f} times the noise floor.")
+    say(f"    truth, and the held-out error is {change['before']['ratio_to_floor']:.2f} times the noise floor.")
     say(
         f"  - With the effect added: {off['effect added']:.1f} standard deviations, "
         f"{change['after']['ratio_to_floor']:.2f} times."
