@@ -205,9 +205,7 @@ def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, 
     off = figures["largest_error_in_std"]
     change = figures["diagnosis"]["gap"]
     say("\nWhat was found")
-    say(
-        f"  - Model (5) alone: the identified θ are up to {off['model (5)']:.1f} standard deviations from the bench's"
-    )
+    say(f"  - Model (5) alone: the identified θ are up to {off['model (5)']:.1f} standard deviations from the bench's")
     say(f"    truth, and the held-out error is {change['before']['ratio_to_floor']:.2f} times the noise floor.")
     say(
         f"  - With the effect added: {off['effect added']:.1f} standard deviations, "
