@@ -25,7 +25,7 @@ from experiments.cli.output import counted
 from experiments.trials.plan import make_plan
 from experiments.trials.report import percent
 from experiments.trials.seal import FIT_LOG, seal, write_logs
-from experiments.trials.summary import rate
+from experiments.trials.summary import rate_over_rigs
 from experiments.trials.trial import Trial
 from experiments.workers import workers
 from furuta_gym.files import write_whole
@@ -116,10 +116,13 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
             mine = [r for r in rows if r.get("model") == model and not r["problem"]]
             mine = [r for r in mine if r["parameter"].startswith("theta") == of_theta]
             if mine:
-                stated, alone = (percent(rate(r[key] for r in mine)) for key in ("inside", "inside_if_right"))
+                rigs = {r["id"] for r in mine}
+                stated, alone = (
+                    percent(rate_over_rigs([r[key] for r in mine if r["id"] == rig] for rig in rigs))
+                    for key in ("inside", "inside_if_right")
+                )
                 wider = np.median([r["widened"] for r in mine])
-                rigs = len({r["id"] for r in mine})
-                lines.append(f"| {called} | {kind} | {rigs} | {stated} | {alone} | {wider:.2f} |")
+                lines.append(f"| {called} | {kind} | {len(rigs)} | {stated} | {alone} | {wider:.2f} |")
     return "\n".join(lines) + "\n"
 
 

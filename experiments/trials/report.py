@@ -13,7 +13,7 @@ from .outcomes import outcomes_table
 from .pictures import PICTURES, draw_pictures
 from .power import PowerCurve
 from .scoring import Outcome
-from .summary import ALL, VISIBLE, confusion, power_curves, power_table, rate, summarize
+from .summary import ALL, USUAL, confusion, power_curves, power_table, rate, summarize
 from .trial import NOTHING
 
 FILES = ("summary.json", "confusion.csv", "power.csv", "outcomes.csv", "summary.md", "report.html", *PICTURES)
@@ -67,15 +67,22 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         return [(f"… {said}", percent(some["results"].get(key) or none)) for key, said in _SHORTCOMINGS.items()]
 
     rows = [
-        (f"library effect (error-to-noise ratio ≥ {VISIBLE}): named right, alone", percent(library["right_alone"])),
+        (
+            f"one effect, error-to-noise ratio {USUAL[0]:g} to {USUAL[1]:g}: named right, alone",
+            percent(library["right_alone"]),
+        ),
         ("… named right, alone or in a set of two equals", percent(library["right_within_two"])),
         ("… inside the stated sets", percent(library["inside_the_stated_sets"])),
         *((f"… alone, {said}", percent(forms[form]["right_alone"])) for form, said in _FORMS.items()),
         *shortcomings(library),
-        ("library effect at error-to-noise ratios above 10: named right, alone", percent(strong["right_alone"])),
+        (f"one effect, error-to-noise ratio above {USUAL[1]:g}: named right, alone", percent(strong["right_alone"])),
         ("… named right, alone or in a set of two equals", percent(strong["right_within_two"])),
         ("… inside the stated sets", percent(strong["inside_the_stated_sets"])),
         *shortcomings(strong),
+        *(
+            (f"one effect whose ratio {said}: named right, alone", percent(library[key]["right_alone"]))
+            for key, said in (("below_visible", f"is below {USUAL[0]:g}"), ("not_measured", "was not measured"))
+        ),
         ("nothing to name: false alarms", percent(summary["false_alarms"])),
         *((f"… of these: {said}", share([kind], "false_alarm")) for kind, said in _NOTHING.items()),
         ("nothing to name: called unknown", share(NOTHING, "unknown")),
@@ -112,7 +119,7 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 _INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
 _LIMITS_HEAD = (
     "effect",
-    f"right within two, error-to-noise ratio ≥ {VISIBLE}",
+    f"right within two, error-to-noise ratio {USUAL[0]:g} to {USUAL[1]:g}",
     "half are named at a ratio of",
     "95 % at",
 )

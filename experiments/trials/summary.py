@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
+from scipy.stats import beta, binomtest
 
 from experiments.bench import SETS
 
@@ -17,8 +17,8 @@ from .scoring import RIGHT, Outcome
 from .trial import KINDS, NOTHING
 
 SCHEMA = "furuta-trials/1"
-VISIBLE = 1.1
-"""Gap ratio from which an effect is called visible; smaller ones are left to the power curves."""
+USUAL = (1.1, 10.0)
+"""Measured gap ratios of effects of usual size; smaller ones are left to the power curves, larger ones are strong."""
 
 ALL = "all effects"
 """The name of the power curve of all trials together."""
@@ -36,18 +36,46 @@ def rate(of: Iterable[bool]) -> dict[str, Any] | None:
     return {"count": sum(values), "of": len(values), "rate": share, "low": float(low), "high": float(high)}
 
 
+def rate_over_rigs(rigs: Iterable[Iterable[bool]]) -> dict[str, Any] | None:
+    """Share of the true ones of all rigs, with an interval that allows for answers of one rig being alike.
+
+    Korn and Graubard's interval (Survey Methodology 24, 1998): the exact one of as many independent answers as say as
+    much. Their number follows from the variance between the rigs; where all answers are the same, it is the number of
+    rigs. None of nothing.
+    """
+    answers = [list(rig) for rig in rigs]
+    counts = np.array([(sum(rig), len(rig)) for rig in answers if rig], dtype=float).reshape(-1, 2)
+    if not len(counts):
+        return None
+    m, count, of = len(counts), int(counts[:, 0].sum()), int(counts[:, 1].sum())
+    share, worth = count / of, float(m)
+    if 0.0 < share < 1.0 and m > 1:
+        between = m / (m - 1) * np.sum((counts[:, 0] - share * counts[:, 1]) ** 2)
+        worth = of / max(1.0, between / (of * share * (1.0 - share)))
+    right, wrong = share * worth, (1.0 - share) * worth
+    low = float(beta.ppf(0.025, right, wrong + 1.0)) if count else 0.0
+    high = float(beta.ppf(0.975, right + 1.0, wrong)) if count < of else 1.0
+    return {"count": count, "of": of, "rigs": m, "rate": share, "low": low, "high": high}
+
+
 def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """All rates: {kind: {result: rate}} and the breakdowns of the visible library trials."""
+    """All rates: {kind: {result: rate}}, and those of single effects by their measured size."""
     by_kind = {kind: [o for o in outcomes if o.kind == kind] for kind in KINDS}
-    library = [o for o in by_kind["library"] if o.ratio is not None and o.ratio >= VISIBLE]
+    single = [*by_kind["library"], *by_kind["strong"]]
+    sized = [(o, o.ratio) for o in single if o.ratio is not None]
+    library = [o for o, ratio in sized if USUAL[0] <= ratio <= USUAL[1]]
+    strong = [o for o, ratio in sized if ratio > USUAL[1]]
     nothing = [o for kind in NOTHING for o in by_kind[kind]]
     right = [o for o in outcomes if o.right and o.kind in ("library", "strong", "two")]
-    strong = [o for o in by_kind["strong"] if o.ratio is not None and o.ratio >= VISIBLE]
     return {
         "schema": SCHEMA,
         "trials": {kind: len(some) for kind, some in by_kind.items()},
         "codes": dict(Counter(o.code or "not kept" for o in outcomes)),
-        "library": _library(library) | {"below_visible": _library([o for o in by_kind["library"] if o not in library])},
+        "library": _library(library)
+        | {
+            "below_visible": _library([o for o, ratio in sized if ratio < USUAL[0]]),
+            "not_measured": _library([o for o in single if o.ratio is None]),
+        },
         "library_by_rig": {rig: _library([o for o in library if o.rig == rig]) for rig in SETS},
         "library_by_form": {form: _library([o for o in library if o.form == form]) for form in ("table", "bench")},
         "library_by_effect": {s: _library([o for o in library if o.subject == s]) for s in _subjects(library)},
@@ -61,9 +89,9 @@ def summarize(outcomes: Sequence[Outcome]) -> dict[str, Any]:
             "a name for a part, and something left": rate(o.right and bool(o.named) for o in by_kind["outside"]),
             "a name, and nothing left": rate(o.result == "wrong" for o in by_kind["outside"]),
         },
-        "coverage_95": rate(covered for o in outcomes for covered in o.covered.values()),
+        "coverage_95": rate_over_rigs(o.covered.values() for o in outcomes),
         "coverage_95_by_leftover": {
-            name: rate(covered for o in outcomes if o.leftover == left for covered in o.covered.values())
+            name: rate_over_rigs(o.covered.values() for o in outcomes if o.leftover == left)
             for name, left in (("nothing left", False), ("something left", True))
         },
         "coverage_95_by_parameter": _coverage(outcomes),
@@ -134,9 +162,9 @@ def _library(some: Sequence[Outcome]) -> dict[str, Any]:
 
 def _composite(some: Sequence[Outcome]) -> dict[str, Any]:
     """Of rigs with several effects: effects named (in sets of at most two), rigs with a false name, what is left."""
-    named = [i < o.found for o in some for i in range(len(o.subject.split("+")))]
+    named = [[i < o.found for i in range(len(o.subject.split("+")))] for o in some]
     return {
-        "effects_named": rate(named),
+        "effects_named": rate_over_rigs(named),
         "rigs_with_a_false_name": rate(o.false > 0 for o in some),
         "after_over_floor": _quantiles(o.after_over_floor for o in some),
         "results": _results(some),

@@ -14,7 +14,7 @@ from scipy.stats import beta
 from experiments.trials.power import fit_power
 from experiments.trials.report import headline
 from experiments.trials.scoring import Outcome, score
-from experiments.trials.summary import confusion, power_curves, rate, summarize
+from experiments.trials.summary import confusion, power_curves, rate, rate_over_rigs, summarize
 from experiments.trials.trial import NOTHING
 
 
@@ -290,6 +290,48 @@ def outcome(subject: str, result: str, *named: str, kind: str = "library", ratio
     )
 
 
+def test_single_effects_are_sorted_by_their_measured_size():
+    """Whatever size was asked for: a strong trial may end below ten times the noise, or without a measured ratio."""
+    strong = [outcome("arm_spring", "right", "arm_spring", kind="strong", ratio=r) for r in (1.02, 9.9, 10.1, None)]
+    plain = [outcome("arm_spring", "missed", ratio=r) for r in (1.05, 1.1, 10.0, 11.0, None)]
+    found = summarize([*strong, *plain])
+    library = found["library"]
+    assert [found["strong"]["right_alone"][k] for k in ("count", "of")] == [1, 2]
+    assert [library["right_alone"][k] for k in ("count", "of")] == [1, 3]
+    for key in ("below_visible", "not_measured"):
+        assert [library[key]["right_alone"][k] for k in ("count", "of")] == [1, 2]
+
+
+def test_answers_of_one_rig_count_as_what_they_are_worth():
+    rng = np.random.default_rng(3)
+    one_each = [[bool(right)] for right in rng.random(50) < 0.8]
+    plain, over = rate(answer for rig in one_each for answer in rig), rate_over_rigs(one_each)
+    assert plain and over
+    # the variance between fifty rigs has a factor of 50/49
+    assert (over["low"], over["high"]) == pytest.approx((plain["low"], plain["high"]), abs=0.003)
+    alike = rate_over_rigs(6 * rig for rig in one_each)
+    assert alike
+    assert (alike["of"], alike["rigs"]) == (300, 50)
+    assert (alike["low"], alike["high"]) == pytest.approx((plain["low"], plain["high"]), abs=0.003)
+    expected = (rate([True] * 10) or {}) | {"count": 90, "of": 90, "rigs": 10}
+    assert rate_over_rigs([[True] * 9] * 10) == pytest.approx(expected)
+    assert rate_over_rigs([[], []]) is None
+
+
+def test_the_interval_over_rigs_holds_the_true_share():
+    rng = np.random.default_rng(5)
+    held, naive = [], []
+    for _ in range(400):
+        of_rig = rng.beta(4.5, 0.5, size=40)  # 90 % in the mean, and rigs differ
+        answers = [list(rng.random(7) < share) for share in of_rig]
+        over, plain = rate_over_rigs(answers), rate(a for rig in answers for a in rig)
+        assert over and plain
+        held.append(over["low"] <= 0.9 <= over["high"])
+        naive.append(plain["low"] <= 0.9 <= plain["high"])
+    assert 0.93 <= np.mean(held)
+    assert np.mean(naive) < 0.9
+
+
 def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     outcomes = [
         replace(outcome("arm_spring", "right", "arm_spring"), covered={"arm_spring.k": True, "arm_spring.q1n": False}),
@@ -318,7 +360,7 @@ def test_summary_counts_what_is_visible_and_keeps_the_rest_apart():
     assert power_curves(outcomes)["arm_spring"].trials == 4
 
     left = summary["coverage_95_by_leftover"]
-    assert left == {"nothing left": rate([True, False]), "something left": rate([False])}
+    assert left == {"nothing left": rate_over_rigs([[True, False]]), "something left": rate_over_rigs([[False]])}
 
     lines = dict(headline(summary))
     assert lines["… in answers that say something left"] == "0 of 1 = 0 % (0 … 98 %)"
