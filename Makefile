@@ -25,18 +25,17 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)  ## the main job on bundled logs; writes out/demo
 	$(BIN)/furuta demo --out out/demo
 
-# pytest ends with 5 where PYTEST_ARGS select nothing of one part
-test:  ## every change is tested with these: the fast part first, then the slow one, whatever the first says
-	@failed=0; $(MAKE) fast || failed=1; $(MAKE) slow || failed=1; exit $$failed
+test: $(READY)  ## every change is tested with these: the slow tests and the fast ones, in one run
+	$(PYTEST) -m "not thorough" $(PYTEST_ARGS)
 
 fast: $(READY)  ## every test that fits nothing, trains nothing and records nothing long
-	$(PYTEST) -m "not slow and not thorough" $(PYTEST_ARGS) || test $$? -eq 5
+	$(PYTEST) -m "not slow and not thorough" $(PYTEST_ARGS)
 
 slow: $(READY)  ## the tests of tests/slow.txt
-	$(PYTEST) -m slow $(PYTEST_ARGS) || test $$? -eq 5
+	$(PYTEST) -m "slow and not thorough" $(PYTEST_ARGS)
 
 thorough: $(READY)  ## the longest tests, those of tests/thorough.txt and whole studies: an hour and more
-	$(PYTEST) -m thorough $(PYTEST_ARGS) || test $$? -eq 5
+	$(PYTEST) -m thorough $(PYTEST_ARGS)
 
 lint: $(READY)  ## formatting, style, types, the import contracts, and how the docs read
 	$(BIN)/ruff format --check .

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ..estimation.zeros import moved
 from ..logs.log import Log
-from .locate.locate import located
+from .locate.locate import left_of
 from .locate.seen import Seen
 from .naming.fits import Fit
 from .policy import DecisionPolicy
@@ -29,8 +29,8 @@ class Leftovers:
     def left(self, fitted: Fit) -> float:
         """Evidence [nats] of torques that a fit does not explain; 0 of what changes no prediction."""
         if id(fitted) not in self._left:
-            found = located(self._of(fitted), self.policy)
-            self._left[id(fitted)] = fitted, 0.0 if found.negligible else found.evidence
+            found = left_of(self._of(fitted), self.policy)
+            self._left[id(fitted)] = fitted, 0.0 if found.negligible(self.policy) else found.evidence
         return self._left[id(fitted)][1]
 
     def another_law(self, fitted: Fit, name: str) -> float:

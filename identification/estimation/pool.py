@@ -32,10 +32,15 @@ def shared_pool() -> Executor:
     return ThreadPoolExecutor(max_workers=max(2, cores), thread_name_prefix="furuta", initializer=_enter)
 
 
+def in_shared_pool() -> bool:
+    """Whether the caller runs in a thread of the shared pool, where `mapped` does one item after the other."""
+    return getattr(_thread, "shared", False)
+
+
 def mapped(pool: Executor | None, work: Callable[[_In], _Out], items: Iterable[_In]) -> Iterable[_Out]:
     """work(item) of every item, in order: in the pool, or in the caller's own thread if there is none, or if that is a
     thread of the shared pool, where a task that waits for others might wait for ever."""
-    return map(work, items) if pool is None or getattr(_thread, "shared", False) else pool.map(work, items)
+    return map(work, items) if pool is None or in_shared_pool() else pool.map(work, items)
 
 
 class _OneBlasThread:

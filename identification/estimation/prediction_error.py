@@ -27,7 +27,7 @@ from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
 from .optimise import Expansion
-from .pool import mapped
+from .pool import in_shared_pool, mapped
 from .priors import Priors
 from .steps import CommonScale, LinearEffect
 
@@ -229,7 +229,9 @@ class PredictionError:
         bank[np.arange(1, n + 1), order] += steps[order]
         rows = [np.empty((len(r.t), 5, n)) for r in self.records]
         scores = [np.empty((len(r.t), n)) for r in self.records]
-        parts = _halves(len(noisy), n) if self.pool is not None and len(self.records) == 1 else [np.arange(n)]
+        # every part filters the leader anew, so a bank is dealt out only where another thread is free for it
+        alone = self.pool is not None and len(self.records) == 1 and not in_shared_pool()
+        parts = _halves(len(noisy), n) if alone else [np.arange(n)]
         jobs = [(i, part) for i in range(len(self.records)) for part in parts]
 
         def work(job: tuple[int, NDArray[np.int64]]) -> float:

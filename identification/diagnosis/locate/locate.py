@@ -8,6 +8,7 @@ torques, their maps and their predictability are for the eye.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,34 +53,54 @@ def locate(plant: Plant | str, logs: Log | Sequence[Log], policy: DecisionPolicy
     return located(Seen.of(plant, logs, policy), policy)
 
 
+@dataclass(frozen=True)
+class Left:
+    """What no torque of the plant explains: the families that would, best first; evidence [nats] of the best one, and
+    what it changes of predictions of both angles, in counts (2,)."""
+
+    suspicions: tuple[Suspicion, ...]
+    evidence: float
+    counts: Array
+
+    def negligible(self, policy: DecisionPolicy) -> bool:
+        """Whether it changes no prediction by a count that matters."""
+        return bool(self.counts.max() < policy.negligible)
+
+
+@one_blas_thread
+def left_of(seen: Seen, policy: DecisionPolicy) -> Left:
+    """What is left of logs; the part of `located` that a search asks for again and again."""
+    suspicions = suspicions_of(seen.looks, seen.columns, policy)
+    best = suspicions[0]
+    evidence = evidence_of(seen.looks, seen.columns, {(best.channel, best.variable)})
+    return Left(tuple(suspicions), evidence.nats, evidence.change / _count(seen.looks))
+
+
 @one_blas_thread
 def located(seen: Seen, policy: DecisionPolicy) -> Where:
     """`locate` for what has been seen already."""
-    plant, logs, looks, columns = seen.plant, seen.logs, seen.looks, seen.columns
-    suspicions = suspicions_of(looks, columns, policy)
-    best = suspicions[0]
-    evidence = evidence_of(looks, columns, {(best.channel, best.variable)})
-    count = _count(looks)
-    counts = evidence.change / count
-    found = evidence.nats > policy.left
+    plant, logs, looks = seen.plant, seen.logs, seen.looks
+    left = left_of(seen, policy)
+    best, counts = left.suspicions[0], left.counts
+    found = left.evidence > policy.left
     torques = tuple(_missing(look, logs[look.log].source) for look in looks)
     spans = tuple(_spans(torque, policy.stands_out) if found else () for torque in torques)
     longest = max(range(len(looks)), key=lambda i: len(torques[i].t))
     r2, line, frequencies = _structure(looks[longest], torques[longest])
     steady = _constancy(looks[longest])
-    drift = _drift(looks[longest], steady) / count
+    drift = _drift(looks[longest], steady) / _count(looks)
     return Where(
         found=found,
-        sentence=_sentence(best, spans, torques, frequencies, evidence.nats, counts, plant.unit)
+        sentence=_sentence(best, spans, torques, frequencies, left.evidence, counts, plant.unit)
         if found
-        else _nothing(evidence.nats),
-        evidence=evidence.nats,
+        else _nothing(left.evidence),
+        evidence=left.evidence,
         counts=counts,
-        negligible=bool(counts.max() < policy.negligible),
+        negligible=left.negligible(policy),
         channel=_channel(best) if found else None,
         variable=best.variable if found else None,
         intervals_s=spans,
-        suspicions=tuple(suspicions),
+        suspicions=left.suspicions,
         predictable=r2,
         line=line,
         frequencies=frequencies,

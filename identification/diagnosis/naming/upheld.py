@@ -64,9 +64,11 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
     against it: what one experiment cannot tell apart, another one may. Asked only while predictions are not
     adequate."""
     refused: set[tuple[str, str]] = set()
-    while witness.off(naming.final):
+    while True:
         pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search)]
         fresh = [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
+        if not fresh or not witness.off(naming.final):
+            return naming
         for i, s in fresh:
             refused.add((naming.accepted[i].name, s.name))
             before = naming.final
@@ -78,8 +80,7 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
                 naming = _in_place(naming, i, found)
                 break
         else:
-            break
-    return naming
+            return naming
 
 
 def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness: Witness) -> Naming | None:
