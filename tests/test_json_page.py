@@ -10,7 +10,10 @@ from typing import Any
 
 import pytest
 
+from identification.logs.log import write_log
+
 from .commands import furuta
+from .factories import loop_log
 
 ROOT = Path(__file__).resolve().parent.parent
 LOGS = ROOT / "experiments" / "demo" / "logs"
@@ -41,10 +44,13 @@ def pattern(key: str) -> re.Pattern[str]:
     return re.compile(re.escape(key).replace("NAME", r"[^.]+"))
 
 
-def compared(command: str, answer: dict[str, Any]) -> None:
+def compared(command: str, answer: dict[str, Any], *without: str) -> None:
+    """without: beginnings of keys that the command prints at other times only."""
     keys, there = documented(command), set(paths(answer))
     assert len(keys) == len(set(keys)) > 3
-    missing = [key for key in keys if not any(pattern(key).fullmatch(path) for path in there)]
+    assert all(any(key.startswith(begins) for key in keys) for begins in without)
+    wanted = [key for key in keys if not key.startswith(without)]
+    missing = [key for key in wanted if not any(pattern(key).fullmatch(path) for path in there)]
     assert not missing, f"furuta {command} --json prints no {missing}"
 
     def told(path: str) -> bool:
@@ -64,19 +70,35 @@ def compared(command: str, answer: dict[str, Any]) -> None:
 @pytest.fixture(scope="module")
 def plant_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     file = tmp_path_factory.mktemp("json") / "rig.json"
-    result = furuta("identify", LOGS / "paper.csv", "-o", file, "--json")
+    result = furuta("identify", LOGS / "paper.csv", "--profile", "theta2", "-o", file, "--json")
     assert result.exit_code == 0, result.output
     return file, json.loads(result.stdout)
 
 
 def test_identify(plant_file: tuple[Path, dict[str, Any]]) -> None:
-    compared("identify", plant_file[1])
+    compared("identify", plant_file[1], "gap_remark")
+
+
+def test_identify_a_log_that_is_too_short_to_be_predicted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("experiments.cli.identify._adequacy", lambda *_: (None, "no log is long enough"))
+    write_log(tmp_path / "log.csv", loop_log(duration=5.0, T=0.004)[0])
+    result = furuta("identify", tmp_path / "log.csv", "-o", tmp_path / "rig.json", "--json")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    assert answer["gap"] is None
+    compared("identify", answer, "profiles", "stretches_s")
 
 
 def test_validate(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     result = furuta("validate", plant_file[0], LOGS / "wide.csv", "--json", tmp_path / "gap.json")
     assert result.exit_code == 0, result.output
-    compared("validate", json.loads((tmp_path / "gap.json").read_text()))
+    answer = json.loads((tmp_path / "gap.json").read_text())
+    compared("validate", answer, "by_")
+    result = furuta("validate", plant_file[0], LOGS / "wide.csv", LOGS / "paper.csv", "--json", "-")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)
+    assert len(answer["by_log"]) == 2
+    compared("validate", answer)
 
 
 def test_residuals(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -99,7 +100,7 @@ def record_command(
     if reveal:
         typer.echo(json.dumps(run.truth, ensure_ascii=False, indent=2))
     else:
-        typer.echo(f"Next: furuta diagnose {output} -o diagnosis")
+        typer.echo(f"Next: furuta diagnose {shlex.quote(str(output))} -o diagnosis")
 
 
 @app.command("size")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -71,7 +72,7 @@ def compare_command(
         require_film()
     check_folder(output)
     with (
-        whole_folder(output, [f"comparison_{group}.png" for group in GROUPS]) as folder,
+        whole_folder(output, [*(f"comparison_{group}.png" for group in GROUPS), *_old_films(output)]) as folder,
         opt.as_typed("sample_time", "duration"),
     ):
         with counted("trials") as tell:
@@ -115,12 +116,25 @@ def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[
     from furuta_gym.sensors import Sensors
 
     sensors = Sensors.from_dict(result.settings["sensors"])
-    names = []
-    for name, policy in result.policies.items():
+    names = _film_names(list(result.policies))
+    for file, policy in zip(names, result.policies.values(), strict=True):
         task = "swing_up" if swing_up and "swing_up" in getattr(policy, "tasks", ()) else "balance"
-        stem = Path(name).stem.replace(" ", "-")
-        same = sum(Path(other).stem.replace(" ", "-") == stem for other in list(result.policies)[: len(names)])
-        path = folder / (stem + (f"-{same + 1}" if same else "") + ".gif")
-        film(result.plant, policy, result.settings["sample_time"], sensors, path, task=task, seed=seed)
-        names.append(path.name)
+        film(result.plant, policy, result.settings["sample_time"], sensors, folder / file, task=task, seed=seed)
     return names
+
+
+def _film_names(controllers: Sequence[str]) -> list[str]:
+    """A file name for each controller; of one name the second has -2."""
+    stems = [Path(name).stem.replace(" ", "-") for name in controllers]
+    same = [stems[:k].count(stem) for k, stem in enumerate(stems)]
+    return [f"{stem}-{n + 1}.gif" if n else f"{stem}.gif" for stem, n in zip(stems, same, strict=True)]
+
+
+def _old_films(folder: Path) -> list[str]:
+    """Films that the comparison which is in a folder may have made."""
+    from controllers.comparison import Comparison
+
+    try:
+        return _film_names(list(Comparison.load(folder / "comparison.json").scores))
+    except (OSError, ValueError):  # none is there, or none that can be read
+        return []

@@ -128,6 +128,7 @@ def diagnose_command(
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
     there = Path(os.path.realpath(output))
     journal = there.with_name(f"{there.name}.search.jsonl")
+    stopped = journal.exists()
     with (
         _kept_until_written(journal),
         whole_folder(output, own) as folder,
@@ -135,10 +136,13 @@ def diagnose_command(
     ):
         try:
             found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
-        except ValueError:  # a search that cannot end needs no journal
-            journal.unlink(missing_ok=True)
+        except ValueError:  # a search that cannot end needs no journal; one that was stopped may have been mistyped
+            if not stopped:
+                journal.unlink(missing_ok=True)
             raise
-        examination = examine(found, read, held, progress=tell)
+        paths = [*logs, *(held_out or ())]
+        typed = f"{shlex.join(map(str, paths))}{reading.again(paths, (*read, *held))}"
+        examination = examine(found, read, held, progress=tell, typed=typed)
         result = examination.to_dict()
         write_json(folder / "diagnosis.json", result)
         if found.plant is not None:

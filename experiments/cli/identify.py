@@ -119,16 +119,23 @@ def identify_command(
     for name in profiled:
         with busy(f"profiling {name} …"):
             profiles.append(estimate.profile(name))
-    page = _page(estimate, read, gap, remark, output) if report is not None else ""
+    fitted, again = shlex.join(map(str, logs)), reading.again(logs, read)
+    page = ""
+    if report is not None:
+        from experiments.report import render
+        from experiments.report.estimate_page import estimate_page
+
+        page = render(estimate_page(estimate, read, gap, remark, str(output), f"{fitted}{again}", again))
+    picture = _drawn(gap, read) if plot is not None and gap is not None else b""
     if lost := _limits_lost(output, estimate.plant):
         warnings.warn(lost, stacklevel=1)
-    estimate.save(output)
-    if report is not None:
-        from furuta_gym.files import write_whole
+    from furuta_gym.files import write_whole
 
+    estimate.save(output)  # after all else is made: Ctrl-C meanwhile leaves nothing new
+    if report is not None:
         write_whole(report, page)
-    if plot is not None and gap is not None:
-        _draw(gap, read, plot)
+    if plot is not None and picture:
+        write_whole(plot, picture)
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
         measured = gap.to_dict() if gap is not None else {"gap": None, "gap_remark": remark}
@@ -143,7 +150,7 @@ def identify_command(
     typer.echo(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )
-    typer.echo(f"Next: {_next(gap, logs, output)}")
+    typer.echo(f"Next: {_next(gap, fitted, output, again)}")
 
 
 def _limits_lost(output: Path, plant: Plant) -> str:
@@ -170,13 +177,13 @@ def _fitted(samples: int, method: str, every_sample: bool) -> int:
     return min(samples, BUDGET) if method == DEFAULT and not every_sample else samples
 
 
-def _next(gap: Gap | None, logs: Sequence[Path], output: Path) -> str:
+def _next(gap: Gap | None, fitted: str, output: Path, again: str) -> str:
     from identification.validation.adequacy import Adequacy
 
     if gap is None or gap.judgement.adequacy is Adequacy.ADEQUATE:
-        return f"furuta validate {shlex.quote(str(output))} LOG   (a log that was not fitted)"
-    fitted = shlex.join(map(str, logs))
-    return f"furuta diagnose {fitted} --held-out LOG -o diagnosis   (LOG: not fitted; works without --held-out too)"
+        return f"furuta validate {shlex.quote(str(output))} LOG{again}   (a log that was not fitted)"
+    what = f"furuta diagnose {fitted}{again} --held-out LOG -o diagnosis"
+    return f"{what}   (LOG: not fitted; works without --held-out too)"
 
 
 def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]:
@@ -192,20 +199,13 @@ def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]
             return None, str(error)
 
 
-def _page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, remark: str, output: Path) -> str:
-    from experiments.report import render
-    from experiments.report.estimate_page import estimate_page
-
-    return render(estimate_page(estimate, logs, gap, remark, output.name))
-
-
-def _draw(gap: Gap, logs: Sequence[Log], plot: Path) -> None:
-    from furuta_gym.files import write_whole
+def _drawn(gap: Gap, logs: Sequence[Log]) -> bytes:
+    """The picture of --plot, as its file has it."""
     from identification.validation.plots import plot_predictions
 
     drawn = BytesIO()
     plot_predictions(gap, logs).savefig(drawn, format="png", dpi=120)
-    write_whole(plot, drawn.getvalue())
+    return drawn.getvalue()
 
 
 def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | None) -> None:

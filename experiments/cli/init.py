@@ -60,7 +60,7 @@ def init_command(
         proposal = _asked(tables, proposal)
     left = proposal.below(Confidence.likely if yes else Confidence.sure)
     if left:
-        raise LogError(_needed(proposal, left, logs) + _NOTHING)
+        raise LogError(_needed(proposal, left, _typed(logs, reading, out)) + _NOTHING)
     mapping = proposal.mapping
     _try(logs, tables, mapping)
     differs = target.exists() and not yes and (there := load_mapping(target)) != mapping and there.options()
@@ -74,7 +74,7 @@ def init_command(
         return
     typer.echo(f"Written: {target}")
     fitted, *checked = (shlex.quote(os.fspath(log)) for log in logs)
-    other = "" if target.name == NAME and target.parent == logs[0].parent else f" --mapping {target}"
+    other = "" if target.name == NAME and target.parent == logs[0].parent else f" --mapping {shlex.quote(str(target))}"
     typer.echo(f"Next: furuta identify {fitted}{other} -o rig.json")
     if checked:
         typer.echo(f"Then, on what was not fitted: furuta validate rig.json {' '.join(checked)}{other}")
@@ -140,8 +140,16 @@ def _with(given: RigMapping, item: Item, answer: str) -> RigMapping:
     return replace(given, **{_field(item): value})
 
 
-def _needed(proposal: Proposal, left: Sequence[Item], logs: Sequence[Path]) -> str:
-    """What to give for the items that are not sure."""
+def _typed(logs: Sequence[Path], reading: Reading, out: Path | None) -> str:
+    """The command as it was given."""
+    said = reading.said.options()
+    words = ["furuta init", shlex.join(map(str, logs)), *([said] if said else [])]
+    words += ["--as-given"] if reading.as_given else []
+    return " ".join(words + ([] if out is None else [f"-o {shlex.quote(str(out))}"]))
+
+
+def _needed(proposal: Proposal, left: Sequence[Item], command: str) -> str:
+    """What to give for the items that are not sure. command: the one that was given."""
     from identification.logs.proposal import Confidence
 
     rest, give = ("is", "it as an option") if len(left) == 1 else ("are", "them as options")
@@ -151,9 +159,8 @@ def _needed(proposal: Proposal, left: Sequence[Item], logs: Sequence[Path]) -> s
         value = "" if "…" in item.option or item.option.startswith("--flip") else f" {_example(item)}"
         option = item.option.replace("…", _example(item)) + value
         lines.append(f"  {shlex_free(option)}   ({item.says}: {item.reason}{_by_hand(item)})")
-    files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
     if all(item.confidence is Confidence.likely for item in left):
-        lines.append(f"Or take what is proposed: furuta init {files} --yes")
+        lines.append(f"Or take what is proposed: {command} --yes")
     return "\n".join(lines)
 
 

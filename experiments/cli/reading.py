@@ -6,6 +6,7 @@ import functools
 import inspect
 import logging
 import os
+import shlex
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -110,6 +111,18 @@ class Reading:
         named, units = (",".join(texts) if texts else None for texts in (columns, unit))
         with opt.as_typed(*_OPTIONS, hints=_HINTS):
             return cls(RigMapping.of(named, units, flip=turned, **said), mapping, as_given)
+
+    def again(self, paths: Sequence[Path], logs: Sequence[Log]) -> str:
+        """The options by which a later command, which knows no plant, reads logs once more as these; each after a
+        space."""
+        from identification.logs.rig_file import find_mapping
+
+        mappings = {log.mapping for log in logs}
+        found = self.file is not None or any(map(find_mapping, paths))  # a rig.toml is taken again
+        options = [self.said.options() if found or len(mappings) > 1 else mappings.pop().options()]
+        options += [] if self.file is None else [f"--mapping {shlex.quote(os.fspath(self.file))}"]
+        options += ["--as-given"] if self.as_given else []
+        return "".join(f" {option}" for option in options if option)
 
 
 def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -320,8 +333,6 @@ def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]
 def in_one(names: str, said: Sequence[str], logs: Sequence[Path], looked: bool = False, readable: bool = True) -> str:
     """Several problems as one message, with the ways out last. looked: `furuta init` says it; readable: as it is
     said."""
-    import shlex
-
     files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
     ways = [] if looked else [f"look at it with `furuta init {files}`"]
     ways += ["read it as it is said with --as-given"] if readable else []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,16 +26,28 @@ def score_command(
         bool, typer.Option("--swing-up", help="The runs begin hanging; the last 5 s are to be upright.")
     ] = False,
     arm_travel: Annotated[
-        float, typer.Option(help="To either side, in rad; a run has failed where the arm leaves it.")
-    ] = 2 * math.pi,
+        float | None,
+        typer.Option(
+            help="To either side, in rad; a run has failed where the arm leaves it. Default: limits.arm_travel of "
+            "--plant, else 2π."
+        ),
+    ] = None,
+    plant: Annotated[
+        str | None, typer.Option(help="Plant file of the rig, for its arm's travel and for how its logs are read.")
+    ] = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Say how well a controller did in logs of the rig: the figures that `furuta compare` gives for simulated runs."""
     from controllers.measured_run import run_figures
+    from controllers.trials import ARM_TRAVEL
+    from furuta_gym.plant import Plant
 
-    if not arm_travel > 0:
+    if arm_travel is not None and not arm_travel > 0:
         raise ValueError(f"--arm-travel {arm_travel:g}: expected rad, above 0")
-    used = read(logs, reading, None)
+    known = None if plant is None else Plant.resolve(plant)
+    if arm_travel is None:
+        arm_travel = ARM_TRAVEL if known is None else known.limit("arm_travel", ARM_TRAVEL)
+    used = read(logs, reading, known)
     found = []
     for log in used:
         try:

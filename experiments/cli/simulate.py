@@ -45,7 +45,9 @@ def simulate_command(
             help="Added to the command: paper, square, chirp, prbs, multisine, none, or a file of `furuta excite`."
         ),
     ] = "none",
-    amplitude: Annotated[float, typer.Option(help="Scale of the excitation, in the command's unit.")] = 1.0,
+    amplitude: Annotated[
+        float | None, typer.Option(help="Scale of the excitation, in the command's unit. Default: 1.")
+    ] = None,
     effect: Annotated[
         list[str] | None, typer.Option(help="Add an effect, NAME:p=v,… or NAME at a noticeable size; repeat for more.")
     ] = None,
@@ -75,6 +77,12 @@ def simulate_command(
         raise ValueError(f"--duration {duration}: expected seconds, above 0 and at most 3600")
     opt.within("--sample-time", sample_time, 0.0, 1.0, "seconds, above 0 and at most 1")
     opt.within("--amplitude", amplitude, -1e9, 1e9, "a finite number")
+    if amplitude is not None and excitation == "none":
+        raise ValueError("--amplitude scales the excitation: use it with --excitation, such as --excitation paper")
+    for option, said in (("--design-plant", design_plant is not None), ("--trust", trust)):
+        if said and controller == "none":
+            raise ValueError(f"{option} is about a controller: use it with --controller, such as --controller lqr")
+    scale = 1.0 if amplitude is None else amplitude
     import numpy as np
 
     from controllers.design import design_plant_for
@@ -97,7 +105,7 @@ def simulate_command(
         duration,
         policy.sample_time if policy else sample_time,
         sensors,
-        _signal(excitation, amplitude, duration, seed),
+        _signal(excitation, scale, duration, seed),
         x0=(0.0, off if at is Start.upright else np.pi, 0.0, 0.0),
         torque_noise=(torques[0], torques[1] if len(torques) == 2 else 0.0),
         seed=seed,
@@ -118,7 +126,7 @@ def simulate_command(
         counts if min(counts) > 0 else None,  # type: ignore[arg-type,type-var]
         device=f"simulated {plant}",
         controller_gain=getattr(policy, "feedback_gain", None),
-        metadata={"controller": controller, "excitation": f"{excitation} {amplitude:g}", "seed": str(seed)}
+        metadata={"controller": controller, "excitation": f"{excitation} {scale:g}", "seed": str(seed)}
         | ({"effects": "; ".join(map(str, rig.effects))} if rig.effects else {}),
     )
     output.parent.mkdir(parents=True, exist_ok=True)

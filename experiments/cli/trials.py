@@ -17,7 +17,13 @@ from .output import check_folder, counted, errors, print_json
 
 def trials_command(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder; a run that was stopped there goes on.")],
-    effects: Annotated[str, typer.Option(help="Hide only these effects, separated by commas; default: all.")] = "",
+    effects: Annotated[
+        str,
+        typer.Option(
+            help="Of the library's effects, hide only these, separated by commas; default: all. The kinds outside and "
+            "absorbed hide others all the same: leave them out with --kinds."
+        ),
+    ] = "",
     rigs: Annotated[
         str, typer.Option(help="Only rigs of these sets of the bench: table3, servo, workshop, desk.")
     ] = "",

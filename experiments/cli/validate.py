@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +18,6 @@ from .reading import read as read_logs
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
     from identification.logs.log import Log
-    from identification.validation.gap import Gap
 
 LONGEST = 5.0
 """Horizon that can be predicted over, in seconds."""
@@ -57,7 +57,11 @@ def validate_command(
             err=True,
         )
     from experiments.report.by_part import parts_of
+    from furuta_gym.files import write_whole
+    from identification.validation.adequacy import Adequacy
     from identification.validation.gap import HORIZON, validate
+
+    from .whole import whole_folder
 
     with busy("predicting …", "validate", sum(map(len, read))):
         result = validate(rig, read, HORIZON if horizon is None else horizon)
@@ -66,43 +70,44 @@ def validate_command(
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
-    if plots is not None:
-        from identification.validation.plots import plot_horizons, plot_innovations, plot_predictions
+    look, remark = _look(rig, logs, read, reading.again(logs, read))
+    page = ""
+    # all is made before the first file is in its place, so that Ctrl-C meanwhile leaves nothing new
+    with nullcontext() if plots is None else whole_folder(plots) as folder:
+        if folder is not None:
+            from identification.validation.plots import plot_horizons, plot_innovations, plot_predictions
 
-        from .whole import whole_folder
-
-        with whole_folder(plots) as folder:
             plot_predictions(result, read).savefig(folder / "predictions.png", dpi=120)
             plot_horizons({"plant": result}).savefig(folder / "horizons.png", dpi=120)
             plot_innovations(result).savefig(folder / "innovations.png", dpi=120)
-    if report is not None:
-        from experiments.report import render
-        from experiments.report.validation_page import validation_page
-        from furuta_gym.files import write_whole
+        if report is not None:
+            from experiments.report import render
+            from experiments.report.validation_page import validation_page
 
-        write_whole(report, render(validation_page(result, rig, read, Path(plant).name, seen, parts)))
+            page = render(validation_page(result, rig, read, Path(plant).name, look, seen, parts))
+    if report is not None:
+        write_whole(report, page)
+    if json_file is not None and not printed:
+        write_json(json_file, measured)
     if printed:
         print_json(measured)
         return
     typer.echo(result.told("on logs that this plant was fitted to, in part") if seen else str(result))
     if parts is not None:
         typer.echo(str(parts))
-    _say_next(rig, logs, read, result)
+    if result.judgement.adequacy is not Adequacy.ADEQUATE:
+        typer.echo(f"Next: {look}{remark}")
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
     if json_file is not None:
-        write_json(json_file, measured)
         typer.echo(f"Written: {json_file}")
     if report is not None:
         typer.echo(f"Written: {report}")
 
 
-def _say_next(rig: Plant, logs: Sequence[Path], read: Sequence[Log], gap: Gap) -> None:
-    """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found."""
-    from identification.validation.adequacy import Adequacy
-
-    if gap.judgement.adequacy is Adequacy.ADEQUATE:
-        return
+def _look(rig: Plant, logs: Sequence[Path], read: Sequence[Log], again: str) -> tuple[str, str]:
+    """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found, and
+    a remark on it. again: the options that read the logs."""
     entries = rig.provenance.get("logs") or []
     sources = [str(entry.get("source")) for entry in entries]
     places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]
@@ -111,4 +116,4 @@ def _say_next(rig: Plant, logs: Sequence[Path], read: Sequence[Log], gap: Gap) -
     others = [path for path, log in zip(logs, read, strict=True) if log.sha256 not in known]
     held_out = " ".join(shlex.quote(str(log)) for log in others) or "LOG"
     remark = "" if others else "   (LOG: not fitted; works without --held-out too)"
-    typer.echo(f"Next: furuta diagnose {fitted} --held-out {held_out} -o diagnosis{remark}")
+    return f"furuta diagnose {fitted}{again} --held-out {held_out} -o diagnosis", remark

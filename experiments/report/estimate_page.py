@@ -13,16 +13,24 @@ from identification.validation.gap import Gap
 from . import search_figures, tables
 from .contents import Block, Fact, Figure, Page, Section, Text, Verdict
 from .validation_page import Said, about, adequacy, doubts_of, effects_of, error_in_words, facts, footer, gap_sections
-from .words import find_missing, joined, opening
+from .words import by_name, find_missing, joined, opening
 
 _FITTED = "These logs were fitted. The test is a log that was not."
 
 
-def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, remark: str, plant_file: str) -> Page:
+def estimate_page(
+    estimate: Estimate,
+    logs: Sequence[Log],
+    gap: Gap | None,
+    remark: str,
+    plant_file: str,
+    typed: str | None = None,
+    options: str = "",
+) -> Page:
     """The report of an identification. gap: of the estimated plant on the fitted logs, or None with the reason in
-    `remark`; plant_file: what the plant was saved as."""
-    names = [log.source for log in logs]
-    sources = joined(names, "and")
+    `remark`; plant_file: what the plant was saved as. typed: the logs as the command line has them, with the options
+    that read them (default: by their names); options: those alone, each after a space."""
+    sources = joined([log.source for log in logs], "and")
     unidentified = estimate.identifiability.unidentified
     lost, weak = spoken(unidentified), spoken(estimate.identifiability.weak)
     known = f"{len(estimate.names) - len(unidentified)} of {len(estimate.names)}"
@@ -48,8 +56,10 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
         *(facts(gap) if gap is not None else ()),
         Fact("Parameters", known, "identified; weak ones count"),
     )
+    fitted = by_name(logs) if typed is None else typed
+    checked = f"{shlex.quote(plant_file)} LOG{options}"
     verdict = Verdict(
-        badge, good, headline, tuple(doubts), numbers, _next(judged, names, plant_file), effects_of(estimate.plant)
+        badge, good, headline, tuple(doubts), numbers, _next(judged, fitted, checked), effects_of(estimate.plant)
     )
     return Page(
         "Identification",
@@ -60,10 +70,11 @@ def estimate_page(estimate: Estimate, logs: Sequence[Log], gap: Gap | None, rema
     )
 
 
-def _next(judged: Said | None, logs: Sequence[str], plant_file: str) -> str:
+def _next(judged: Said | None, fitted: str, checked: str) -> str:
     if judged is None or judged.good:
-        return f"Record a log of another kind of motion and run `furuta validate {shlex.quote(plant_file)} LOG`."
-    return f"{find_missing(logs)} Hold another log out, if there is one: `--held-out LOG`."
+        return f"Record a log of another kind of motion and run `furuta validate {checked}`."
+    look = find_missing(f"furuta diagnose {fitted} -o diagnosis")
+    return f"{look} Hold another log out, if there is one: `--held-out LOG`."
 
 
 def _parameters(estimate: Estimate) -> Section:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +25,7 @@ from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
 from .law import Law, law_of
-from .words import ALIKE, NEXT, NO_PLANT, PART_REMAINS, TELL_APART, TOGETHER, joined
+from .words import ALIKE, NEXT, NO_PLANT, PART_REMAINS, TELL_APART, TOGETHER, by_name, joined
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,8 @@ class Examination:
     law: the torque of the effects found, None where it is no function of the motion.
     closed_loop (before, after): None where it could not be had; `remarks` says why, by "where", "gap" and
     "closed loop". design: the experiment that tells equals apart, None where there are none (or, with the remark
-    "design", no experiment could be found). seconds: how long this took, the search not included.
+    "design", no experiment could be found). seconds: how long this took, the search not included. typed: all logs as
+    the command line has them, with the options that read them; None for their names.
     """
 
     diagnosis: Diagnosis
@@ -50,6 +50,7 @@ class Examination:
     design: Separation | None
     remarks: dict[str, str]
     seconds: float
+    typed: str | None = None
 
     @property
     def gap(self) -> GapChange | None:
@@ -66,7 +67,7 @@ class Examination:
         """What was designed, else what the verdict asks for."""
         d, design = self.diagnosis, self.design
         if d.uncertain or (d.together is not None and not d.added):
-            return TOGETHER.format(logs=shlex.join(log.source for log in (*self.logs, *self.held_out)))
+            return TOGETHER.format(logs=by_name((*self.logs, *self.held_out)) if self.typed is None else self.typed)
         if design is not None and design.nats >= CLEAR:
             entry, duration = design.best.entry, design.best.setup.duration
             use = "it is the whole command" if design.whole_command else "add it to your controller's command"
@@ -108,11 +109,12 @@ def examine(
     logs: Sequence[Log],
     held_out: Sequence[Log] = (),
     progress: Callable[[str], None] | None = None,
+    typed: str | None = None,
 ) -> Examination:
     """Measure what the report shows beside the diagnosis. What cannot be measured on these logs becomes a remark.
 
     logs: those that were searched. held_out: those that were held out; of long ones the part that `diagnose` takes is
-    looked at. progress(text) is called at each step.
+    looked at. progress(text) is called at each step. typed: see `Examination`.
     """
     began = time.monotonic()
     logs, held_out = (searched_part(given, diagnosis.policy).logs for given in (logs, held_out))
@@ -151,7 +153,7 @@ def examine(
             tell("designing the experiment that decides")
             design = tried("design", lambda: design_next(diagnosis, logs))
     seconds = time.monotonic() - began
-    return Examination(diagnosis, logs, held_out, where, where_after, law, closed_loop, design, remarks, seconds)
+    return Examination(diagnosis, logs, held_out, where, where_after, law, closed_loop, design, remarks, seconds, typed)
 
 
 def _titles(names: Sequence[str], last: str) -> str:

@@ -101,7 +101,7 @@ def closed_loop(runs: tuple[Resimulation, ...], log: Log) -> Drawing:
     figure.update_xaxes(title_text="t [s] from the start of the log", row=3)
     fits = "; ".join(
         f"{name}: {run.fit_percent[0]:.0f} % of q1, {run.fit_percent[1]:.0f} % of q2"
-        + ("" if len(run.t) == len(log) else f" until it fell at {run.t[-1]:.1f} s")
+        + ("" if len(run.t) == len(log) else f" until it fell at {run.t[-1] - log.t[0]:.1f} s")
         for name, run in zip(names, runs, strict=True)
     )
     return drawing(

@@ -45,25 +45,29 @@ def adequacy(gap: Gap) -> Said:
 
 
 def validation_page(
-    gap: Gap, plant: Plant, logs: Sequence[Log], name: str, seen: Sequence[str] = (), parts: Parts | None = None
+    gap: Gap,
+    plant: Plant,
+    logs: Sequence[Log],
+    name: str,
+    look: str,
+    seen: Sequence[str] = (),
+    parts: Parts | None = None,
 ) -> Page:
-    """The report of a validation. name: of the plant file; seen: logs among these that the plant was fitted to;
-    parts: of the gap, where there are several logs."""
+    """The report of a validation. name: of the plant file; look: the command that looks for what it misses; seen: logs
+    among these that the plant was fitted to; parts: of the gap, where there are several logs."""
     sources = [log.source for log in logs]
     judged = adequacy(gap)
     doubts = doubts_of(gap)
     if seen:
         doubts = (f"{joined(seen, 'and')}: the plant was fitted to it, so this is no test on held-out data.", *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
-    fitted = [str(entry["source"]) for entry in plant.provenance.get("logs") or [] if "source" in entry]
-    look = find_missing(fitted, sources) if fitted and not seen else find_missing(sources)
     verdict = Verdict(
         judged.badge,
         judged.good,
         f"{judged.words}: {error_in_words(gap, 'these logs')}",
         doubts,
         facts(gap),
-        use if judged.good else look,
+        use if judged.good else find_missing(look),
         effects_of(plant),
     )
     kicker = f"furuta validate · {name} · {joined(sources, 'and')}"

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from identification.logs.log import Log
 
 BADGE = {
     "named": "Named",
@@ -62,10 +66,16 @@ ALIKE = "No experiment tried would tell {titles} apart, so either will do. "
 """The same where none does: before what else there is to do."""
 
 
-def find_missing(logs: Sequence[str], held_out: Sequence[str] = ()) -> str:
-    """What to do where a model is not adequate."""
-    words = [*logs, *(("--held-out", *held_out) if held_out else ()), "-o", "diagnosis"]
-    return f"Find what is missing: `furuta diagnose {shlex.join(words)}`."
+def find_missing(command: str) -> str:
+    """What to do where a model is not adequate. command: the `furuta diagnose` that looks for it."""
+    return f"Find what is missing: `{command}`."
+
+
+def by_name(logs: Sequence[Log]) -> str:
+    """Logs as a command line has them, by their names, with the options that read them; for want of what was typed."""
+    mappings = {log.mapping for log in logs}
+    options = mappings.pop().options() if len(mappings) == 1 else ""
+    return f"{shlex.join(log.source for log in logs)} {options}".strip()
 
 
 def opening(text: str) -> str:

@@ -138,7 +138,7 @@ def main(
     effects: Annotated[int, typer.Option(help="Rigs with one effect.", min=0, max=240)] = 40,
     composite: Annotated[int, typer.Option(help="Rigs with three to five.", min=0, max=24)] = 12,
     none: Annotated[int, typer.Option(help="Rigs with none.", min=0, max=16)] = 8,
-    seed: Annotated[int, typer.Option(help="Another one draws other rigs.", min=0)] = 53,
+    seed: Annotated[int, typer.Option(help="Another one draws other rigs.", min=0)] = 54,
     split: Annotated[str, typer.Option(help="Of the trials: dev or final.")] = "final",
     jobs: Annotated[int, typer.Option(help="Processes.", min=1)] = 2,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")] = Path("out/error_bars"),

@@ -4,7 +4,7 @@ A rig of the bench is recorded twice: for 10 s with the paper's excitation, and 
 is identified from each. Policies are trained on these plants as they are, on plants drawn from their covariance, with
 the ranges of the recipe `robust`, and on the plant with the effects that the diagnosis of the long log names. All have
 the network, observation and reward of the recipe `robust`. They swing up the rig itself, and rigs of its kind whose
-parts differ. Policies and plants are files: what is there is not made again.
+parts differ. Policies and plants are files: what is there is not made again, and a folder of another rig is refused.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from identification.diagnosis.diagnose import diagnose
 from identification.estimation.identify import identify
 
 SCHEMA = "furuta-randomized-swing-up/1"
+MADE_WITH = "made_with.json"
 SEED = 40_000  # of the trials; trainings have seeds from 0 on
 RIG, OTHERS = "the rig", "built ±20 %, 8 ms late"
 Scores = dict[str, dict[str, dict[str, Interval]]]
@@ -82,7 +83,9 @@ class Size:
 
 
 def run(size: Size, out: Path, say: Callable[[str], None] = print) -> Scores:
-    """scores[arm][where][figure]; where: `RIG`, `OTHERS`. Policies, plants and results.json go to `out`."""
+    """scores[arm][where][figure]; where: `RIG`, `OTHERS`. Policies, plants and results.json go to `out`.
+
+    Raises ValueError if `out` holds plants that were made with another rig or size."""
     rig = SWING_UP_RIGS[size.rig]
     out.mkdir(parents=True, exist_ok=True)
     plants = _plants(rig, size, out, say)
@@ -106,14 +109,21 @@ def true_plant(rig: Rig) -> Plant:
 
 
 def _plants(rig: Rig, size: Size, out: Path, say: Callable[[str], None]) -> dict[str, Plant]:
-    """The identified plants by name, from files where they are there."""
+    """The identified plants by name, from files where they are there. Raises ValueError if `out` holds those of another
+    rig, or of a diagnosis that looked for another number of effects."""
     files = {name: out / f"{name}.json" for name in ("long", "named", "short")}
+    made_with, wanted = out / MADE_WITH, {"rig": size.rig, "most": size.most}
+    if made_with.exists() or any(file.exists() for file in files.values()):
+        had = json.loads(made_with.read_bytes()) if made_with.exists() else "nobody knows what"
+        if had != wanted:
+            raise ValueError(f"{out} holds plants made with {had}, and now {wanted} is asked for; take another --out")
     if not all(file.exists() for file in files.values()):
         say("recording, identifying and diagnosing")
         found = diagnose(recorded(rig, ("paper",), 10.0), most=size.most)
         if found.before is None or found.plant is None:
             raise ValueError(f"the diagnosis ended with {found.verdict!r} and no plant")
         short = identify(recorded(rig, ("dither",), 3.0, seed=1)).plant
+        write_whole(made_with, json.dumps(wanted) + "\n")
         for name, plant in (("long", found.before.plant), ("named", found.plant), ("short", short)):
             as_the_lab_knows(plant, rig).save(files[name])
     return {name: Plant.load(file) for name, file in files.items()}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.cli.compare import _film_names
 from tests.commands import furuta
 
 
@@ -31,3 +32,18 @@ def test_films_lie_beside_the_figures(tmp_path: Path, monkeypatch: pytest.Monkey
     assert json.loads(result.stdout)["settings"]["sample_time"] == 0.004
     assert filmed == [("swing-up", 0.004, "swing_up"), ("lqr", 0.004, "balance")]
     assert {"swing-up.gif", "lqr.gif", "comparison.json"} <= {file.name for file in (tmp_path / "c").iterdir()}
+
+
+def test_films_of_an_earlier_comparison_do_not_stay(tmp_path: Path) -> None:
+    """Another's film does."""
+    out = tmp_path / "c"
+    common = ("--plant", "large", "--groups", "balance", "--trials", 1, "--duration", 1, "-o", out)
+    assert furuta("compare", *common, "--controllers", "lqr").exit_code == 0
+    for name in ("lqr.gif", "mine.gif"):
+        (out / name).touch()
+    assert furuta("compare", *common, "--controllers", "dlqr").exit_code == 0
+    assert sorted(path.name for path in out.glob("*.gif")) == ["mine.gif"]
+
+
+def test_controllers_of_one_name_have_films_of_their_own() -> None:
+    assert _film_names(["a/my lqr.zip", "dlqr", "b/my lqr.zip"]) == ["my-lqr.gif", "dlqr.gif", "my-lqr-2.gif"]

@@ -12,7 +12,7 @@ import pytest
 
 from experiments.cli.diagnose import _repeated
 from identification.diagnosis.diagnose import diagnose
-from tests.commands import furuta, some_log
+from tests.commands import furuta, refused, some_log
 
 
 def test_without_a_plant_there_is_no_file_of_one_and_it_says_why(tmp_path: Path) -> None:
@@ -64,3 +64,23 @@ def test_a_full_disk_at_the_end_loses_no_search(tmp_path: Path, monkeypatch: pyt
     assert journal.exists()
     assert furuta("diagnose", log, "-o", tmp_path / "found").exit_code == 0
     assert not journal.exists()
+
+
+def test_a_mistyped_command_leaves_the_fits_of_a_stopped_search(tmp_path: Path) -> None:
+    log = some_log(tmp_path / "log.csv", q1=np.zeros(400))
+    journal = tmp_path / "found.search.jsonl"
+    journal.write_text("")
+    refused(furuta("diagnose", log, "--held-out", log, "-o", tmp_path / "found"), "searched and held out at once")
+    assert journal.exists()
+
+
+def test_a_search_that_cannot_end_leaves_no_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = some_log(tmp_path / "log.csv", q1=np.zeros(400))
+
+    def searched(*_: Any, journal: Path, **__: Any) -> None:
+        journal.write_text("a fit")
+        raise ValueError("no end")
+
+    monkeypatch.setattr("identification.diagnosis.diagnose.diagnose", searched)
+    refused(furuta("diagnose", log, "-o", tmp_path / "found"), "no end")
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

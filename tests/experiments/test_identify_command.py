@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -11,8 +13,11 @@ from typer.testing import CliRunner
 
 from experiments.cli.app import app
 from experiments.cli.identify import _limits_lost
+from experiments.cli.reading import Reading
 from furuta_gym.plant import QUBE, Plant
 from identification.logs.log import write_log
+from identification.logs.rig_file import save_mapping
+from identification.logs.rig_mapping import RigMapping
 from tests.factories import loop_log
 
 
@@ -159,3 +164,39 @@ def test_an_inertia_that_cannot_be_is_refused_before_the_log_is_read(tmp_path: P
     assert result.exit_code == 2
     assert "--fix theta1=-1" in result.stderr
     assert "inertia" in result.stderr
+
+
+def test_ctrl_c_while_the_picture_is_drawn_leaves_nothing_new(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("identification.validation.plots.plot_predictions", stopped)
+    result = run(file, "-o", tmp_path / "rig.json", "--plot", tmp_path / "fit.png")
+    assert result.exit_code == 130
+    assert "Nothing was written" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_next_command_reads_the_log_as_this_one_did(tmp_path: Path) -> None:
+    """In its folder, with its options, on the page as well."""
+    (tmp_path / "my data").mkdir()
+    log, rig, page = tmp_path / "my data" / "log.csv", tmp_path / "rig.json", tmp_path / "page.html"
+    write_log(log, loop_log("arm_spring", duration=5.0, T=0.004)[0])
+    result = run(log, "--skip", 0.5, "--input-scale", 0.5, "--mapping", "none", "-o", rig, "--report", page)
+    assert result.exit_code == 0, result.output
+    options = "--input-scale 0.5 --skip 0.5 --mapping none"
+    assert f"Next: furuta diagnose '{log}' {options} --held-out LOG -o diagnosis   (" in result.stdout
+    assert f"furuta diagnose '{log}' {options} -o diagnosis" in unescape(page.read_text(encoding="utf-8"))
+
+
+def test_what_a_rig_toml_says_need_not_be_typed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mapping = RigMapping(skip=0.5)
+    log = replace(loop_log(duration=5.0, T=0.004)[0], mapping=mapping)
+    assert Reading(RigMapping()).again([Path("log.csv")], [log]) == " --skip 0.5"
+    save_mapping(tmp_path / "rig.toml", mapping)
+    assert Reading(RigMapping()).again([Path("log.csv")], [log]) == ""
+    assert Reading(RigMapping(skip=1.0), as_given=True).again([Path("log.csv")], [log]) == " --skip 1 --as-given"
+    assert Reading(RigMapping(), Path("my rig.toml")).again([Path("log.csv")], [log]) == " --mapping 'my rig.toml'"

@@ -143,6 +143,15 @@ def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
     assert furuta("init", log, "--yes").exit_code == 0
 
 
+def test_the_advised_command_says_what_was_said_already(tmp_path: Path) -> None:
+    log, rig = write(tmp_path / "log.csv", rows()), tmp_path / "my rig.toml"
+    result = furuta("init", log, "--pendulum-zero", "hanging", "--skip", 1, "-o", rig)
+    assert result.exit_code == 2
+    assert f"furuta init {log} --pendulum-zero hanging --skip 1 -o '{rig}' --yes\n" in result.stderr
+    said = furuta("init", log, "--input-unit", "V", "-o", rig).stdout
+    assert f"Next: furuta identify {log} --mapping '{rig}' -o rig.json" in said
+
+
 def test_a_sign_that_the_log_does_not_show_comes_with_the_try_by_hand(tmp_path: Path) -> None:
     """The bundled upright log whose first ten seconds do not show the command's sign."""
     bundled = Path(__file__).resolve().parents[2] / "experiments" / "demo" / "logs" / "paper.csv"

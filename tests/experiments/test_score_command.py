@@ -64,3 +64,16 @@ def test_what_is_no_run_is_refused(runs: list[Path], tmp_path: Path) -> None:
     refused(furuta("score", runs[0], "--swing-up"), "held.csv: the run lasts 4")
     refused(furuta("score", runs[0], "--arm-travel", "-1"), "--arm-travel -1")
     refused(furuta("score", tmp_path / "absent.csv"), "absent.csv")
+
+
+def test_the_arm_s_travel_is_the_plant_file_s(runs: list[Path], tmp_path: Path) -> None:
+    """Unless --arm-travel says another; a plant file without one leaves 2π."""
+    tight, free = (
+        QUBE.replace(limits=limits).save(tmp_path / f"{name}.json")
+        for name, limits in (("tight", {"arm_travel": 0.09}), ("free", None))
+    )
+    scored = lambda *words: json.loads(furuta("score", runs[0], *words, "--json").stdout)["runs"][0]["success"]  # noqa: E731
+    assert not scored("--plant", tight)
+    assert scored("--plant", tight, "--arm-travel", 1.0)
+    assert scored("--plant", free)
+    refused(furuta("score", runs[0], "--plant", tmp_path / "absent.json"), "absent.json")

@@ -26,3 +26,10 @@ def test_a_design_is_played_on_the_rig_s_clock(own: float | None, tmp_path: Path
     result = furuta("simulate", "--plant", rig, *words)
     assert result.exit_code == 0, result.output
     assert np.diff(read_log(log).t) == pytest.approx(own or 0.002)
+
+
+@pytest.mark.parametrize("words", [("--amplitude", 3), ("--design-plant", "qube"), ("--trust",)])
+def test_what_scales_no_excitation_or_is_of_no_controller_is_refused(words: tuple[object, ...], tmp_path: Path) -> None:
+    use = "--excitation" if words[0] == "--amplitude" else "--controller"
+    refused(furuta("simulate", "--plant", "qube", *words, "-o", tmp_path / "log.csv"), str(words[0]), f"with {use}")
+    assert list(tmp_path.iterdir()) == []

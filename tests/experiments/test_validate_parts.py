@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +77,48 @@ def test_the_page_has_both_tables(rig: tuple[Plant, Log, Log]) -> None:
     plant, upright, hanging = rig
     gap = validate(plant, [upright, hanging])
     page = render(
-        validation_page(gap, plant, [upright, hanging], "rig.json", (), parts_of(plant, gap, [upright, hanging]))
+        validation_page(
+            gap,
+            plant,
+            [upright, hanging],
+            "rig.json",
+            "furuta diagnose LOG",
+            (),
+            parts_of(plant, gap, [upright, hanging]),
+        )
     )
     assert "Each over a noise floor of its own." in page
     assert "hanging.csv" in page
+
+
+def test_ctrl_c_while_the_page_is_made_leaves_nothing_new(
+    rig: tuple[Plant, Log, Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pictures were made by then, and the JSON was known."""
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    plant, upright, _ = rig
+    plant.save(tmp_path / "rig.json")
+    write_log(tmp_path / "log.csv", upright)
+    monkeypatch.setattr("experiments.report.render", stopped)
+    into = ("--plots", tmp_path / "plots", "--report", tmp_path / "page.html", "--json", tmp_path / "gap.json")
+    result = furuta("validate", tmp_path / "rig.json", tmp_path / "log.csv", *into)
+    assert result.exit_code == 130
+    assert "Nothing was written" in result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"rig.json", "log.csv"}
+
+
+def test_the_page_and_the_terminal_name_the_same_next_command(rig: tuple[Plant, Log, Log], tmp_path: Path) -> None:
+    """With the folders of the logs, and as they were read."""
+    plant, upright, _ = rig
+    (tmp_path / "my data").mkdir()
+    log, page = tmp_path / "my data" / "new.csv", tmp_path / "page.html"
+    write_log(log, upright)
+    plant.replace(theta=1.5 * plant.theta).save(tmp_path / "rig.json")
+    result = furuta("validate", tmp_path / "rig.json", log, "--skip", 1, "--report", page)
+    assert result.exit_code == 0, result.output
+    command = f"furuta diagnose LOG --skip 1 --held-out '{log}' -o diagnosis"
+    assert f"Next: {command}\n" in result.stdout
+    assert command in unescape(page.read_text(encoding="utf-8"))

@@ -78,3 +78,8 @@ def test_size_shows_how_plain_an_effect_is(monkeypatch):
     wrong = run.invoke(app, ["size", "--effect", "input_ofset", "--set", "table3"])
     assert wrong.exit_code == 2
     assert "input_offset" in wrong.output
+
+
+def test_the_next_command_has_a_name_with_a_space_in_quotes(tmp_path):
+    log = tmp_path / "my log.csv"
+    assert f"Next: furuta diagnose '{log}' -o diagnosis" in _record(out=log).output

@@ -42,5 +42,5 @@ def checked(examined, logs) -> tuple[str, str]:
     gap = examined.gap.before
     return (
         render(estimate_page(before, [logs[0]], gap, "", "rig.json")),
-        render(validation_page(gap, before.plant, [logs[1]], "rig.json")),
+        render(validation_page(gap, before.plant, [logs[1]], "rig.json", "furuta diagnose LOG -o diagnosis")),
     )

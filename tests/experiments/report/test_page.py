@@ -16,6 +16,7 @@ pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 from experiments.report import examine, render
 from experiments.report.drawing import MOST_POINTS
 from experiments.report.page import plotly_js
+from experiments.report.prediction_figures import closed_loop
 from experiments.report.validation_page import adequacy, validation_page
 from experiments.report.verdict import verdict as first_screen
 from furuta_gym.plant import TABLE_3, Effect
@@ -23,6 +24,7 @@ from identification.diagnosis.learned import Learned
 from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
 from identification.logs.log import Log
+from identification.logs.rig_mapping import RigMapping
 
 from .asking import Page, build, held, size_of, text_of, with_gap
 
@@ -86,7 +88,7 @@ def test_the_first_screen_of_identify_and_validate(examined, checked):
     assert rounded(before.value("theta1"), float(before.std[0])) in text_of(checked[0])
     assert "Θ" not in checked[0]  # θ6 begins a sentence there
     assert text_of(checked[0]).count("(not identified)") == len(before.identifiability.unidentified) > 0
-    fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", ["a.csv"]))
+    fitted = render(validation_page(gap, examined.diagnosis.before.plant, examined.held_out, "rig.json", "", ["a.csv"]))
     assert "a.csv: the plant was fitted to it, so this is no test on held-out data." in text_of(fitted)
 
 
@@ -242,3 +244,21 @@ def test_what_could_not_be_measured_is_said(examined):
     folded = text_of("".join(re.findall(r"<details>.*?</details>", html, flags=re.S)))
     assert "controller_gain" in folded, "no warning: the log need not say it"
     assert "controller_gain" not in text_of(re.sub(r"<details>.*?</details>", "", html, flags=re.S))
+
+
+def test_all_logs_together_are_named_as_they_were_typed(examined):
+    """With their folders and options; without these by name, with the options that read them."""
+    x = replace(examined, diagnosis=replace(examined.diagnosis, together=0.5))
+    typed = replace(x, typed="data/a.csv 'b c.csv' --skip 1")
+    assert "`furuta diagnose data/a.csv 'b c.csv' --skip 1 --held-out NEW -o diagnosis`" in typed.next_experiment
+    skipped = replace(x.logs[0], source="my log.csv", mapping=RigMapping(skip=1.0))
+    named = replace(x, logs=(skipped,), held_out=())
+    assert "`furuta diagnose 'my log.csv' --skip 1 --held-out NEW" in named.next_experiment
+
+
+def test_the_time_of_a_fall_is_that_of_the_axis(examined):
+    log = examined.shown
+    late = replace(log, t=log.t + 1.7e9)
+    fell = [replace(run, t=run.t[:-10] + 1.7e9, angles=run.angles[:-10]) for run in examined.closed_loop]
+    told = closed_loop(tuple(fell), late).caption
+    assert f"until it fell at {fell[0].t[-1] - late.t[0]:.1f} s" in told

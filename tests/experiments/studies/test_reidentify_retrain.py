@@ -206,6 +206,7 @@ def test_swing_ups_on_drawn_plants_in_small(tmp_path: Path, monkeypatch: pytest.
     named = found_on(rig).plant
     for name, one in (("long", plant), ("short", plant.replace(covariance=spread)), ("named", named)):
         one.save(tmp_path / f"{name}.json")
+    (tmp_path / study.MADE_WITH).write_text(json.dumps({"rig": "late", "most": 1}))
     some = {n: study.ARMS[n] for n in ("ranged", "with the named effects", "posterior, poor log")}
     monkeypatch.setattr(study, "ARMS", some)
     scores = study.run(study.Size.quick(), tmp_path, say=lambda text: None)
@@ -222,6 +223,31 @@ def test_swing_ups_on_drawn_plants_in_small(tmp_path: Path, monkeypatch: pytest.
     assert study.table(scores).row_count == 3
     monkeypatch.setattr(study, "train", lambda *_, **__: pytest.fail("it was trained already"))
     assert study.run(study.Size.quick(), tmp_path, say=lambda text: None) == scores
+
+
+@pytest.mark.parametrize(("rig", "most"), [("cable", 1), ("late", 6), (None, None)])
+def test_plants_of_another_rig_or_size_are_refused(tmp_path: Path, rig: str | None, most: int | None) -> None:
+    from experiments.studies import randomized_swing_up as study
+
+    for name in ("long", "short", "named"):
+        true_plant(SWING_UP_RIGS["late"]).save(tmp_path / f"{name}.json")
+    if rig is not None:
+        (tmp_path / study.MADE_WITH).write_text(json.dumps({"rig": rig, "most": most}))
+    with pytest.raises(ValueError, match="take another --out"):
+        study.run(study.Size.quick(), tmp_path, say=lambda text: None)
+
+
+def test_what_the_plants_were_made_with_is_kept_beside_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from experiments.studies import randomized_swing_up as study
+
+    rig = SWING_UP_RIGS["late"]
+    monkeypatch.setattr(study, "recorded", lambda *_, **__: [])
+    monkeypatch.setattr(study, "diagnose", lambda *_, **__: found_on(rig))
+    monkeypatch.setattr(study, "identify", lambda *_: found_on(rig))
+    size = study.Size.quick()
+    made = study._plants(rig, size, tmp_path, lambda text: None)
+    assert json.loads((tmp_path / study.MADE_WITH).read_text()) == {"rig": "late", "most": 1}
+    assert study._plants(rig, size, tmp_path, lambda text: pytest.fail(text)).keys() == made.keys()
 
 
 def test_ranges_that_do_not_reach_what_was_found_leave_it_as_it_is() -> None:
