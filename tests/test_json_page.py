@@ -70,23 +70,23 @@ def compared(command: str, answer: dict[str, Any], *without: str) -> None:
 @pytest.fixture(scope="module")
 def plant_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     file = tmp_path_factory.mktemp("json") / "rig.json"
-    result = furuta("identify", LOGS / "paper.csv", "--profile", "theta2", "-o", file, "--json")
+    result = furuta("identify", LOGS / "paper.csv", "-o", file, "--json")
     assert result.exit_code == 0, result.output
     return file, json.loads(result.stdout)
 
 
 def test_identify(plant_file: tuple[Path, dict[str, Any]]) -> None:
-    compared("identify", plant_file[1], "gap_remark")
+    compared("identify", plant_file[1], "gap_remark", "profiles")
 
 
-def test_identify_a_log_that_is_too_short_to_be_predicted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_identify_with_a_profile_and_without_a_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("experiments.cli.identify._adequacy", lambda *_: (None, "no log is long enough"))
     write_log(tmp_path / "log.csv", loop_log(duration=5.0, T=0.004)[0])
-    result = furuta("identify", tmp_path / "log.csv", "-o", tmp_path / "rig.json", "--json")
+    result = furuta("identify", tmp_path / "log.csv", "-o", tmp_path / "rig.json", "--profile", "theta2", "--json")
     assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
     assert answer["gap"] is None
-    compared("identify", answer, "profiles", "stretches_s")
+    compared("identify", answer, "stretches_s")
 
 
 def test_validate(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

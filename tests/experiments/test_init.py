@@ -145,9 +145,9 @@ def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
 
 def test_the_advised_command_says_what_was_said_already(tmp_path: Path) -> None:
     log, rig = write(tmp_path / "log.csv", rows()), tmp_path / "my rig.toml"
-    result = furuta("init", log, "--pendulum-zero", "hanging", "--skip", 1, "-o", rig)
+    result = furuta("init", log, "--pendulum-zero", "upright", "--skip", 1, "-o", rig)
     assert result.exit_code == 2
-    assert f"furuta init {log} --pendulum-zero hanging --skip 1 -o '{rig}' --yes\n" in result.stderr
+    assert f"furuta init {log} --pendulum-zero upright --skip 1 -o '{rig}' --yes\n" in result.stderr
     said = furuta("init", log, "--input-unit", "V", "-o", rig).stdout
     assert f"Next: furuta identify {log} --mapping '{rig}' -o rig.json" in said
 
