@@ -243,7 +243,7 @@ def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -
     def options(said: dict[str, Any]) -> str:
         units = {"unit_q1", "unit_q2"} if {"unit_q1", "unit_q2"} & set(other) else set()
         only = RigMapping(**{name: said[name] for name in {*other, *units}})
-        return " ".join(part for part in (only.options(), "--flip none" if only.flip == () else "") if part)
+        return only.options()
 
     return (
         f"{source.path.name} is read with {options(now)}, as {source.origin} says. The plant's own logs were read with "

@@ -105,7 +105,7 @@ class Estimate:
         most = int(np.argmax(ratio))
         return (
             "error bars allow for what this model lacks: in the median "
-            f"{np.median(ratio):.2g} times those of a right model, at most {ratio[most]:.2g} times ({self.names[most]})"
+            f"{np.median(ratio):.1f} times those of a right model, at most {ratio[most]:.1f} times ({self.names[most]})"
         )
 
     @property

@@ -129,11 +129,11 @@ class RigMapping:
             "--time-unit": self.time_unit,
             "--unit": units["q1"] if same else ",".join(f"{axis}={unit}" for axis, unit in units.items()),
             "--pendulum-zero": self.pendulum_zero,
-            "--flip": ",".join(self.flip or ()),
+            "--flip": "none" if self.flip == () else ",".join(self.flip or ()),  # none: not a rig.toml's either
             "--encoder-counts": counts and ",".join(map(_exact, counts[:1] if counts[0] == counts[1] else counts)),
             "--input-unit": self.input_unit,
             "--input-scale": self.input_scale and _exact(self.input_scale),
-            "--skip": self.skip and _exact(self.skip),
+            "--skip": None if self.skip is None else _exact(self.skip),
         }
         options = [f"{option} {shlex.quote(value)}" for option, value in said.items() if value]
         return " ".join(options + [f"--cut {_exact(start)}:{_exact(stop)}" for start, stop in self.cut or ()])

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from experiments.cli.reading import Reading
 from furuta_gym.plant import QUBE
 from identification.logs.rig_file import load_mapping
+from identification.logs.rig_mapping import RigMapping
 from tests.commands import furuta, refused
 
 
@@ -38,6 +40,15 @@ def test_a_plant_file_carries_the_mapping(german: Path) -> None:
     assert "Read as the plant file says" in result.stderr
 
 
+def test_options_hold_against_a_rig_file_that_turns_a_sign(german: Path) -> None:
+    """A command line that turns none must say so, and the seconds left out too where they are none."""
+    furuta("init", "versuch1.csv", "--skip", "1")
+    said = RigMapping(flip=(), skip=0.0)
+    assert said.options() == "--flip none --skip 0"
+    assert Reading(said).again([Path("versuch1.csv")], []) == " --flip none --skip 0"
+    assert RigMapping().options() == ""
+
+
 def test_a_rig_file_that_contradicts_the_plant_file_is_said(german: Path) -> None:
     """`rig.toml` holds; the warning names both and the way out, once. An option is meant, and is no contradiction."""
     furuta("init", "versuch1.csv")
@@ -46,7 +57,7 @@ def test_a_rig_file_that_contradicts_the_plant_file_is_said(german: Path) -> Non
     QUBE.replace(provenance={"mapping": fitted.to_dict()}).save("rig.json")
     said = furuta("validate", "rig.json", "versuch1.csv", "versuch2.csv").stderr
     assert "versuch2.csv is read with --flip q2 --input-scale 1, as rig.toml says" in said
-    assert "add --input-scale 12 --flip none, or identify the plant again" in said
+    assert "add --flip none --input-scale 12, or identify the plant again" in said
     assert said.count("versuch2.csv is read with") == 1
     meant = furuta("validate", "rig.json", "versuch2.csv", "--input-scale", "1", "--flip", "q2").stderr
     assert "The plant's own logs" not in meant

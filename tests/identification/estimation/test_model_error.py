@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,14 @@ def test_a_lacking_models_intervals_hold_most_of_what_they_missed(lacking: Estim
     assert np.mean(right) < 0.5
     assert np.mean(stated) > 0.7
     assert "error bars allow for what this model lacks" in str(lacking)
+
+
+def test_how_much_wider_has_one_decimal_place(lacking: Estimate) -> None:
+    """Where few bars are wider the median is 1, which reads as a number that was measured."""
+    added = np.zeros_like(lacking.covariance)
+    added[0, 0] = 0.75 * lacking.covariance[0, 0]
+    told = str(replace(lacking, model_error=added))
+    assert "in the median 1.0 times those of a right model, at most 2.0 times (theta1)" in told
 
 
 def test_the_second_moment_is_that_of_the_coefficients() -> None:
