@@ -139,13 +139,17 @@ class Comparison:
         for title, _, figure in columns:
             named = UNITS[figure].format(u=unit)
             table.add_column(title + (escape(f"\n[{named}]") if named else ""), justify="right")
+        restless = False
         for controller, rows in self.scores.items():
-            cells = [_cell(rows.get(condition, {}).get(figure), figure) for _, condition, figure in columns]
-            table.add_row(controller, *cells)
+            cells = [_cell(rows.get(condition, {}), figure) for _, condition, figure in columns]
+            table.add_row(escape(controller), *cells)
+            restless |= any(" of " in cell for cell in cells)
+        if restless:
+            table.caption = f"{table.caption}\nn of m: so many of those that held came to rest"
         for controller, reason in self.skipped.items():
             table.add_section()
-            table.add_row(f"{controller}\nleft out", style="dim")
-            table.caption = f"{table.caption}\n{reason}"
+            table.add_row(f"{escape(controller)}\nleft out", style="dim")
+            table.caption = f"{table.caption}\n{escape(reason)}"
         return table
 
     def _columns(self) -> list[tuple[str, str, str]]:
@@ -185,7 +189,10 @@ class Comparison:
         return capture.get()
 
 
-def _cell(x: Interval | None, figure: str) -> str:
+def _cell(figures: Mapping[str, Interval], figure: str) -> str:
+    x = figures.get(figure)
+    if figure == "settling" and x is not None and (held := _held(figures)) > x.n:
+        return f"{x.value:.3g}\n{x.n} of {held}" if x.n else f"–\n0 of {held}"
     if x is None or x.n == 0:
         return "–"
     if figure == "success":
@@ -193,3 +200,9 @@ def _cell(x: Interval | None, figure: str) -> str:
     if math.isnan(x.low):
         return f"{x.value:.3g}" + ("\none trial" if x.n == 1 else "")
     return f"{x.value:.3g}\n±{0.5 * (x.high - x.low):.1g}"
+
+
+def _held(figures: Mapping[str, Interval]) -> int:
+    """Trials that succeeded; 0 where the success rate is not told."""
+    rate = figures.get("success")
+    return round(rate.value * rate.n) if rate is not None and rate.n else 0

@@ -14,7 +14,7 @@ from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical, worst
 from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
-from .variations import built_later, built_name, later, noisier, other_plants, weaker
+from .variations import built_later, built_name, later, noisier, other_plants, possible, weaker
 
 USUAL_GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
 GROUPS = (*USUAL_GROUPS, "map")
@@ -62,21 +62,23 @@ class Condition:
     arm_travel: float | None = None
 
     def score(self, policy: Any, sample_time: float, seed: int) -> dict[str, Interval]:
-        """Play `policy` and sum up: success rate, and the other figures over the successful trials.
+        """Play `policy` and sum up: success rate, and the other figures over the successful trials, of which the
+        settling time leaves out those that never settled: its n is then smaller.
 
         worst_FIGURE is the mean of the worst 5 %."""
         if self.kind == "push":
             return {"largest_push": typical(self._largest_push(policy, sample_time, seed), seed=seed)}
         outcome = self.play(policy, self.starts(seed), sample_time, seed)
         figures = {"success": success_rate(outcome.success)}
-        figures |= {m: typical(getattr(outcome, m)[outcome.success], seed=seed) for m in METRICS}
+        figures |= {m: typical(_succeeded(outcome, m), seed=seed) for m in METRICS}
         return figures | {f"worst_{m}": worst(self._told(outcome, m), seed=seed) for m in WORST}
 
     def _told(self, outcome: Outcome, figure: str) -> NDArray[np.float64]:
-        """Of the trials that succeeded; for the settling time of all, those that failed with the whole duration."""
+        """Of the trials that succeeded; for the settling time of all, those that failed or never settled with the
+        whole duration."""
         if figure == "settling":
-            return np.where(outcome.success, outcome.settling, self.duration)
-        return getattr(outcome, figure)[outcome.success]
+            return np.where(outcome.success & np.isfinite(outcome.settling), outcome.settling, self.duration)
+        return _succeeded(outcome, figure)
 
     def play(self, policy: Any, starts: Starts, sample_time: float, seed: int) -> Outcome:
         return run_trials(
@@ -117,6 +119,12 @@ class Condition:
         return low
 
 
+def _succeeded(outcome: Outcome, figure: str) -> NDArray[np.float64]:
+    """A figure of the trials that succeeded and have it."""
+    values = getattr(outcome, figure)[outcome.success]
+    return values[np.isfinite(values)]
+
+
 def check_groups(groups: Sequence[str]) -> None:
     """Raises ArgumentError for a group of trials that is not one of `GROUPS`."""
     if strange := [group for group in groups if group not in GROUPS]:
@@ -142,9 +150,10 @@ def conditions(
 ) -> list[Condition]:
     """The conditions of the named groups; effects act at their default size.
 
-    Effects are by default the whole library, in swing-ups `SWING_UP_EFFECTS`.
+    Effects are by default the whole library, in swing-ups `SWING_UP_EFFECTS`, less those that the plant carries.
+    Delays beyond the longest that a plant can have are left out.
 
-    Raises ValueError for an unknown group or effect.
+    Raises ValueError for an unknown group or effect, and for effects asked for that the plant carries already.
     """
     chosen = list(groups)
     check_groups(chosen)
@@ -153,6 +162,12 @@ def conditions(
     for name in near:
         Effect(name)  # complains about a name that is none, whatever the groups are
     carried = {e.name for e in plant.effects}
+    if asked is not None and (already := carried.intersection(asked)) and {"effects", "swing_up"}.intersection(chosen):
+        raise ArgumentError(
+            "effects",
+            ", ".join(sorted(already)),
+            "the plant carries it already, so no trial can add it; name others, or compare on the plant without it",
+        )
     short = min(duration, 10.0)
 
     def near_upright(name: str, group: str, plants: Plant | Sequence[Plant], s: Sensors = sensors) -> Condition:
@@ -167,7 +182,7 @@ def conditions(
         elif group == "parameters":
             found += [near_upright(n, group, p) for n, p in other_plants(plant, small_trials, seed)]
         elif group == "delay":
-            found += [near_upright(f"delay {ms} ms", group, later(plant, ms)) for ms in (4, 8, 16, 32)]
+            found += [near_upright(f"delay {ms} ms", group, later(plant, ms)) for ms in possible(plant, (4, 8, 16, 32))]
         elif group == "quantisation":
             for counts in (2048, 1024, 512, 256):
                 coarse = replace(sensors, encoder_counts=counts)
@@ -189,10 +204,11 @@ def _harder(plain: Condition, trials: int, effects: Sequence[str], seed: int) ->
     coarser encoders, a push."""
     plant, sensors = plain.plants, plain.sensors
     assert isinstance(plant, Plant)
-    rigs: list[tuple[str, Plant | Sequence[Plant]]] = [(f"{ms} ms late", later(plant, ms)) for ms in (4, 8, 16, 24)]
+    rigs: list[tuple[str, Plant | Sequence[Plant]]] = []
+    rigs += [(f"{ms} ms late", later(plant, ms)) for ms in possible(plant, (4, 8, 16, 24))]
     rigs += [(f"supply {percent} %", weaker(plant, percent)) for percent in (80, 60)]
     rigs += other_plants(plant, trials, seed)
-    rigs += [(built_name(20, ms), built_later(plant, 20, ms, trials, seed)) for ms in (0, 8)]
+    rigs += [(built_name(20, ms), built_later(plant, 20, ms, trials, seed)) for ms in possible(plant, (0, 8))]
     added = [name for name in effects if name != "input_delay" and plant.effect(name) is None]
     rigs += [(name, plant.with_effects(plant.default_effect(name))) for name in added]
     found = [replace(plain, name=f"swing-up, {name}", plants=rig, trials=trials) for name, rig in rigs]
@@ -210,7 +226,7 @@ def _map(plain: Condition, seed: int) -> list[Condition]:
     return [
         replace(plain, name=map_name(ms, percent), plants=built_later(plain.plants, percent, ms, plain.trials, seed))
         for percent in MAP_ERRORS
-        for ms in MAP_DELAYS
+        for ms in possible(plain.plants, MAP_DELAYS)
     ]
 
 

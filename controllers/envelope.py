@@ -69,8 +69,8 @@ class Envelope:
 
     @classmethod
     def of(cls, controller: Any, **changes: Any) -> "Envelope":
-        """From the controller, and the plant file's limits and encoders where it has them; `changes` that are not None
-        win.
+        """From the controller and its encoders, and the plant file's limits where it has them; `changes` that are not
+        None win.
 
         A controller that only balances goes off when the pendulum is horizontal.
         """
@@ -82,7 +82,7 @@ class Envelope:
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
-            resolution=float(choose_sensors(plant, None).resolution[0]),
+            resolution=float(choose_sensors(plant, getattr(controller, "sensors", None)).resolution[0]),
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})
 
@@ -151,7 +151,7 @@ enum {{
     {P}_ON = 0,      /* it works */
     {P}_READING = 1, /* {bad} readings in a row that are no angles */
     {P}_ARM = 2,     /* arm beyond {arm_text} */
-    {P}_SPEED = 3,   /* arm faster than {speed_text} */
+    {P}_SPEED = 3,   /* arm faster than {speed_text}{count_text} */
     {P}_TILT = 4,    /* pendulum farther from upright than {tilt_text} */
     {P}_LAW = 5      /* the law gave no number */
 }};
@@ -161,7 +161,7 @@ typedef struct {{
     {real} u;   /* last command */
     {real} q1;  /* last good reading */
     {real} q2;
-    int good;   /* readings so far, as long as the soft start lasts */
+    long good;  /* readings so far, as long as the soft start lasts; an int may end at 32767 */
     int missed; /* bad readings in a row */
     int off;    /* {P}_ON or why it is off */
 }} {prefix}_state;
@@ -240,10 +240,13 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
     if e.slew < math.inf:
         step = number(e.slew * T)
         slew = f"    if (u < s->u - {step}) u = s->u - {step};\n    if (u > s->u + {step}) u = s->u + {step};\n"
+    count = ""
+    if e.arm_speed < math.inf and e.resolution:
+        count = f", by more than a count of {e.resolution:.6g} rad ({2 * math.pi / e.resolution:.6g} a turn)"
     text = lambda value, unit: f"{value:g} {unit}" if value < math.inf else "anything: it has no such limit"  # noqa: E731
     return _C.format(
         prefix=prefix, P=P, real=real, bad=e.bad_readings, ramp=ramp, speed=speed, tilt=tilt, soft=soft, slew=slew,
         zero=number(0.0), far=number(FARTHEST), arm=number(min(e.arm_travel, FARTHEST)), u_max=number(e.u_max),
         large=number(_LARGEST), arm_text=text(e.arm_travel, "rad"), speed_text=text(e.arm_speed, "rad/s"),
-        tilt_text=text(e.tilt, "rad"),
+        tilt_text=text(e.tilt, "rad"), count_text=count,
     )  # fmt: skip

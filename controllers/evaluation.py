@@ -55,11 +55,12 @@ def compare(
     quarter, but 10 if `trials` is no less). sample_time [s]: default is the plant's, else a whole fraction of the first
     policy file's, at most 2 ms, else 2 ms. sensors: default is what the plant file says, else 4096 counts. jobs: of
     processes.
-    trust: also read policies of stable-baselines3, which runs the code in them. progress(done, of): called after each
-    condition. A controller that does not apply to the plant is left out, with the reason. Raises ValueError on an
-    unknown name, group or effect, and when nothing is left to compare.
+    effects: of the groups "effects" and "swing_up", see `conditions`. trust: also read policies of stable-baselines3,
+    which runs the code in them. progress(done, of): called after each condition. A controller that does not apply to
+    the plant is left out, with the reason. Raises ValueError on an unknown name, group or effect, on an effect that the
+    plant carries already, and when nothing is left to compare.
     """
-    plant = Plant.resolve(plant)
+    plant, groups = Plant.resolve(plant), list(groups)
     design = design_plant_for(plant, design_plant)
     if trials < 1 or (small_trials is not None and small_trials < 1):
         raise ValueError(f"trials must be at least 1, got {trials} and {small_trials}")
@@ -75,6 +76,9 @@ def compare(
         for row in rows
         if row.kind != "swing_up" or "swing_up" in getattr(policy, "tasks", ())
     ]
+    if not rows:
+        of = ", ".join(groups)
+        raise ValueError(f"nothing to compare: the groups {of} have no trial for this plant; name others")
     if not tasks:
         raise ValueError(
             f"nothing to compare: {', '.join(policies)} cannot swing up; "

@@ -16,27 +16,29 @@ from furuta_gym.plant.layout import N_BASE
 from furuta_gym.sensors import Sensors, angles_read
 
 from .base import DesignError
+from .design import choose_sensors
 
 SHARPNESS = "friction_sharpness"  # the effect that gives friction another sharpness than the plant's own
-_TABLE = 513  # points of the tabulated command map
+_TABLE = 513  # points at which the command map is looked at
+_STRAIGHT = 3e-4  # of the supply: how far the torque on the table's lines may be from those points; no rig shows it
 
 
 class KnownEffects:
     """Maps between readings and angles, and between wanted torque and command, for one plant.
 
-    offset (2,) [rad]: what the encoders read at zero, as the plant file's `sensors` say; `angles` takes it off too.
+    sensors: default is what the plant file says. offset (2,) [rad]: what they read at zero; `angles` takes it off too.
     torque_limits: the torques that ±`plant.supply` gives, the largest command that reaches the motor. `command_map` is
     the table (torque, command) when there is one.
     friction_speed [rad/s]: friction that `arm_torque` knows changes sign over this speed, slower than the plant's
     own 1/r, as estimated velocities are noisy.
     """
 
-    def __init__(self, plant: Plant, friction_speed: float = 0.1) -> None:
+    def __init__(self, plant: Plant, sensors: Sensors | None = None, friction_speed: float = 0.1) -> None:
         # what depends on the time since a log's start cannot be known on the next run
         lasting = (e for e in plant.effects if not e.type.memory and "t" not in e.type.arguments.get("torque", ()))
         known = tuple(e for e in lasting if e.name != SHARPNESS)  # which the friction_speed takes the place of
         self.plant = plant.replace(effects=known, friction_sharpness=1.0 / friction_speed)
-        self.offset = np.array(Sensors.of_file(plant.sensors).offset)
+        self.offset = np.array(choose_sensors(plant, sensors).offset)
         p, self._codes, self._rows = self.plant.packed()
         self._p = p[:, None]
         self._on_arm = self._codes[[e.type.place == "arm" for e in known]]
@@ -59,7 +61,9 @@ class KnownEffects:
         # no more command than it takes to reach the limits, and a little slope to make dead zones invertible
         first, last = np.flatnonzero(tau <= tau[0])[-1], np.flatnonzero(tau >= tau[-1])[0]
         u, tau = u[first : last + 1], tau[first : last + 1]
-        return tau + 1e-6 * u, u
+        tau += 1e-6 * u
+        corners = _corners(u, tau, _STRAIGHT * u_max)  # few, for a microcontroller's memory
+        return tau[corners], u[corners]
 
     def _torques(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         tau = u.copy()
@@ -108,3 +112,18 @@ class KnownEffects:
             P = np.repeat(self._p, lanes, axis=1)
             add_torques(zero, X, zero, P, self._on_arm, P[:N_BASE].copy(), F)
         return F[0] if x.ndim == 2 else float(F[0, 0])
+
+
+def _corners(x: NDArray[np.float64], y: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
+    """Indices of the points whose joining lines pass every point (x, y), x rising, within `tolerance` of y
+    (Douglas & Peucker 1973)."""
+    kept, spans = {0, x.size - 1}, [(0, x.size - 1)]
+    while spans:
+        a, b = spans.pop()
+        inside = slice(a + 1, b)
+        missed = np.abs(np.interp(x[inside], x[[a, b]], y[[a, b]]) - y[inside])
+        if missed.size and missed.max() > tolerance:
+            middle = a + 1 + int(missed.argmax())
+            kept.add(middle)
+            spans += [(a, middle), (middle, b)]
+    return np.array(sorted(kept))

@@ -46,12 +46,14 @@ class LearnedController(Controller):
         normalized: bool = False,
         trained_u_max: float | None = None,
         every: int = 1,
+        sensors: Sensors | None = None,
         arm_limit: float = 2 * np.pi,
         tasks: tuple[str, ...] = ("balance",),
         reference: Reference = 0.0,
     ) -> None:
         super().__init__(name, sample_time, plant.u_max, reference)
         self.plant, self.unit = plant, plant.unit
+        self.sensors = choose_sensors(plant, sensors)
         self.predict = predict
         self.tasks = tasks
         self.history = history
@@ -195,6 +197,7 @@ def load_policy(
         normalized=bool(env.get("normalize_action", shares)),
         trained_u_max=rig.get("u_max"),
         every=every,
+        sensors=sensors,
         **settings | options,
     )
 

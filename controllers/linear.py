@@ -10,7 +10,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors, difference_gain
 
 from .base import Controller, DesignError, Reference
-from .design import DesignModel, design_model
+from .design import DesignModel, choose_sensors, design_model
 from .known_effects import KnownEffects
 
 
@@ -76,8 +76,8 @@ def observer_feedback(K: NDArray[np.float64], L: NDArray[np.float64], model: Des
 class LinearController(Controller):
     """Plays a `LinearLaw` on a plant: known reading errors are undone before it, the static command path after it.
 
-    friction_share: that share of the arm's Coulomb friction, and of the arm's known effects, is cancelled at the
-    estimated state, smooth about standstill.
+    sensors: the encoders, by default the plant file's, else 4096 counts. friction_share: that share of the arm's
+    Coulomb friction, and of the arm's known effects, is cancelled at the estimated state, smooth about standstill.
     """
 
     def __init__(
@@ -87,13 +87,15 @@ class LinearController(Controller):
         plant: Plant,
         model: DesignModel,
         *,
+        sensors: Sensors | None = None,
         reference: Reference = 0.0,
         friction_share: float = 0.0,
     ) -> None:
         super().__init__(name, model.sample_time, plant.supply, reference)
         self.law = law
         self.plant = plant
-        self.known = KnownEffects(plant)
+        self.sensors = choose_sensors(plant, sensors)
+        self.known = KnownEffects(plant, self.sensors)
         self.q2e, self.holding_torque = model.q2e, model.torque
         self.friction_share = friction_share
         low, high = self.known.torque_limits
@@ -146,7 +148,7 @@ def build_state_feedback(
     """A `LinearController` that feeds back [q1, q2, q̇1, q̇2] (and the command path, when K is that long)."""
     K = np.asarray(K, dtype=float).ravel()
     law = state_feedback(K, model, sensors.velocity_cutoff, command_path=K.size > 4)
-    controller = LinearController(name, law, plant, model, **options)
+    controller = LinearController(name, law, plant, model, sensors=sensors, **options)
     if K.size == 4 and not plant.effects and not controller.known.offset.any():
         q1, q2, v1, v2 = map(float, K)
         controller.feedback_gain = q1, v1, q2, v2

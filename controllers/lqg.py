@@ -43,4 +43,4 @@ def design_lqg(
     K = dlqr_gain(model, weights or Weights.of(plant))
     L = kalman_gain(model, measurement_noise(choose_sensors(plant, sensors)))
     law = observer_feedback(K, L, model)
-    return LinearController("lqg", law, plant, model, **options)
+    return LinearController("lqg", law, plant, model, sensors=sensors, **options)

@@ -51,4 +51,4 @@ def design_lqi(
     K = lqi_gain(model, weights or Weights.of(plant))
     law = state_feedback(K[:-1], model, choose_sensors(plant, sensors).velocity_cutoff)
     law = with_integral(law, K[-1], model.sample_time, INTEGRAL_TIME)
-    return LinearController("lqi", law, plant, model, **options)
+    return LinearController("lqi", law, plant, model, sensors=sensors, **options)

@@ -31,7 +31,7 @@ def design_lqr_friction(
     model = _without_arm_effects(plant, sample_time)
     K = dlqr_gain(model, weights or Weights.of(plant))
     law = state_feedback(K, model, choose_sensors(plant, sensors).velocity_cutoff)
-    return LinearController("lqr-friction", law, plant, model, friction_share=SHARE, **options)
+    return LinearController("lqr-friction", law, plant, model, sensors=sensors, friction_share=SHARE, **options)
 
 
 def design_lqg_friction(
@@ -45,4 +45,4 @@ def design_lqg_friction(
     model = _without_arm_effects(plant, sample_time)
     K = dlqr_gain(model, weights or Weights.of(plant))
     law = observer_feedback(K, kalman_gain(model, measurement_noise(choose_sensors(plant, sensors))), model)
-    return LinearController("lqg-friction", law, plant, model, friction_share=SHARE, **options)
+    return LinearController("lqg-friction", law, plant, model, sensors=sensors, friction_share=SHARE, **options)

@@ -82,7 +82,7 @@ def run_figures(
         mean_q1=float(np.mean(y[0, used])),
         energy=float(np.sum(u[:last] ** 2) * T),
         roughness=float(np.mean(np.abs(np.diff(u[:last]))) / T) if last > 1 else 0.0,
-        settling=settling if failed is None and settling <= n * T else None,
+        settling=settling if failed is None and np.isfinite(settling) else None,
         largest_q1=float(np.max(np.abs(y[0, :last]))),
     )
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import Plant
+from furuta_gym.plant import Effect, Plant
 from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.linearization import HANGING, discretize, linearize
 from furuta_gym.sensors import Sensors
@@ -46,6 +46,11 @@ class PlannedSwingUp(PredictiveBalancer):
     ) -> None:
         super().__init__(plant, sample_time, sensors, weights, reference, name="planned")
         self.plan, self.region = plan, region
+        if plan.state.shape[0] != self._model.size:
+            raise DesignError(
+                f"the plan has {plan.state.shape[0]} states and the plant {self._model.size} (q1, q2, their speeds "
+                "and, with actuator_lag, the lagged torque); make the plan from this plant, or give none"
+            )
         if plan.largest_q1 > KEPT * self.travel:
             raise DesignError(
                 f"the plan takes the arm to {plan.largest_q1:.3g} rad, beyond {KEPT:g} of its travel of "
@@ -123,6 +128,12 @@ class PlannedSwingUp(PredictiveBalancer):
         return riccati(control.dlqr, A, B, weights.Q, weights.R)[0].ravel()
 
 
+def _off(effect: Effect) -> bool:
+    """Whether an effect is carried at sizes at which it does nothing."""
+    sizes = [p for p in effect.type.parameters if p.role == "size"]
+    return all(effect.parameters[p.name] == p.neutral for p in sizes)
+
+
 def _moved_by_torque(plant: Plant) -> Plant:
     """The plant whose command is the torque that the motor is asked for: only the lag is left of its command path."""
     return plant.replace(effects=tuple(e for e in plant.effects if e.name == "actuator_lag"))
@@ -159,6 +170,7 @@ def design_planned(
     A pendulum that does not hang still enough is calmed first. It is a reference for time and effort: a plan knows
     one start, and a rig that differs from the plant leaves it. options: `plan` of one's own, `reference`.
     """
+    plant = plant.replace(effects=tuple(e for e in plant.effects if not _off(e)))
     T, seen = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
     chosen = weights or Weights.of(plant)
     region = catch_region(plant, T, seen, chosen)  # first, as it is soon known where nothing balances

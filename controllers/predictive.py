@@ -37,12 +37,13 @@ class PredictiveBalancer(Controller):
         name: str = "predictive",
     ) -> None:
         super().__init__(name, sample_time, plant.supply, reference)
-        self.plant = plant
+        self.plant, self.sensors = plant, sensors
         self.predictor = Predictor(plant, sample_time, sensors)
         self.known = self.predictor.known
         self._model = design_model(without_delay(plant), sample_time)
         self._gain = dlqr_gain(self._model, weights)
         self._lag_row = lagged_torque_row(self.predictor.plant)
+        self._step = plant.limit("slew", np.inf) * sample_time  # the most that a command changes
         self.travel, self.pace = plant.limit("arm_travel", ARM_TRAVEL), pendulum_frequency(plant.theta)
         # how far from where it was at the catch the arm goes from a state, while the linear loop holds
         loop = self._model.A - self._model.B @ self._gain[None]
@@ -67,6 +68,7 @@ class PredictiveBalancer(Controller):
     def _start(self) -> None:
         self.predictor.restart(self._known_start)
         self._goal: Any = None
+        self._sent: Any = 0.0
 
     def _begin(self, q1: NDArray[np.float64]) -> None:
         self._goal, self._turns = q1.copy(), np.zeros_like(q1)
@@ -77,6 +79,8 @@ class PredictiveBalancer(Controller):
             self._begin(X[0])
         torque = np.clip(self._torque(reference), *self.limits) + self.holding_torque
         u = np.clip(np.nan_to_num(self.known.command(torque)), -self.u_max, self.u_max)
+        u = np.clip(u, self._sent - self._step, self._sent + self._step)  # the observer must know what gets through
+        self._sent = u
         self.predictor.send(u)
         return u if y.ndim == 2 else u[0]
 

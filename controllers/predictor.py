@@ -43,7 +43,7 @@ class Predictor:
     def __init__(self, plant: Plant, sample_time: float, sensors: Sensors) -> None:
         self.plant = _smooth(steady(plant))
         self.sample_time = sample_time
-        self.known = KnownEffects(plant)
+        self.known = KnownEffects(plant, sensors)
         p, self._codes, self._rows = self.plant.packed()
         self._p = p[:, None]
         late = np.zeros(1)

@@ -66,8 +66,12 @@ def region_of_attraction(
     lowest = np.flatnonzero(~outcome.success)
     inside = int(lowest[0]) if lowest.size else tries
     if inside < 3:
+        small = [f"the largest command, {plant.supply:g} {plant.unit},"]
+        for name, unit in (("slew", f"{plant.unit}/s"), ("arm_speed", "rad/s")):  # limits that the trials keep to
+            if (limit := plant.limit(name, np.inf)) < np.inf:
+                small.append(f"the limit {name}, {limit:g} {unit},")
         raise DesignError(
-            f"{controller.name} cannot hold this plant even close to upright: the largest command, {plant.supply:g} "
-            f"{plant.unit}, may be too small, the sample time too long, or the encoders too coarse"
+            f"{controller.name} cannot hold this plant even close to upright: {' or '.join(small)} may be too small, "
+            "the sample time too long, or the encoders too coarse"
         )
     return Region(P, float(0.9 * levels[inside - 1]), inside)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
@@ -70,11 +72,22 @@ def make_controller(
 
 
 def usual_controller(plant: Plant | str | os.PathLike[str], sample_time: float | None = None) -> Controller:
-    """The paper's LQR where it holds the plant, else an LQR of its own.
+    """The paper's LQR where it holds the plant, else the first of lqr, dlqr and lqg that does.
 
-    sample_time [s]: default is the plant's, else 2 ms. Raises DesignError if no LQR controls the plant.
+    "Holds" means that the closed loop is stable, linear about upright, with the delay and the lag that the plant
+    carries. sample_time [s]: default is the plant's, else 2 ms. Raises DesignError if none holds the plant.
     """
+    plant = Plant.resolve(plant)
     try:
-        return make_controller("paper-lqr", plant, sample_time)
+        return make_controller("paper-lqr", plant, sample_time)  # which is refused where it does not hold
     except DesignError:
-        return make_controller("lqr", plant, sample_time)
+        pass
+    names = ("lqr", "dlqr", "lqg")
+    for name in names:
+        controller: Any = make_controller(name, plant, sample_time)
+        if np.abs(controller.closed_loop_poles()).max() < 1:
+            return controller
+    raise DesignError(
+        f"none of {', '.join(names)} holds this plant, sampled every {controller.sample_time:g} s: its closed loop is "
+        "unstable, linear about upright; check the plant's delay, lag and sample time, or name a controller"
+    )

@@ -22,6 +22,7 @@ from .seeds import BUILT_SEED
 HORIZONTAL = np.pi / 2  # rad from upright; from below it only a swing-up brings the pendulum back
 ARM_TRAVEL = 2 * np.pi  # rad to either side, where the plant's limits have none; a cable allows no more
 CALM = 0.05  # rad; a pendulum has settled after a push when it stays within
+QUIET = 0.5  # s at the end of a trial; one that leaves `CALM` in them has not settled, it may go on for ever
 PUSH_LENGTH = 0.02  # s
 UPRIGHT = 0.2  # rad; swung up while within
 HOLD = 5.0  # s at the end of a swing-up trial, all of which must be upright
@@ -73,8 +74,9 @@ class Outcome:
     mean something.
 
     rms_q1, rms_q2 [rad] over the whole trial (swing-up: over the holding time at its end); energy ∫u² dt [{u}² s];
-    roughness: mean |Δu|/T [{u}/s]; settling [s]: from the push until |q2| stays below 0.05 rad (swing-up: from the
-    start, or the push, until it stays below 0.2 rad from upright); largest_q1 [rad]. left_travel: whether it failed
+    roughness: mean |Δu|/T [{u}/s]; settling [s]: from the push until |q2| stays below 0.05 rad, NaN where it does
+    not for the last 0.5 s (swing-up: from the start, or the push, until it stays below 0.2 rad from upright);
+    largest_q1 [rad]. left_travel: whether it failed
     because the arm left its travel.
     """
 
@@ -237,6 +239,7 @@ class Score:
 
     def outcome(self, U: NDArray[np.float64]) -> Outcome:
         count = self.n + 1 - self.hold_from
+        restless = (self.settled > 0) & (self.push_time + self.settled > (self.n + 1) * self.T - QUIET)
         return Outcome(
             success=self.alive,
             failed_at=self.failed_at,
@@ -244,7 +247,7 @@ class Score:
             rms_q2=np.sqrt(self.sum2 / count),
             energy=(U**2).sum(axis=0) * self.T,
             roughness=np.abs(np.diff(U, axis=0)).mean(axis=0) / self.T,
-            settling=self.settled,
+            settling=self.settled if self.swing_up else np.where(restless, np.nan, self.settled),
             largest_q1=self.largest,
             left_travel=self.left_travel,
         )

@@ -1,6 +1,7 @@
 """Rigs that differ from a plant: later, weaker, noisier, built a little differently, or with another θ."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,10 +24,19 @@ def built_later(plant: Plant, percent: float, ms: float, n: int, seed: int) -> l
 
 
 def later(plant: Plant, ms: float) -> Plant:
-    """The plant with a delay of the command that is so much longer."""
+    """The plant with a delay of the command that is so much longer. Raises ValueError where no plant can be so late."""
+    return plant.with_effects(Effect("input_delay", {"d": round(_delay(plant) + ms * 1e-3, 9)}))
+
+
+def possible(plant: Plant, delays: Sequence[int]) -> list[int]:
+    """Those of `delays` [ms] that `later` can add to the plant's own."""
+    longest = EFFECTS["input_delay"].parameters[0].upper
+    return [ms for ms in delays if _delay(plant) + ms * 1e-3 <= longest + 1e-9]
+
+
+def _delay(plant: Plant) -> float:
     own = plant.effect("input_delay")
-    d = min((own.parameters["d"] if own else 0.0) + ms * 1e-3, EFFECTS["input_delay"].parameters[0].upper)
-    return plant.with_effects(Effect("input_delay", {"d": d}))
+    return own.parameters["d"] if own else 0.0
 
 
 def weaker(plant: Plant, percent: float) -> Plant:

@@ -76,14 +76,15 @@ static inline {real} {prefix}_law({prefix}_law_state *s, {real} q1, {real} q2, {
 """
 
 _INVERSE = """\
-    {real} u = commands[0]; /* undo the static map from command to torque, by its table */
-    for (int i = 0; i + 1 < {points}; ++i) {{
-        if (torque >= torques[i + 1]) u = commands[i + 1];
-        else if (torque > torques[i]) {{
-            u = commands[i] + (torque - torques[i]) / (torques[i + 1] - torques[i]) * (commands[i + 1] - commands[i]);
-            break;
-        }}
+    int i = 0, end = {points} - 1; /* undo the static map from command to torque, by its table */
+    while (end - i > 1) {{
+        const int middle = (i + end) / 2;
+        if (torque < torques[middle]) end = middle;
+        else i = middle;
     }}
+    if (torque < torques[i]) torque = torques[i];
+    if (torque > torques[end]) torque = torques[end];
+    {real} u = commands[i] + (torque - torques[i]) / (torques[end] - torques[i]) * (commands[end] - commands[i]);
 """
 
 

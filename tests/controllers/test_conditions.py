@@ -18,7 +18,7 @@ from controllers.conditions import (
     nominal,
 )
 from controllers.trials import Starts, balance_starts, built_plants, run_trials
-from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect
+from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect, Plant
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
@@ -164,3 +164,25 @@ def test_conditions_cover_the_library_and_the_covariance():
     assert {row.name for row in rows if row.group == "effects"} == set(EFFECTS)
     assert any("identified" in row.name for row in rows)
     assert len({row.name for row in rows}) == len(rows)
+
+
+def test_a_trial_that_never_settles_has_no_settling_time():
+    row = nominal(QUBE, Sensors(), "balance", 6, 6.0)
+    swaying = make_controller("dlqr", QUBE, reference=lambda t: 0.8 * np.sin(6.0 * t))
+    scores = row.score(swaying, swaying.sample_time, 0)
+    assert scores["success"].value == 1.0
+    assert scores["settling"].n == 0
+    assert scores["worst_settling"].value == row.duration
+    assert scores["rms_q2"].n == 6
+
+
+def test_a_rig_that_is_very_late_has_no_row_for_what_cannot_be_later():
+    late = QUBE.with_effects(Effect("input_delay", {"d": 0.08}))
+    rows = conditions(late, Sensors(), 4, 4, 5.0, ("delay", "swing_up", "map"))
+    for row in (r for r in rows if re.search(r"\d ms", r.name)):
+        rig = row.plants if isinstance(row.plants, Plant) else row.plants[0]
+        ms = float(re.search(r"(\d+) ms", row.name).group(1))
+        assert rig.effect("input_delay").parameters["d"] == pytest.approx(0.08 + 1e-3 * ms)
+    assert [row.name for row in rows if row.group == "delay"] == ["delay 4 ms", "delay 8 ms", "delay 16 ms"]
+    latest = QUBE.with_effects(Effect("input_delay", {"d": 0.096}))
+    assert [row.name for row in conditions(latest, Sensors(), 4, 4, 5.0, ("delay",))] == ["delay 4 ms"]

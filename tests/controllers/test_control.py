@@ -169,6 +169,26 @@ class TestKnownEffects:
         assert np.abs(run.state[-500:, 0].mean()) < 0.06
         assert np.abs(run.state[-500:, 1].mean()) < 0.003
 
+    @pytest.mark.parametrize("name", ["lqr", "lqg", "lqi", "lqg-friction", "swing-up"])
+    def test_the_encoders_zeros_that_are_given_win(self, name):
+        rig = QUBE.replace(sensors={"offset": [0.3, 0.02]})
+        controller = make_controller(name, rig, sensors=Sensors())
+        run = simulate(rig, controller, 8.0, sensors=Sensors(), x0=(0.1, 0.02, 0.0, 0.0))
+        assert np.abs(run.state[-500:, 0].mean()) < 0.06
+
+    @pytest.mark.parametrize(
+        ("effects", "most"),
+        [
+            ([Effect("input_dead_zone", {"w": 0.3})], 8),
+            ([Effect("input_saturation", {"m": 2.0})], 6),
+            ([Effect("input_saturation", {"m": 6.0, "knee": 0.3}), Effect("input_cubic_gain", {"a": 0.002})], 60),
+        ],
+    )
+    def test_the_command_map_is_short(self, effects, most):
+        """A microcontroller keeps it in its memory."""
+        torques, commands = KnownEffects(QUBE.with_effects(*effects)).command_map
+        assert torques.size == commands.size <= most
+
     def test_friction_stays_smooth_where_an_effect_sharpens_it(self):
         """Estimated speeds are noisy, so a controller's friction turns over at its own speed, not at the rig's."""
         sharp = QUBE.with_effects(Effect("friction_sharpness", {"r1": 1000.0, "r2": 1000.0}))

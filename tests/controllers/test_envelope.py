@@ -14,6 +14,7 @@ from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
 from controllers.learned import LearnedController
 from furuta_gym.plant import QUBE, TABLE_3, Effect
+from furuta_gym.sensors import Sensors
 from tests.controllers.chance import recurrent_network
 
 COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
@@ -168,6 +169,21 @@ def test_one_nan_costs_one_sample_and_three_switch_off(tmp_path):
     assert [x != 0 for x in u] == [True, True, False, True, True, False, False, True] + [False] * 4
 
 
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+def test_a_long_soft_start_where_an_int_has_16_bits(tmp_path):
+    controller = make_controller("lqr", QUBE, 0.001)
+    envelope = Envelope.of(controller, soft_start=40.0)
+    (tmp_path / "c.h").write_text(c_header(controller, "c", envelope))
+    narrow = MAIN.replace('#include "c.h"', '#define int short\n#include "c.h"\n#undef int')
+    (tmp_path / "main.c").write_text(narrow.replace("REAL", "double"))
+    subprocess.run(
+        [str(COMPILER), "-std=c99", "-o", tmp_path / "c", tmp_path / "main.c", "-lm"], check=True, timeout=60
+    )
+    u, _ = played(tmp_path / "c", [(0, 0.1, 0.02, 0.0)] * 41000)
+    assert abs(u[38000]) > abs(u[32000]) > abs(u[10000])
+    assert u[-1] == pytest.approx(u[40500])
+
+
 def guarded(**changes):
     controller = make_controller("dlqr", QUBE.replace(limits=None), 0.004)
     return Guarded(controller, Envelope.of(controller, **changes))
@@ -210,6 +226,14 @@ class TestEachRule:
         assert inside.off == "on"
         inside((inside._last[0] + 2 * count, 0.0))
         assert inside.off == "speed"
+
+    def test_the_encoders_that_a_controller_is_made_for_count(self):
+        plant = QUBE.replace(limits={"arm_speed": 5.0}, sensors={"encoder_counts": 1024})
+        controller = make_controller("dlqr", plant, 0.001, Sensors(512))
+        assert Envelope.of(controller).resolution == pytest.approx(2 * math.pi / 512)
+        assert "arm faster than 5 rad/s, by more than a count of 0.0122718 rad (512 a turn)" in c_header(controller)
+        path = Path(__file__).parents[2] / "controllers" / "policies" / "swing-up-qube.zip"
+        assert Envelope.of(make_controller(path, QUBE, sensors=Sensors(512))).resolution == pytest.approx(math.pi / 256)
 
     def test_missed_samples_span_their_time(self):
         inside = guarded(arm_speed=5.0)

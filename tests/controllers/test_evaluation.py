@@ -17,7 +17,7 @@ from controllers.evaluation import compare
 from controllers.plots import draw_comparison
 from controllers.statistics import Interval
 from controllers.trials import PUSH_LENGTH, Starts, balance_starts, run_trials
-from furuta_gym.plant import QUBE
+from furuta_gym.plant import QUBE, Effect
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import simulate
@@ -239,6 +239,18 @@ def test_table_shows_everyone(comparison):
     assert isinstance(comparison.scores["dlqr"]["balance"]["rms_q1"], Interval)
 
 
+def test_the_table_shows_brackets_and_who_never_settled():
+    policy = make_controller("dlqr", QUBE, reference=lambda t: 0.8 * np.sin(6.0 * t))
+    policy.name = "my[best].zip"
+    result = compare("qube", [policy], trials=4, duration=6.0, groups=("balance",))
+    result = replace(result, skipped={"planned": "planning needs CasADi: pip install '.[plan]'"})
+    text = str(result)
+    assert "my[best].zip" in text
+    assert "'.[plan]'" in text
+    assert "0 of 4" in text
+    assert "that held came to rest" in " ".join(text.split())
+
+
 class TestBadInput:
     def test_unknown_group(self):
         with pytest.raises(ValueError, match="groups 'balanse': expected of balance, push"):
@@ -248,6 +260,19 @@ class TestBadInput:
     def test_unknown_effect(self, group):
         with pytest.raises(ValueError, match="`furuta effects` lists the library"):
             compare("qube", ["dlqr"], trials=2, groups=(group,), effects=["arm_sprig"])
+
+    @pytest.mark.parametrize("group", ["effects", "swing_up"])
+    def test_an_effect_that_the_plant_carries(self, group):
+        springy = QUBE.with_effects(QUBE.default_effect("arm_spring"))
+        with pytest.raises(ValueError, match="effects arm_spring: the plant carries it already"):
+            compare(springy, ["lqr"], trials=2, groups=(group,), effects=["arm_spring"])
+
+    def test_no_trial_for_this_plant(self):
+        latest = QUBE.with_effects(Effect("input_delay", {"d": 0.1}))
+        with pytest.raises(ValueError, match="groups delay have no trial for this plant"):
+            compare(latest, [Idle()], trials=2, groups=("delay",))
+        with pytest.raises(ValueError, match="cannot swing up"):
+            compare(QUBE, [Idle()], trials=2, groups=("swing_up",))
 
     def test_nothing_left(self):
         with pytest.raises(ValueError, match=r"nothing to compare.*paper's gain"):

@@ -94,3 +94,11 @@ def test_a_swing_up_shorter_than_its_hold_is_refused() -> None:
     zeros = np.zeros(500)
     with pytest.raises(ValueError, match="stay upright"):
         run_figures(np.arange(500) * T, zeros, zeros, zeros, swing_up=True)
+
+
+def test_a_pendulum_that_sways_for_ever_has_not_settled() -> None:
+    t = np.arange(1001) * T
+    sways = run_figures(t, 0.0 * t, 0.08 * np.sin(2 * np.pi * t), np.ones_like(t))  # it passes upright at the end
+    assert sways.success
+    assert sways.settling is None
+    assert run_figures(t, 0.0 * t, np.where(t < 2.0, 0.08, 0.0), np.ones_like(t)).settling == pytest.approx(2.0)

@@ -55,6 +55,15 @@ def test_a_plan_keeps_the_equations_and_the_limits(casadi, rig: Plant) -> None:
     assert np.abs((X - plan.state[:, 1:]) / scale).max() < 0.05
 
 
+def test_a_lag_of_no_length_is_none(casadi, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = QUBE.replace(u_max=6.0)
+    monkeypatch.setattr("controllers.planned.plan_swing_up", lambda plant: plan_swing_up(plant, COARSE))
+    carried = rig.with_effects(Effect("actuator_lag", {"T": 0.0}), Effect("arm_spring", {"k": 0.0}))
+    assert design_planned(carried).plan.duration == pytest.approx(design_planned(rig).plan.duration)
+    with pytest.raises(DesignError, match="the plan has 5 states and the plant 4"):
+        design_planned(rig, plan=plan_swing_up(LAGGED, COARSE))
+
+
 def test_less_torque_takes_longer(casadi) -> None:
     times = [plan_swing_up(QUBE.replace(u_max=u), COARSE).duration for u in (6.0, 10.0)]
     assert times[0] > 1.3 * times[1]

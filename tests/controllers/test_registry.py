@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from controllers import CONTROLLERS, Controller, compare, make_controller
+from controllers import CONTROLLERS, Controller, DesignError, compare, make_controller, usual_controller
 from controllers.linear import LinearController
 from controllers.registry import Design
 from experiments.cli.app import app
 from furuta_gym import Plant, Sensors
-from furuta_gym.plant import TABLE_3, Effect
+from furuta_gym.plant import QUBE, TABLE_3, Effect
+from furuta_gym.simulation import simulate
 from identification import read_log
 
 
@@ -65,3 +66,26 @@ def test_only_plain_state_feedback_says_a_gain(name: str, effects: tuple[Effect,
         y = np.array([0.02, -0.01])
         controller.reset()
         assert controller(y) == pytest.approx(-(k1 * y[0] + k2 * y[1]))  # at rest, from the first sample
+
+
+@pytest.mark.parametrize(
+    ("plant", "name"),
+    [
+        (TABLE_3, "paper-lqr"),
+        (QUBE, "lqr"),
+        (QUBE.with_effects(Effect("input_delay", {"d": 0.002})), "lqr"),
+        (QUBE.with_effects(Effect("input_delay", {"d": 0.03})), "dlqr"),
+    ],
+)
+def test_the_usual_controller_holds_the_plant_that_it_is_for(plant: Plant, name: str) -> None:
+    controller = usual_controller(plant)
+    assert controller.name == name
+    run = simulate(plant, controller, 6.0, x0=(0.0, 0.02, 0.0, 0.0))
+    assert np.abs(run.state[:, 1]).max() < 0.5
+
+
+def test_no_usual_controller_for_what_none_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(CONTROLLERS, "dlqr", CONTROLLERS["lqr"])
+    monkeypatch.setitem(CONTROLLERS, "lqg", CONTROLLERS["lqr"])
+    with pytest.raises(DesignError, match="none of lqr, dlqr, lqg holds this plant"):
+        usual_controller(QUBE.with_effects(Effect("input_delay", {"d": 0.03})))

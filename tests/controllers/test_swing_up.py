@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
+from controllers.base import DesignError
 from controllers.design import Weights, choose_sensors
 from controllers.exports.c import c_header
 from controllers.predictor import Predictor
@@ -130,3 +131,30 @@ def test_it_has_no_gain_and_no_c_export() -> None:
 def played(rig: Plant, controller: SwingUp, trials: int, travel: float = 2 * np.pi):
     starts = swing_up_starts(trials, np.random.default_rng(3))
     return run_trials(rig, controller, starts, 15.0, T, swing_up=True, arm_travel=travel)
+
+
+def test_the_observer_knows_what_the_slew_limit_let_pass() -> None:
+    slow = QUBE.replace(limits={"slew": 150.0})
+    controller = design_swing_up(slow)
+    run = simulate(slow, controller, 3.0, T, x0=(0.1, np.pi - 0.1, 0.0, 0.0))
+    asked = []
+    controller.reset()
+    for y in run.measured:
+        asked.append(controller(y))
+    assert np.abs(np.diff(asked)).max() <= 150.0 * T * (1 + 1e-9)
+    assert np.abs(np.diff(asked)).max() > 149.0 * T
+    assert np.array(asked) == pytest.approx(run.command[: len(asked)], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limits", "named"),
+    [
+        ({"slew": 0.5}, "the limit slew, 0.5 V/s,"),
+        ({"arm_speed": 1e-3}, "the limit arm_speed, 0.001 rad/s,"),
+        (None, "10 V,"),
+    ],
+)
+def test_a_plant_that_cannot_be_held_names_its_limits(limits, named: str) -> None:
+    with pytest.raises(DesignError, match=f"close to upright: .*{named} may be too small") as said:
+        design_swing_up(QUBE.replace(limits=limits) if limits else QUBE.replace(u_max=10.0), 0.2)
+    assert ("limit" in str(said.value)) == bool(limits)
