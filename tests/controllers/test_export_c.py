@@ -47,8 +47,8 @@ CASES = {
         "dlqr",
     ),
     "cubic gain and dead zone": (
-        QUBE.with_effects(Effect("input_cubic_gain", {"a": 0.004}), Effect("input_dead_zone", {"w": 0.2})),
-        "lqr-friction",
+        QUBE.with_effects(Effect("input_cubic_gain", {"a": -0.002}), Effect("input_dead_zone", {"w": 0.2})),
+        "dlqr",
     ),
     "zeros of both encoders": (
         QUBE.replace(sensors={"offset": [0.3, -0.02]}).with_effects(Effect("pendulum_encoder_offset", {"b": 0.05})),
