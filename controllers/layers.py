@@ -1,7 +1,7 @@
 """A learned policy as plain numbers: the layers of its network, played by numpy."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,7 @@ def network_in(controller: Any) -> Network:
 
 
 def network_of(model: Any) -> Network:
-    """The network of stable-baselines3's PPO, A2C, SAC, TQC or TD3 with an `MlpPolicy` and one action, or of
+    """The network of stable-baselines3's PPO, A2C, SAC, TQC, TD3 or DDPG with an `MlpPolicy` and one action, or of
     sb3-contrib's RecurrentPPO.
 
     Raises ValueError if the policy is of another kind: what is read is played against `model.predict` on 256 random
@@ -105,8 +105,10 @@ def network_of(model: Any) -> Network:
         elif hasattr(actor, "latent_pi"):
             modules, squashed = [actor.latent_pi, actor.mu], True
         else:
-            modules, squashed = [actor.mu], False  # TD3's network ends in a tanh of its own
+            modules, squashed = [actor.mu], True  # TD3's network, whose last module is the tanh that squashes
         layers = _layers(modules)
+        if squashed and layers[-1].activation == "Tanh":
+            layers = (*layers[:-1], replace(layers[-1], activation=""))
     except AttributeError as error:
         raise ValueError(f"a policy of the class {type(policy).__name__} cannot be exported ({error})") from error
     n = int(model.observation_space.shape[0])

@@ -17,9 +17,8 @@ from furuta_gym.simulation import period_of
 from .base import Controller, Reference
 from .design import choose_sensors
 from .layers import Network
-from .policy_file import read_policy, read_record
-
-FRAME = 5  # q1, sin q2, cos q2, q̇1, q̇2
+from .policy_file import from_stable_baselines3, read_policy, read_record
+from .sb3_files import FRAME
 
 
 class LearnedController(Controller):
@@ -158,10 +157,12 @@ def load_policy(
     every = max(1, round(trained / T))
     if abs(every * T - trained) > 1e-9:
         if env.get("sample_time") is None:
+            mend = f"Give --sample-time {trained:g} (sample_time in Python), or train it again by `furuta train`"
+            if from_stable_baselines3(path):
+                mend = f'Write its own into {path.with_suffix(".json")}, as {{"env": {{"sample_time": 0.02}}}}'
             raise ValueError(
                 f"{path} has no record of its sample time, so {trained:g} s are taken, which FurutaID-v0 has for this "
-                f"plant, and it cannot play at {T:g} s. Write its own into {path.with_suffix('.json')}, as "
-                '{"env": {"sample_time": 0.02}}'
+                f"plant, and it cannot play at {T:g} s. {mend}"
             )
         raise ValueError(
             f"{path} was trained with a sample time of {trained:g} s and cannot play at {T:g} s. "

@@ -8,38 +8,63 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.extras import install
 
 from .layers import Network, network_of
+
+FRAME = 5  # q1, sin q2, cos q2, q̇1, q̇2
+_SPELLED = {"crossq": "CrossQ"}  # the others are capitals
 
 
 def algorithm_class(name: str) -> Any:
     """The class of stable-baselines3 or sb3-contrib. Raises ValueError without them or for another name."""
     try:
         import stable_baselines3
+        from stable_baselines3.common.base_class import BaseAlgorithm
 
-        if hasattr(stable_baselines3, name):
-            return getattr(stable_baselines3, name)
-        import sb3_contrib
+        found = getattr(stable_baselines3, name, None)
+        if found is None:
+            import sb3_contrib
 
-        return getattr(sb3_contrib, name)
+            found = getattr(sb3_contrib, name, None)
     except ImportError as error:
         raise ValueError(f"this needs stable-baselines3 ({error}); {install('rl')}") from error
-    except AttributeError:
-        raise ValueError(f"no algorithm {name!r} in stable-baselines3 or sb3-contrib") from None
+    if not (isinstance(found, type) and issubclass(found, BaseAlgorithm)):
+        raise ValueError(f"no algorithm {name!r} in stable-baselines3 or sb3-contrib")
+    return found
 
 
 def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any]]:
-    """The network of a trusted zip and the record given. Raises ValueError for one that `network_of` refuses."""
+    """The network of a trusted zip and the record given.
+
+    Raises ValueError for one that `network_of` refuses, and for one that learned from normalised observations."""
     model = load_sb3(path, str(record.get("algorithm") or algorithm_of(path)))
     shape, actions = model.observation_space.shape, model.action_space.shape
     if len(shape or ()) != 1 or actions != (1,):
         raise ValueError(f"{path} was made for observations of shape {shape} and actions of shape {actions}")
     env = record.get("env") or {}  # which then says it if observations were scaled
+    if _normalised(model, FRAME + bool(isinstance(env, Mapping) and env.get("observe_command"))):
+        raise ValueError(
+            f"{path} was trained on normalised observations: the sine and the cosine that it saw last are those of no "
+            "angle. The running statistics of VecNormalize or NormalizeObservation are not played from readings. Train "
+            "without, and scale observations by constants inside the network, see docs/how-to/own_training_script.md"
+        )
     if _scaled(model.observation_space) and isinstance(env, Mapping):
         record = record | {"env": {**env, "scale_observation": True}}
     return network_of(model), record
+
+
+def _normalised(model: Any, frame: int) -> bool:
+    """Whether the newest frame of the observations (L, n) that the model saw last is none of the env's."""
+    seen = getattr(model, "_last_obs", None)
+    n = model.observation_space.shape[0]
+    if seen is None or n < frame:
+        return False
+    newest = np.asarray(seen, dtype=float).reshape(-1, n)[:, n - frame :]
+    return bool(np.abs(np.hypot(newest[:, 1], newest[:, 2]) - 1.0).max() > 1e-3)
 
 
 def _scaled(space: Any) -> bool:
@@ -56,15 +81,24 @@ def load_sb3(path: Path, algorithm: str, env: Any = None) -> Any:
 
 
 def algorithm_of(path: Path) -> str:
-    """The algorithm that wrote a zip, from the module of its policy class; runs nothing."""
+    """The algorithm that wrote a zip, from the module of its policy class; runs nothing.
+
+    Raises ValueError for a zip of something else, and where the policy class is no algorithm's own."""
     try:
         with zipfile.ZipFile(path) as archive:
             data = json.loads(archive.read("data"))
-        module = data["policy_class"]["__module__"]  # such as stable_baselines3.sac.policies
+        module = str(data["policy_class"]["__module__"])  # such as stable_baselines3.sac.policies
     except (zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is no policy that stable-baselines3 saved: {error}") from error
     if module.startswith(("sb3_contrib.common.recurrent", "controllers.remembering")):
         return "RecurrentPPO"
     if module.startswith("stable_baselines3.common"):
         return "PPO"  # A2C shares its policies; a record tells them apart
-    return module.split(".")[1].upper()
+    library, _, inside = module.partition(".")
+    algorithm = inside.partition(".")[0]
+    if library not in ("stable_baselines3", "sb3_contrib") or algorithm in ("", "common"):
+        raise ValueError(
+            f"{path}: the module of its policy class, {module}, does not tell the algorithm; write it into "
+            f'{path.with_suffix(".json")}, as {{"algorithm": "PPO"}}'
+        )
+    return _SPELLED.get(algorithm, algorithm.upper())

@@ -153,7 +153,8 @@ class _Run:
 
     def finish(self, path: Path, command: str | None) -> dict[str, Any]:
         """Play the best network in the trials that controllers are compared in, and write it with its record."""
-        record = record_of(self.training, command, self._progress(), self.level)
+        level = self.evaluations[-1].level if self.evaluations else self.level
+        record = record_of(self.training, command, self._progress(), level)
         if self.best is not None:  # else there were too few steps for a single evaluation
             put_parameters(self.model, self.best)
         network = network_of(self.model)
@@ -209,6 +210,9 @@ def _resumed(training: Training, path: Path, folder: Path, trust: bool, clock: C
                 put_memory(model, arrays["memory"])
         except (ValueError, KeyError) as error:
             raise ValueError(f"--resume: {source}: {error}; train anew under another name") from error
+    if training.recipe.off_policy:  # a memory that is empty fills by chance first, as at a run's start
+        memory = model.replay_buffer
+        model.learning_starts += done - memory.size() * memory.n_envs
     model.num_timesteps = done  # the network of a finished policy is the best, not the last
     before.resumed_at.append(done)
     if kept is None and before.seed is not None:

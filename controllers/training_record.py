@@ -23,8 +23,8 @@ DURATION = 10.0  # s of a trial; a swing-up has 15
 
 
 def record_of(training: Training, command: str | None, progress: Mapping[str, Any], level: float) -> dict[str, Any]:
-    """Everything but the trials at the end. progress: how far the run is, see `resuming.Progress`; level: that ranges
-    reached."""
+    """Everything but the trials at the end. progress: how far the run is, see `resuming.Progress`; level: of the last
+    evaluation."""
     plan, setup = training.recipe, training.setup
     return training.identity | {
         "command": command,

@@ -103,3 +103,18 @@ def test_the_limits_of_the_rig_are_carried_or_named():
     assert 'ctrlrange="-5.0 5.0"' in mjcf(rig)
     assert "the largest slew of the command" in mjcf(rig)
     assert "slew" not in mjcf(QUBE)
+
+
+def test_a_lag_too_short_for_the_time_step_is_left_out_and_named():
+    for lag, carried in ((1e-4, False), (2.4e-4, False), (2.6e-4, True), (0.0, False)):
+        text = mjcf(QUBE.with_effects(Effect("actuator_lag", {"T": lag})))
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.ctrl[:] = (0.0, np.pi), 1.0
+        for _ in range(200):
+            mujoco.mj_step(model, data)
+        plain = simulate(QUBE, open_loop(1.0), 0.101, sample_time=0.0005, x0=(0.0, np.pi, 0.0, 0.0)).state[200]
+        assert data.qpos == pytest.approx(plain[:2], abs=0.02)
+        assert (model.na == 1) is carried
+        assert (f"lag of {lag:g} s, too short" in text) is (0.0 < lag < 2.5e-4)
+        assert ("friction, actuator_lag" in text) is carried

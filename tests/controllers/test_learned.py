@@ -145,6 +145,71 @@ def test_a_trusted_file_of_stable_baselines3_plays_the_same(policy_file):
         make_controller(path, QUBE, 0.01)
 
 
+@pytest.mark.parametrize("algorithm", ["TD3", "DDPG"])
+def test_a_deterministic_policy_in_the_command_s_unit(algorithm, tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE)
+    model = getattr(sb3, algorithm)("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=1, device="cpu")
+    model.save(tmp_path / "own.zip")
+    controller = make_controller(tmp_path / "own.zip", QUBE, trust=True)
+    seen = np.float32([0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0])
+    said = controller([0.2, 0.1])
+    assert said == pytest.approx(model.predict(seen, deterministic=True)[0][0], rel=1e-4)
+    assert 0.01 < abs(said) < QUBE.u_max
+
+
+@pytest.mark.parametrize("wrapped", ["VecNormalize", "NormalizeObservation"])
+def test_normalised_observations_are_refused(wrapped, tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, history=2)
+    if wrapped == "VecNormalize":
+        env = VecNormalize(DummyVecEnv([lambda e=env: e]))
+    else:
+        env = gym.wrappers.NormalizeObservation(env)
+    model = sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=32, n_epochs=1, device="cpu").learn(32)
+    model.save(tmp_path / "own.zip")
+    with pytest.raises(ValueError, match=r"VecNormalize.*constants inside the network"):
+        make_controller(tmp_path / "own.zip", QUBE, trust=True)
+
+
+def test_plain_observations_are_not_taken_for_normalised(tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, history=2, observe_command=True, normalize_action=True)
+    path = tmp_path / "own.zip"
+    sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=32, n_epochs=1, device="cpu").learn(32).save(path)
+    path.with_suffix(".json").write_text(json.dumps({"algorithm": "PPO", "env": {"observe_command": True}}))
+    assert make_controller(path, QUBE, trust=True).history == 2
+
+
+class TestUnknownAlgorithms:
+    def zipped(self, path, module):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("data", json.dumps({"policy_class": {"__module__": module}}))
+        return path
+
+    @pytest.mark.parametrize("module", ["__main__", "my_policies.wide", "sb3_contrib.common.maskable.policies"])
+    def test_a_class_that_is_no_algorithm_s(self, module, tmp_path):
+        pytest.importorskip("stable_baselines3")
+        with pytest.raises(ValueError, match=r"does not tell the algorithm; write it into .*own.json, as .*algorithm"):
+            make_controller(self.zipped(tmp_path / "own.zip", module), QUBE, trust=True)
+
+    def test_a_record_that_names_none(self, tmp_path):
+        pytest.importorskip("stable_baselines3")
+        path = self.zipped(tmp_path / "own.zip", "__main__")
+        path.with_suffix(".json").write_text('{"algorithm": "common"}')
+        with pytest.raises(ValueError, match="no algorithm 'common'"):
+            make_controller(path, QUBE, trust=True)
+
+    def test_crossq_is_known_and_its_layers_are_refused(self, tmp_path):
+        contrib = pytest.importorskip("sb3_contrib")
+        env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE)
+        contrib.CrossQ("MlpPolicy", env, device="cpu").save(tmp_path / "own.zip")
+        with pytest.raises(ValueError, match=r"layer .* cannot be exported"):
+            make_controller(tmp_path / "own.zip", QUBE, trust=True)
+
+
 def test_the_gain_of_a_policy_is_that_of_its_training(policy_file, tmp_path):
     """Shares of the trained limit, whatever the limit of the plant that it is played on, which only clips."""
     path, y = rewritten(policy_file, tmp_path / "small.zip", plant={"u_max": 10.0, "unit": "V"}), [0.02, 0.003]
@@ -180,6 +245,12 @@ def test_without_a_record_of_its_period_it_acts_as_often_alone_as_compared(polic
             assert policy.every * policy.sample_time == pytest.approx(period)
     with pytest.raises(ValueError, match=r"no record of its sample time, so 0.01 s are taken.*play at 0.02 s"):
         make_controller(path, QUBE.replace(sample_time=None), 0.02)
+    with pytest.raises(ValueError, match=r"Give --sample-time 0.01 .*train it again by `furuta train`"):
+        make_controller(path, QUBE.replace(sample_time=None), 0.02)
+    foreign = tmp_path / "foreign.zip"
+    foreign.write_bytes(policy_file.with_name("sb3.zip").read_bytes())
+    with pytest.raises(ValueError, match=r"Write its own into .*foreign.json, as"):
+        make_controller(foreign, QUBE.replace(sample_time=None), 0.02, trust=True)
 
 
 def test_a_controller_is_played_at_its_own_sample_time():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -63,3 +64,38 @@ def test_an_evaluation_lets_a_policy_remember() -> None:
     assert found[0].mean == pytest.approx(total.mean(), rel=1e-12)
     other = evaluation(replace(network, cells=replace(network.cells, r=0 * network.cells.r)), rigs, 0, 0, 1.0)
     assert other.mean != found[0].mean
+
+
+def test_a_finished_policy_fills_an_empty_memory_before_it_learns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sb3 = pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    from controllers import recipes, training_record
+    from controllers.training import Training, train
+
+    monkeypatch.setattr(training_record, "TRIALS", 2)
+    monkeypatch.setattr(recipes, "_OFF_POLICY", recipes._OFF_POLICY | {"learning_starts": 160})
+    path, learned, learn = tmp_path / "policy.zip", [], sb3.SAC.train
+    train(Training(QUBE, algorithm="sac", steps=320), path)
+
+    def watched(model, *args, **options):
+        learned.append(model.num_timesteps)
+        return learn(model, *args, **options)
+
+    monkeypatch.setattr(sb3.SAC, "train", watched)
+    record = train(Training(QUBE, algorithm="sac", steps=640), path, resume=True)
+    assert min(learned) == record["resumed_at"][0] + 160 + 16
+
+
+def test_the_record_s_level_is_that_of_its_last_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
+    from controllers import training_record
+    from controllers.curriculum import Curriculum
+    from controllers.training import Training, train
+
+    monkeypatch.setattr(training_record, "TRIALS", 2)
+    rule = Curriculum(threshold=1e-9, first=0.2, step=0.3, evaluations=1)
+    monkeypatch.setattr("controllers.training.reached", lambda curriculum, past: 0.2 if not past else 0.5)
+    training = Training(QUBE, steps=8192, randomize={"theta": "physical:0.1"}, curriculum=rule)
+    record = train(training, tmp_path / "policy.zip")
+    assert record["level"] == record["evaluations"][-1]["level"] == 0.2
