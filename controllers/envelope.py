@@ -7,7 +7,9 @@ The same rules in Python (`Guarded`) and in the C headers (`envelope_c`), in thi
 2. Arm beyond `arm_travel`; arm since the last good reading faster than `arm_speed`, by more than one count of its
    encoder; pendulum beyond `tilt` from upright: off.
 3. After missed samples the controller is first called once for each of them, with readings on the line from the last
-   good one to the present one. These commands are discarded. So its filters and integrals keep their clock.
+   good one to the present one. These commands are discarded. So its filters and integrals keep their clock. The law
+   is not told that 0 was sent instead, nor what the rules below change: its observer, its delay line and the last
+   command that a policy sees hold its own commands, and learn of the difference by the next readings alone.
 4. A command that is no number: off.
 5. Soft start: the command grows linearly to its full size over `soft_start`.
 6. Slew: it changes by at most slew · T a sample, 0 before the first.
