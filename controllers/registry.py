@@ -88,6 +88,6 @@ def usual_controller(plant: Plant | str | os.PathLike[str], sample_time: float |
         if np.abs(controller.closed_loop_poles()).max() < 1:
             return controller
     raise DesignError(
-        f"none of {', '.join(names)} holds this plant, sampled every {controller.sample_time:g} s: its closed loop is "
-        "unstable, linear about upright; check the plant's delay, lag and sample time, or name a controller"
+        f"none of {', '.join(names)} holds this plant: each closed loop is unstable, linear about upright; check the "
+        "plant's delay and lag and the sample time, or name a controller"
     )
