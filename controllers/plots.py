@@ -99,7 +99,8 @@ def _heat(figure: Any, comparison: Comparison, names: list[str]) -> None:
         for i, row in enumerate(rows):
             for j, x in enumerate(row):
                 colour = "white" if x < 0.15 or x > 0.85 else "black"
-                axis.text(j, i, f"{100 * x:.0f}", ha="center", va="center", fontsize=8, color=colour)
+                text = "–" if np.isnan(x) else f"{100 * x:.0f}"
+                axis.text(j, i, text, ha="center", va="center", fontsize=8, color=colour)
         axis.set_title(name, fontsize=9)
         axis.set_xticks(range(len(MAP_DELAYS)), [str(ms) for ms in MAP_DELAYS], fontsize=8)
         axis.set_yticks(range(len(MAP_ERRORS)), [f"±{error}" if error else "0" for error in MAP_ERRORS], fontsize=8)
