@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import mass_matrix
-from furuta_gym.plant.linearization import Linearization, linearize, state_derivative
+from furuta_gym.plant.linearization import linearize, state_derivative
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import period_of
 
@@ -141,15 +141,6 @@ def balance_point(plant: Plant) -> tuple[float, float]:
     raise DesignError("this plant has no balance point near upright at q1 = 0; check the size of its effects")
 
 
-def linear_plant(plant: Plant) -> Linearization:
-    """The plant linear about upright, without any friction that changes with the sign of a velocity.
-
-    The slope at rest of an effect's tanh is no more part of a design than that of Coulomb friction.
-    """
-    smooth = tuple(e for e in plant.effects if not {"r1", "r2"} & set(e.type.arguments.get("torque", ())))
-    return linearize(plant.replace(effects=smooth))
-
-
 def design_model(plant: Plant, sample_time: float) -> DesignModel:
     """The plant at its samples, linear about upright, with the delay and the lag that it carries.
 
@@ -158,7 +149,7 @@ def design_model(plant: Plant, sample_time: float) -> DesignModel:
     th1, th2, th3, th4 = plant.theta[:4]
     if th3 == 0:
         raise DesignError("θ3 = 0: the arm does not move the pendulum, so no controller can balance it")
-    linear = linear_plant(plant)
+    linear = linearize(plant)
     q2e, torque = balance_point(plant) if plant.effects else (0.0, 0.0)
     m11, m12, m22 = mass_matrix(0.0, th1, th2, th3, th4)
     inverse = np.linalg.inv(np.array([[m11, m12], [m12, m22]]))

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.linearization import linearize
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, linear_plant, riccati
+from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
 from .linear import LinearController, build_state_feedback
 
 
@@ -16,7 +17,7 @@ def lqr_gain(plant: Plant, weights: Weights | None = None) -> np.ndarray:
     import control
 
     weights = weights or Weights.of(plant)
-    linear = linear_plant(plant)
+    linear = linearize(plant)
     return riccati(control.lqr, linear.A, linear.B, weights.Q, weights.R)[0].ravel()
 
 

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.linearization import linearize
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
-from .design import Weights, linear_plant
+from .design import Weights
 from .predictive import PredictiveBalancer
 from .trials import ARM_TRAVEL, Starts, run_trials
 
@@ -46,7 +47,7 @@ def region_of_attraction(
     import control
 
     weights = weights or Weights.of(plant)
-    linear = linear_plant(plant)
+    linear = linearize(plant)
     P = np.asarray(control.lqr(linear.A, linear.B, weights.Q, weights.R)[1])
     inner = P[1:, 1:]
     highest = widest**2 / np.linalg.inv(inner)[0, 0]  # of V at which the ellipsoid reaches |q2| = widest

@@ -41,17 +41,19 @@ def state_derivative(plant: Plant, x: NDArray[np.float64], tau: float, t: float 
 def linearize(plant: Plant, q2: float = UPRIGHT, q1: float = 0.0, coulomb: bool = False) -> Linearization:
     """Linearize about rest at arm angle q1 and q2 = 0 (upright) or π (hanging), effects on the two rows included.
 
-    The slope of tanh at rest (θ8 r, θ9 r) belongs to motions smaller than 1/r only; controllers are designed
-    without it, as in the paper. `coulomb=True` keeps it. The motor torque that holds the arm there is found too.
+    The slope of tanh at rest (θ8 r, θ9 r, and that of the effects' friction) belongs to motions smaller than 1/r only;
+    controllers are designed without it, as in the paper. `coulomb=True` keeps it. The motor torque that holds the arm
+    there is found too.
     Effects with memory and on the command do not enter (they are dynamics of their own). Raises ValueError if q2
     is not an equilibrium.
     """
     if not abs(np.sin(q2)) < 1e-9:
         raise ValueError(f"q2 = {q2:g} rad is no equilibrium; use 0 (upright) or π (hanging)")
+    effects = tuple(e for e in plant.effects if not e.type.memory)
     if not coulomb:
         plant = plant.replace(theta=np.concatenate([plant.theta[:7], [0.0, 0.0]]))
-    static = tuple(e for e in plant.effects if not e.type.memory)
-    plant = plant.replace(effects=static)
+        effects = tuple(e for e in effects if not {"r1", "r2"} & set(e.type.arguments.get("torque", ())))
+    plant = plant.replace(effects=effects)
     x = np.array([q1, q2, 0.0, 0.0])
     base = state_derivative(plant, x, 0.0)
     B = (state_derivative(plant, x, 1.0) - base)[:, None]

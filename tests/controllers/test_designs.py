@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_continuous_are
 
 from controllers import CONTROLLERS, DesignError, make_controller
-from controllers.design import Weights, balance_point, design_model, linear_plant
+from controllers.design import Weights, balance_point, design_model
 from controllers.lqg import kalman_gain, measurement_noise
 from controllers.lqr import dlqr_gain, lqr_gain
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
@@ -132,7 +132,7 @@ def test_torque_noise_covariance_against_a_sum():
 def test_friction_effects_do_not_enter_the_linear_design(plant):
     """Their tanh has the slope ΔF·r at rest, which belongs to motions below 1/r only."""
     with_friction = plant.with_effects(*(plant.default_effect(n) for n in ("arm_stribeck", "pendulum_stribeck")))
-    assert pytest.approx(linearize(plant).A) == linear_plant(with_friction).A
+    assert pytest.approx(design_model(plant, 0.002).A) == design_model(with_friction, 0.002).A
 
 
 @pytest.mark.parametrize("name", ["base_tilt", "arm_spring", "input_offset", "arm_ripple"])

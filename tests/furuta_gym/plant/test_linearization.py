@@ -68,6 +68,16 @@ def test_memory_and_command_effects_leave_the_matrices_alone(names):
     np.testing.assert_array_equal(linearize(plant).A, linearize(LARGE_RIG).A)
 
 
+@pytest.mark.parametrize("q2", [0.0, np.pi], ids=["upright", "hanging"])
+def test_friction_of_effects_enters_where_coulomb_friction_does(q2):
+    names = ("arm_stribeck", "arm_position_friction", "pendulum_stribeck", "pendulum_coulomb_asymmetry")
+    for name in names:
+        plant = LARGE_RIG.with_effects(LARGE_RIG.default_effect(name))
+        np.testing.assert_array_equal(linearize(plant, q2).A, linearize(LARGE_RIG, q2).A)
+        slope = linearize(plant, q2, coulomb=True).A - linearize(LARGE_RIG, q2, coulomb=True).A
+        assert (np.abs(slope).max() > 0.1) == ("asymmetry" not in name)  # whose slope differs by direction
+
+
 def closed_loop_poles(sign: float) -> np.ndarray:
     linear = linearize(TABLE_3)
     A, B = linear.A[np.ix_(PAPER_ORDER, PAPER_ORDER)], linear.B[PAPER_ORDER]
