@@ -37,15 +37,17 @@ def _sharpness(plant_r1, plant_r2, r1, r2):
 
 
 def _payload(t, theta1, theta2, theta3, theta4, theta5, m, t0):
+    if t < t0 or m == 0.0:
+        return theta1, theta2, theta3, theta4, theta5
+    th3, th5 = theta3 * (1.0 + m), theta5 * (1.0 + m)
     # the pendulum's own mass acts at its centre of mass, so m2 L1² = θ3²/θ2 and the rest scale with m2
-    add = m if t >= t0 else 0.0
-    return (
-        theta1 + add * theta3 * theta3 / theta2,
-        theta2 * (1.0 + add),
-        theta3 * (1.0 + add),
-        theta4 + add * theta2,
-        theta5 * (1.0 + add),
-    )
+    if theta2 > 0.0 and theta3 * theta3 <= theta1 * theta2:
+        th1, th4 = theta1 + m * theta3 * theta3 / theta2, theta4 + m * theta2
+        if th4 > 0.0 and th1 * th4 > th3 * th3:
+            return th1, theta2 * (1.0 + m), th3, th4, th5
+    # no rigid body has this θ2: all of θ4 goes with m2 l2² and θ3²/θ4 with m2 L1², which keeps M positive definite
+    th1 = theta1 + m * theta3 * theta3 / theta4
+    return th1, (theta2 * (1.0 + m) if theta2 > 0.0 else theta2 * th1 / theta1), th3, theta4 * (1.0 + m), th5
 
 
 def _sharpness_says(r1, r2):

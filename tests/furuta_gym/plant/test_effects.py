@@ -9,8 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from furuta_gym.plant import EFFECTS, LARGE_RIG, TABLE_3, Effect, Plant
-from furuta_gym.plant.effects.dispatch import map_command
+from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Effect, Plant
+from furuta_gym.plant.effects.dispatch import map_command, modify_theta
+from furuta_gym.plant.layout import N_BASE, THETA_ROWS
+from furuta_gym.plant.parameters import theta_vector
 from tests.furuta_gym.plant.helpers import (
     derivative,
     neutral,
@@ -318,3 +320,19 @@ def test_saturation_with_any_knee_is_the_oracles(u, m, knee):
     tau = np.array([u])
     map_command(p[:, None], codes, tau)
     assert tau[0] == pytest.approx(reference.rounded_clip(u, m, knee), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("theta2", [0.0, 1e-12, 0.002, -0.02, QUBE.theta[1], 3.0 * QUBE.theta[3]])
+@pytest.mark.parametrize("m", [0.0, -0.9, -0.2, 0.5, 10.0])
+def test_a_payload_leaves_a_rig_that_moves(theta2, m):
+    """Also where no rigid body has the θ2, as a log that hardly shows it gives."""
+    plant = QUBE.replace(theta=[QUBE.theta[0], theta2, *QUBE.theta[2:]])
+    P, codes, _ = plant.with_effects(Effect("payload_step", {"m": m, "t0": 1.0})).packed()
+    P = P[:, None]
+    before, after = P[:N_BASE].copy(), P[:N_BASE].copy()
+    modify_theta(np.array([0.5]), P, codes, before)
+    np.testing.assert_array_equal(before, P[:N_BASE])
+    modify_theta(np.array([1.5]), P, codes, after)
+    theta = theta_vector(after[THETA_ROWS, 0])  # M stays positive definite
+    assert abs(theta[0] / plant.theta[0] - 1.0) <= abs(m) * (1 + 1e-12)
+    np.testing.assert_allclose(theta[[2, 4]], plant.theta[[2, 4]] * (1.0 + m))
