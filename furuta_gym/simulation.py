@@ -32,12 +32,22 @@ def integration_step(plant: Plant, longest_step: float, sample_time: float) -> f
     Raises ValueError where a sample would take more than `MOST_STEPS` of them."""
     h_max = substep(max(plant.sharpest), plant.friction_rate, longest_step)
     if not sample_time <= MOST_STEPS * h_max:
-        raise ValueError(
-            f"a sample of {sample_time:g} s would take {sample_time / h_max:.3g} steps of integration, at most "
-            f"{MOST_STEPS} are allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff. Lower "
-            "friction_sharpness or the sample time"
-        )
+        raise too_many_steps(sample_time, sample_time / h_max, None if h_max < longest_step else longest_step)
     return h_max
+
+
+def too_many_steps(sample_time: float, steps: float, longest_step: float | None) -> ValueError:
+    """What to raise where a sample takes more than `MOST_STEPS`. longest_step [s]: where that is why, else None."""
+    why = (
+        "the plant's friction (theta6 … theta9, friction_sharpness) is too stiff. Lower friction_sharpness or the "
+        "sample time"
+        if longest_step is None
+        else f"longest_step is {longest_step:g} s. Raise it, or lower the sample time"
+    )
+    return ValueError(
+        f"a sample of {sample_time:g} s would take {steps:.3g} steps of integration, at most {MOST_STEPS} are allowed: "
+        f"{why}"
+    )
 
 
 def period_of(*given: float | None) -> float:
@@ -163,7 +173,9 @@ class LivePlant:
     def step(self, command: float, torque: Sequence[float] | NDArray[np.float64] = (0.0, 0.0)) -> None:
         """Go on by one sample under a command [{u}], within supply and slew, and torques (2,) [{u}] on the two rows.
 
-        Raises FloatingPointError where the motion leaves all bounds."""
+        Raises ValueError for a command that is NaN, FloatingPointError where the motion leaves all bounds."""
+        if command != command:
+            raise ValueError(f"the command at t = {self.t:.3f} s is NaN; check the controller that gave it")
         if self._row + 1 >= len(self._U):
             self._shift()
         self._row += 1
@@ -235,8 +247,9 @@ def simulate(
     sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.
     excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2, q̇1, q̇2. torque_noise:
     intensities [{u}² s] of white torque on the two rows, held over each sample. Stops early when |q2| passes q2_limit
-    [rad]. Raises ValueError on impossible durations or excitations, a controller made for another sample time, or a
-    sample of more than `MOST_STEPS` steps, and FloatingPointError if the motion leaves all bounds.
+    [rad]. Raises ValueError on impossible durations or excitations, a controller made for another sample time or one
+    whose command is NaN, or a sample of more than `MOST_STEPS` steps, and FloatingPointError if the motion leaves all
+    bounds.
     """
     plant = Plant.resolve(plant)
     T = period_of(sample_time, getattr(policy, "sample_time", None), plant.sample_time)
@@ -275,6 +288,9 @@ def _excitation(excitation: Any, t: NDArray[np.float64]) -> NDArray[np.float64]:
     if excitation is None:
         return np.zeros_like(t)
     d = np.asarray(excitation(t) if callable(excitation) else excitation, dtype=float)
-    if d.shape != t.shape or not np.isfinite(d).all():
-        raise ValueError(f"the excitation must give one finite number a sample: {t.shape}, got {d.shape}")
+    if d.shape != t.shape:
+        raise ValueError(f"the excitation must give one number a sample: {t.shape}, got {d.shape}")
+    if not np.isfinite(d).all():
+        k = int(np.argmin(np.isfinite(d)))
+        raise ValueError(f"the excitation must give finite numbers, got {d[k]} at t = {t[k]:.3f} s; check its values")
     return d

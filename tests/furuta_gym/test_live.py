@@ -123,3 +123,23 @@ def test_a_run_that_cannot_be_is_refused(given: dict[str, Any], word: str) -> No
 def test_a_command_of_no_value_is_refused(values: Any) -> None:
     with pytest.raises(ValueError, match="values"):
         open_loop(values)
+
+
+def test_a_controller_whose_command_is_nan_is_told_when() -> None:
+    commands = iter([1.0, 1.0, math.nan])
+    with pytest.raises(ValueError, match=r"command at t = 0\.008 s is NaN; check the controller"):
+        simulate(QUBE, lambda y: next(commands), 0.1, 0.004)
+
+
+def test_a_step_that_is_asked_too_short_is_said_to_be_the_cause() -> None:
+    with pytest.raises(ValueError, match=r"longest_step is 1e-08 s\. Raise it"):
+        simulate(QUBE, open_loop(), 0.1, 0.004, longest_step=1e-8)
+
+
+def test_a_value_of_an_excitation_that_is_not_finite_is_named() -> None:
+    d = np.zeros(25)
+    d[3] = math.nan
+    with pytest.raises(ValueError, match=r"finite numbers, got nan at t = 0\.012 s"):
+        simulate(QUBE, open_loop(), 0.1, 0.004, excitation=d)
+    with pytest.raises(ValueError, match=r"one number a sample: \(25,\), got \(24,\)"):
+        simulate(QUBE, open_loop(), 0.1, 0.004, excitation=d[1:])
