@@ -17,7 +17,7 @@ NORMAL_95 = 1.959963984540054
 _LARGEST = 1e100  # of a variance; beyond it products of two overflow
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Covariance:
     """Covariance (n, n) of the parameters `names`: theta1 …, r or r1/r2, and effect parameters as "effect.parameter".
 
@@ -47,6 +47,17 @@ class Covariance:
         matrix.setflags(write=False)
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "matrix", matrix)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Covariance) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash(self.names)
+
+    def without(self, *names: str) -> "Covariance":
+        """The same over the other parameters."""
+        kept = [i for i, name in enumerate(self.names) if name not in names]
+        return Covariance(tuple(self.names[i] for i in kept), self.matrix[np.ix_(kept, kept)])
 
     def std_of(self, names: Iterable[str]) -> dict[str, float]:
         """Standard deviations of those of `names` that are estimated."""

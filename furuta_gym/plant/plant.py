@@ -114,7 +114,9 @@ class Plant:
         return isinstance(other, Plant) and self.to_dict() == other.to_dict()
 
     def __hash__(self) -> int:
-        return hash(self.to_json())
+        # of numbers and names: as text, equal plants differ where one has 10 and one 10.0, or keys in another order
+        effects = ((effect.name, *effect.parameters.values()) for effect in self.effects)
+        return hash((*self.theta.tolist(), self.friction_sharpness, self.unit, self.u_max, *effects))
 
     def replace(self, **changes: Any) -> "Plant":
         """A copy with some fields changed."""

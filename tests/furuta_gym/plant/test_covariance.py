@@ -16,6 +16,16 @@ def around(plant, relative, names=THETA_NAMES) -> Covariance:
     return Covariance(names, np.diag([(relative * values[name]) ** 2 for name in names]))
 
 
+def test_equal_covariances_are_equal_and_hash_alike():
+    one, same = (Covariance(("theta1", "r"), [[2.0, 0.5], [0.5, 1.0]]) for _ in range(2))
+    assert one == same
+    assert len({one, same}) == 1
+    assert one != Covariance(("theta1", "r2"), one.matrix)
+    assert one != Covariance(one.names, 2.0 * one.matrix)
+    assert one.without("theta1") == Covariance(("r",), [[1.0]])
+    assert one.without("r", "theta1").names == ()
+
+
 def test_draws_have_the_stated_mean_and_spread():
     names = ("theta1", "theta4", "theta5")
     std = 0.02 * LARGE_RIG.theta[[0, 3, 4]]

@@ -31,6 +31,16 @@ FULL = LARGE_RIG.replace(
 )
 
 
+def test_equal_plants_hash_alike():
+    """Whatever the order of keys in their mappings, and whether a number is whole."""
+    turned = FULL.replace(
+        u_max=6, provenance=dict(reversed(FULL.provenance.items())), sensors=dict(reversed(FULL.sensors.items()))
+    )
+    assert turned == FULL.replace(u_max=6.0)
+    assert hash(turned) == hash(FULL.replace(u_max=6.0))
+    assert turned != FULL.replace(u_max=6.5)
+
+
 @st.composite
 def effects(draw) -> Effect:
     name = draw(st.sampled_from(list(EFFECTS)))
