@@ -34,13 +34,13 @@ def options_of(env_id: str) -> dict[str, Any]:
     raise ValueError(f"no environment {env_id!r} here; expected one of {', '.join((ENV_ID, *TASK_IDS.values()))}")
 
 
-def check_time_limit(spec: Any, actions: float) -> None:
+def check_time_limit(spec: Any, actions: float, limit: float = MAX_EPISODE_STEPS) -> None:
     """Raises ArgumentError where `FurutaID-v0` ends an episode before a `time_limit` of so many actions (inf: none).
 
-    spec: the env's, which does not say whether `gymnasium.make` was given another limit.
+    spec: the env's, which does not say whether `gymnasium.make` was given another limit. limit: that of a batch.
     """
-    if spec is not None and spec.id == ENV_ID and MAX_EPISODE_STEPS < actions < math.inf:
-        fault = f"{ENV_ID} ends an episode after {MAX_EPISODE_STEPS}"
+    if spec is not None and spec.id == ENV_ID and limit < actions < math.inf:
+        fault = f"{ENV_ID} ends an episode after {limit:.0f}"
         hint = f"; give max_episode_steps={actions:.0f} in its place"
         raise ArgumentError("time_limit", f"of {actions:.0f} actions", fault, hint)
 

@@ -15,7 +15,8 @@ from .vector import FurutaVectorEnv
 class FurutaVecEnv(VecEnv):
     """`FurutaVectorEnv` for stable-baselines3: the registered `env_id`, with its options, and any others.
 
-    The defaults are those of `gymnasium.make(env_id)`. Gaussian policies of stable-baselines3 start with a spread of
+    The defaults are those of `gymnasium.make(env_id)`; a `time_limit` takes the place of the 1000 actions of
+    `FurutaID-v0`, also where it is longer. Gaussian policies of stable-baselines3 start with a spread of
     one, so for `FurutaID-v0` give `normalize_action=True`; the other ids have it. Where an episode ends, info holds
     `terminal_observation` and `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor`
     for episode returns. `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.

@@ -34,7 +34,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     the cores; `threads` limits how many.
 
     max_episode_steps: episodes are truncated here, since a batch has no TimeLimit wrapper; 1000 unless `time_limit` or
-    another number is given (`gymnasium.make_vec` gives the 1000 of its id).
+    another number is given (`gymnasium.make_vec` gives the 1000 of its id). None: never, as with `time_limit=None`.
     autoreset_mode: NEXT_STEP (default), SAME_STEP (`final_obs` and `final_info` in info) or DISABLED (use
     `reset(options={"reset_mask": mask})`), with Gymnasium's semantics.
     options of reset: `state` (4,) or (N, 4) starts from q1, q2, q̇1, q̇2; NaN is drawn. `reset_mask` (N,) bool.
@@ -48,6 +48,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         "render_fps": 100,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
+    _viewer: Viewer | None = None  # of the class: Gymnasium closes also what could not be made
 
     def __init__(
         self,
@@ -64,7 +65,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         if not (isinstance(num_envs, int | np.integer) and num_envs >= 1):
             raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
         if max_episode_steps == "default":
-            max_episode_steps = MAX_EPISODE_STEPS if options.get("time_limit") is None else None
+            max_episode_steps = None if "time_limit" in options else MAX_EPISODE_STEPS
         if max_episode_steps is not None and max_episode_steps < 1:
             raise ValueError(f"max_episode_steps must be at least 1 or None, got {max_episode_steps!r}")
         if render_mode not in (None, "rgb_array"):
@@ -80,7 +81,8 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self.single_observation_space, self.single_action_space = setup.observation_space, setup.action_space
         self.observation_space = batch_space(setup.observation_space, self.num_envs)
         self.action_space = batch_space(setup.action_space, self.num_envs)
-        self._max_steps = min(math.inf if max_episode_steps is None else float(max_episode_steps), setup.longest)
+        self._limit = math.inf if max_episode_steps is None else float(max_episode_steps)
+        self._max_steps = min(self._limit, setup.longest)
         self._threads = cores() if threads is None else int(threads)
         if self._threads < 1:
             raise ValueError(f"threads must be at least 1, got {threads!r}")
@@ -101,12 +103,11 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self._out: tuple[NDArray[Any], ...] = (*self._arrays(), *_outcome(self.num_envs))
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
         self._seeded = self._ready = False
-        self._viewer: Viewer | None = None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        check_time_limit(self.spec, self.setup.longest)
+        check_time_limit(self.spec, self.setup.longest, self._limit)
         mask = _reset_mask(options, self.num_envs)
         self._seed(seed, mask)
         state = start_state(options, (self.num_envs, 4), ("state", "reset_mask"))

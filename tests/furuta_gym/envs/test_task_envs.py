@@ -144,9 +144,24 @@ def test_one_end_of_an_episode_for_single_vector_and_sb3():
         for env in (single, batch):
             with pytest.raises(ValueError, match=f"after 1000; give max_episode_steps={actions} in its place"):
                 env.reset(seed=0)
+    vector = {"num_envs": 2, "vectorization_mode": "vector_entry_point", "time_limit": 20.0}
+    gym.make_vec("FurutaID-v0", max_episode_steps=3000, **vector).reset(seed=0)
+    with pytest.raises(ValueError, match="after 1500; give max_episode_steps=2000 in its place"):
+        gym.make_vec("FurutaID-v0", max_episode_steps=1500, **vector).reset(seed=0)
     short = gym.make(IDS[0], max_episode_steps=5, action_time=0.004)  # 20 s are more than a thousand actions here
     short.reset(seed=0)
     assert [short.step(np.zeros(1, np.float32))[3] for _ in range(5)] == [False] * 4 + [True]
+
+
+def test_without_a_time_limit_no_episode_of_the_task_ids_is_truncated():
+    none = {"time_limit": None, "pendulum_limit": 1e3, "arm_limit": 1e3}
+    batch = gym.make_vec("FurutaSwingUp-v0", num_envs=2, vectorization_mode="vector_entry_point", **none)
+    single = gym.make("FurutaSwingUp-v0", **none)
+    batch.reset(seed=0)
+    single.reset(seed=0)
+    for _ in range(1010):
+        assert not single.step(np.zeros(1, np.float32))[3]
+        assert not batch.step(np.zeros((2, 1)))[3].any()
 
 
 @pytest.mark.parametrize("env_id", IDS)

@@ -304,6 +304,10 @@ def test_bad_arguments(options, message):
         FurutaVectorEnv(**options)
 
 
+def test_what_could_not_be_made_can_be_closed():
+    FurutaVectorEnv.__new__(FurutaVectorEnv).close()  # as Gymnasium 1.1 does when an argument was refused
+
+
 def test_bad_calls():
     batch = FurutaVectorEnv(3)
     with pytest.raises(ResetNeeded):
