@@ -333,7 +333,7 @@ def step_lanes(lanes, streams, codes, sizes, numbers, work):
     """One action of every lane of a block, standing in row COMMAND, held for SAMPLES samples."""
     period, scale = numbers[SAMPLE_TIME], numbers[ACTION_SCALE]
     for k in range(lanes.shape[1]):
-        most = min(lanes[SUPPLY, k], numbers[U_MAX])
+        most = lanes[SUPPLY, k]
         lanes[COMMAND, k] = min(max(lanes[COMMAND, k] * scale, -most), most)
     if numbers[SLEW] < math.inf:
         for k in range(lanes.shape[1]):

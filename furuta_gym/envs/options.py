@@ -16,7 +16,7 @@ from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
-from ..simulation import MOST_STEPS
+from ..simulation import MOST_STEPS, too_many_steps
 from . import kernels as k
 from .randomization import Randomization, randomization
 from .ranges import RIG, draws, with_drawn_effects
@@ -154,6 +154,8 @@ class Setup:
         if options.delay is not None:
             _check("delay", options.delay, 0.0, 0.1, "s")
             plant = plant.with_effects(Effect("input_delay", {"d": options.delay}))
+            if plant.covariance is not None:
+                plant = plant.replace(covariance=plant.covariance.without("input_delay.d"))
         self.plant = plant
         self.sensors = _sensors(plant, options)
         self.arm_limit = float(options.arm_limit or plant.limit("arm_travel", 2 * math.pi))
@@ -181,18 +183,14 @@ class Setup:
 
     def _substeps(self) -> int:
         """Runge–Kutta steps a sample, at least two: see `FurutaEnv` for the rule and its error."""
-        longest = min(self.options.longest_step, _FRICTION_STEP / _friction_rate(self.random, self.draws.posterior))
         share = self.random.physical
-        longest *= (1.0 - share) / (1.0 + share)  # the lightest rig with the most friction
+        asked = self.options.longest_step * (1.0 - share) / (1.0 + share)  # the lightest rig moves the fastest
+        longest = min(asked, _FRICTION_STEP / _friction_rate(self.random, self.draws.posterior))
         if self.random.plant.effect("arm_presliding") is not None:
             longest = min(longest, _BRISTLE_STEP)
         n = self.sample_time * (1.0 + self.jitter) / longest - 1e-9
         if not n <= MOST_STEPS:
-            raise ValueError(
-                f"a step of {self.sample_time:g} s would take {n:.3g} steps of integration, at most {MOST_STEPS} are "
-                "allowed: the plant's friction (theta6 … theta9, friction_sharpness) is too stiff. Lower "
-                "friction_sharpness or sample_time"
-            )
+            raise too_many_steps(self.sample_time, n, None if longest < asked else self.options.longest_step)
         return max(_FEWEST_SUBSTEPS, math.ceil(n))
 
     def _sizes(self) -> NDArray[np.int64]:

@@ -5,8 +5,9 @@ probabilities into tables, and `draw_parameters` is the compiled twin of `Covari
 distribution, truncated in the same way, drawn from the env's own stream.
 """
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
@@ -87,20 +88,45 @@ class Randomization:
 
     @property
     def friction_rate(self) -> float:
-        """λ [1/s]: how fast friction stops a slow motion near upright, the largest in any episode as far as effects go:
-        what ranges draw is at its own value, or all at the upper end."""
+        """λ [1/s]: how fast friction stops a slow motion near upright, the largest in any episode as far as effects and
+        theta=physical go. An effect may lower it, so each is also taken as it is where it does not act."""
         p, codes, rows = self.plant.packed()
-        for row in self.ranges[self.ranges[:, _TARGET] >= len(BASE_NAMES)]:
-            if math.isfinite(row[_MOST]):
-                p[int(row[_TARGET])] = row[_MOST]
-        return max(self.plant.friction_rate, friction_rate(rest_slopes(p, codes, rows), 1.0, 1.0))
+        for row, neutral, chance in self._switched_sizes():
+            if chance == 0.0:
+                p[row] = neutral
+        largest = _largest_rate(p, codes, rows, self.physical)
+        for row, value in self._other_values():
+            before, p[row] = p[row], value
+            rate = _largest_rate(p, codes, rows, self.physical)
+            if rate > largest:
+                largest = rate
+            else:
+                p[row] = before
+        return largest
+
+    def _other_values(self) -> Iterator[tuple[int, float]]:
+        """(row of P, value) that a parameter of an effect may have beside its own: neutral, or a range's upper end."""
+        yield from ((row, neutral) for row, neutral, _ in self._switched_sizes())
+        for drawn in self.ranges[self.ranges[:, _TARGET] >= len(BASE_NAMES)]:
+            yield int(drawn[_TARGET]), float(drawn[_MOST])
+            if drawn[_CHANCE] < 1.0:
+                yield int(drawn[_TARGET]), float(drawn[_DEFAULT])
+
+    def _switched_sizes(self) -> Iterator[tuple[int, float, float]]:
+        """(row of P, neutral value, chance to act) of every size of the effects that act by chance."""
+        chances = {int(first): float(chance) for first, _, chance in self.switches}
+        for effect in self.plant.effects:
+            own = self.plant.layout.rows_of(effect.name)
+            if own.start in chances:
+                sizes = zip(own, effect.type.parameters, strict=True)
+                yield from ((row, p.neutral, chances[own.start]) for row, p in sizes if p.role == "size")
 
     def narrowed(self, level: float, rig: NDArray[np.float64]) -> "Randomization":
         """The same with every range drawn in: `level` in [0, 1] is how far it reaches from the plant's own value.
 
         rig (8,): the rig's own values, `numbers[kernels.RIG:]`. 0 draws the plant itself (or the end of a range that
-        is next to it), 1 what was asked for. Chances of effects, and the covariance's standard deviations, are
-        multiplied by `level`. Raises ValueError for a level outside [0, 1].
+        is next to it), 1 what was asked for. Chances of effects and of ranges and the covariance's standard deviations
+        are multiplied by `level`. Raises ValueError for a level outside [0, 1].
         """
         if not 0.0 <= level <= 1.0:
             raise ValueError(f"level must lie in [0, 1], got {level!r}")
@@ -110,6 +136,8 @@ class Randomization:
             if row[_KIND] == rg.PHYSICAL:
                 row[_A] *= level
                 continue
+            if row[_CHANCE] < 1.0:
+                row[_CHANCE] *= level
             target = int(row[_TARGET])
             own = float(self.table[_NOMINAL, target] if target >= 0 else rig[-1 - target])
             if row[_KIND] == rg.NORMAL:
@@ -182,7 +210,7 @@ def randomization(
                 switched.append(row)
         if effect.name in probabilities:
             switches.append((own.start, len(own), float(probabilities[effect.name])))
-    drawn = _ranges(physical, ranges or {}, whole.layout, table)
+    drawn = _ranges(physical, ranges or {}, whole, table)
     table[_OFF, np.intersect1d(switched, drawn[:, _TARGET]).astype(int)] = np.nan
     return Randomization(
         whole,
@@ -202,15 +230,17 @@ def _target(name: str, layout: ParameterLayout) -> int:
 
 
 def _ranges(
-    physical: float, ranges: Mapping[str, rg.Range], layout: ParameterLayout, table: NDArray[np.float64]
+    physical: float, ranges: Mapping[str, rg.Range], plant: Plant, table: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    layout = plant.layout
     found: list[tuple[float, ...]] = []
     if physical:
         found.append((0.0, rg.PHYSICAL, physical, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
     for name, entry in rg.RIG.items():
         if name in ranges:
             made = ranges[name]
-            low, high = max(made.bounds[0], entry.low), min(made.bounds[1], entry.high)
+            most = plant.supply if name == "u_max" else entry.high
+            low, high = max(made.bounds[0], entry.low), min(made.bounds[1], most)
             numbers = (made.kind, made.a, made.b, made.chance, math.nan, low, high, 0.0)
             found += [(_target(name, layout) - i, *numbers) for i in range(entry.values)]
     for name, made in ranges.items():
@@ -324,7 +354,6 @@ def _draw_physical(P, k, streams, share):
     no J2 ≥ 0, it is θ3²/θ4, and all of θ4 goes with m2 l2². A θ2 < 0 goes with θ1. So M stays positive definite in
     every draw: θ1 θ4 − θ3² and θ1 + θ2 remain above zero.
     """
-    th1, th2, th3, th4 = P[0, k], P[1, k], P[2, k], P[3, k]
     mass, length, arm, inertia, shape, gain = 1.0, 1.0, 1.0, 1.0, 1.0, 1.0
     mass += share * (2.0 * uniform(streams, k) - 1.0)
     length += share * (2.0 * uniform(streams, k) - 1.0)
@@ -332,6 +361,15 @@ def _draw_physical(P, k, streams, share):
     inertia += share * (2.0 * uniform(streams, k) - 1.0)
     shape += share * (2.0 * uniform(streams, k) - 1.0)
     gain += share * (2.0 * uniform(streams, k) - 1.0)
+    _build(P, k, mass, length, arm, inertia, shape, gain)
+    for row in range(5, 9):
+        P[row, k] *= gain * (1.0 + share * (2.0 * uniform(streams, k) - 1.0))
+
+
+@compiled
+def _build(P, k, mass, length, arm, inertia, shape, gain):
+    """θ1 … θ5 of column k for a rig that differs by these factors; see `_draw_physical`."""
+    th1, th2, th3, th4 = P[0, k], P[1, k], P[2, k], P[3, k]
     carried, rod = th3 * th3 / th4, 0.0
     if th2 > 0.0 and carried <= th3 * th3 / th2 <= th1:
         carried, rod = th3 * th3 / th2, max(th4 - th2, 0.0)
@@ -340,5 +378,18 @@ def _draw_physical(P, k, streams, share):
     P[2, k] = gain * mass * arm * length * th3
     P[3, k] = gain * mass * length * length * (th4 - rod + shape * rod)
     P[4, k] *= gain * mass * length
-    for row in range(5, 9):
-        P[row, k] *= gain * (1.0 + share * (2.0 * uniform(streams, k) - 1.0))
+
+
+def _largest_rate(p: NDArray[np.float64], codes: NDArray[np.int64], rows: int, share: float) -> float:
+    """`friction_rate` [1/s] of parameters p (n,), of theta=physical:share the largest that it draws.
+
+    It grows with friction and falls with every mass and inertia; of the two lengths either end may be the worse. What
+    effects add does not go with the gain, so a small one makes that the larger."""
+    light, heavy = 1.0 - share, 1.0 + share
+    found = 0.0
+    for length, arm in itertools.product((light, heavy), repeat=2):
+        P = p[:, None].copy()
+        _build(P, 0, light, length, arm, light, light, light)
+        P[FRICTION_ROWS] *= light * heavy
+        found = max(found, friction_rate(rest_slopes(P[:, 0].copy(), codes, rows), 1.0, 1.0))
+    return found

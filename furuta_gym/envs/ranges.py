@@ -2,7 +2,8 @@
 
 NAME=RANGE NAME=RANGE …
 
-RANGE   uniform:LOW,HIGH | loguniform:LOW,HIGH | normal:MEAN,STD | NUMBER,  or chance:P:RANGE (else it is off)
+RANGE   uniform:LOW,HIGH | loguniform:LOW,HIGH | normal:MEAN,STD | NUMBER,  or chance:P:RANGE: in the other episodes the
+        size of an effect is neutral, and anything else has its own value
 NAME    an effect with one parameter (input_delay), EFFECT.PARAMETER (arm_spring.k), or one of `RIG`
         EFFECT=chance:P lets an effect act with probability P, at a size of its own or as its ranges draw it
         EFFECT.PARAMETER of a whole number, as arm_ripple.n, draws whole numbers
@@ -41,7 +42,7 @@ class Entry(NamedTuple):
 RIG: dict[str, Entry] = {
     "noise_std": Entry(2, 0.0, 0.5, "rad", "white noise of the two angles"),
     "encoder_offset": Entry(2, -math.pi, math.pi, "rad", "what the two encoders read at zero"),
-    "u_max": Entry(1, 1e-6, 1e6, "command", "largest command that the supply gives; the action's scale stays"),
+    "u_max": Entry(1, 1e-6, 1e6, "command", "largest command, up to the plant's supply; the action's scale stays"),
     "jitter": Entry(1, 0.0, 0.3, "share of the sample time", "spread of the sample time"),
     "push": Entry(1, 0.0, 100.0, "rad/s", "change of q̇2 by a tap on the pendulum during the episode"),
     "push_rate": Entry(1, 0.0, 10.0, "1/s", "mean number of taps a second (0.5 unless given)"),
@@ -108,7 +109,7 @@ def draws(given: Any, plant: Plant) -> Draws:
 
     Raises ArgumentError on unknown names and impossible ranges.
     """
-    if given is True and plant.randomize:
+    if isinstance(given, bool | np.bool_) and given and plant.randomize:
         try:
             return draws(plant.randomize, plant)
         except ArgumentError as error:

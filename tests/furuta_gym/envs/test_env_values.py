@@ -67,3 +67,29 @@ def test_friction_of_effects_shortens_the_step():
     plain, strong = (FurutaEnv(plant).setup._substeps() for plant in (QUBE, stribeck))
     assert strong > 10 * plain
     assert FurutaEnv(QUBE, randomize="arm_stribeck.ΔF=uniform:0,3").setup._substeps() == strong
+
+
+@pytest.mark.parametrize("drawn", [
+    {"effect_probabilities": {"friction_sharpness": 0.01}},
+    {"effect_probabilities": {"arm_presliding": 0.01}},
+    {
+        "plant": QUBE.with_effects(Effect("friction_sharpness", {"r1": 9.0, "r2": 9.0})),
+        "randomize": "friction_sharpness.r1=chance:0.5:uniform:5,10",
+    },
+    {"effect_probabilities": {"friction_sharpness": 0.5, "arm_presliding": 0.5, "arm_stribeck": 0.5}},
+    {"plant": QUBE.replace(theta=[*QUBE.theta[:8], 30.0 * QUBE.theta[8]]), "randomize": "theta=physical:0.2"},
+])  # fmt: skip
+def test_the_step_suits_every_rig_that_may_be_drawn(drawn):
+    env = FurutaVectorEnv(300, **{"plant": QUBE} | drawn)
+    env.reset(seed=1)
+    stiffest = max(plant.friction_rate for plant in env.plants())
+    h = env.setup.sample_time / env.setup.substeps
+    assert h * stiffest <= 0.4 * (1 + 1e-6)
+    assert h * stiffest > 0.2  # and is no finer than it needs to be
+
+
+def test_a_step_that_is_asked_too_short_is_said_to_be_the_cause():
+    with pytest.raises(ValueError, match=r"at most 10000 .*longest_step is 1e-05 s\. Raise it"):
+        FurutaEnv(QUBE, sample_time=1.0, longest_step=1e-5)
+    with pytest.raises(ValueError, match="Lower friction_sharpness"):
+        FurutaEnv(QUBE.replace(friction_sharpness=1e6), sample_time=1.0)

@@ -77,6 +77,17 @@ def test_a_set_with_a_delay_varies_too():
     assert np.all(drawn[0]["theta"] != drawn[1]["theta"])
 
 
+def test_a_delay_that_is_given_is_not_drawn():
+    plant = uncertain(QUBE.with_effects(Effect("input_delay", {"d": 0.01})), 0.1, "input_delay.d")
+    for delay in (None, 0.0, 0.02):
+        drawn = FurutaVectorEnv(50, plant, randomize=True, delay=delay).reset(seed=0)[1]["plant"]
+        assert drawn["theta"].std(axis=0).min() > 0.0
+        if delay is None:
+            assert drawn["effects"]["input_delay"]["d"].std() > 0.0
+        else:
+            assert (drawn["effects"]["input_delay"]["d"] == delay).all()
+
+
 def test_the_drawn_plant_is_the_one_that_moves():
     """Stepping the plant that info names, as a fixed plant, gives the same motion."""
     same = {"task": "swing_up", "longest_step": 2e-4}  # one step for all, whatever their friction

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from furuta_gym.envs import kernels as k
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.ranges import as_mapping, draws, never_drawn
 from furuta_gym.envs.vector import FurutaVectorEnv
@@ -25,6 +26,7 @@ def test_one_grammar_for_words_lists_mappings_and_files(tmp_path):
         np.testing.assert_array_equal(first[0]["plant"]["theta"], other["plant"]["theta"])
         assert str(first[0]) == str(other)
     assert "plant" not in FurutaEnv(str(file)).reset(seed=3)[1]
+    assert draws(np.True_, Plant.load(file)) == draws(True, Plant.load(file))
 
 
 def test_what_is_drawn_has_its_distribution():
@@ -112,6 +114,19 @@ def test_a_chance_and_its_ranges_both_widen_with_the_level():
     found = drawn_effect("arm_spring", "arm_spring=chance:0.8 arm_spring.k=uniform:0,1", level=0.5)["k"]
     assert (found > 0.0).mean() == pytest.approx(0.4, abs=0.04)
     assert found.max() == pytest.approx(0.5, abs=0.02)
+
+
+def test_the_chance_of_a_range_falls_with_the_level():
+    """For an effect and for the rig; in the other episodes the rig has its own value."""
+    asked = "arm_spring.k=chance:0.8:uniform:0.5,1 noise_std=chance:0.8:0.01"
+    env = FurutaVectorEnv(2000, "qube", randomize=asked, noise_std=0.001)
+    for level in (1.0, 0.5, 0.0):
+        env.set_level(level)
+        info = env.reset(seed=2)[1]
+        acts, noise = info["plant"]["effects"]["arm_spring"]["k"] > 0.0, info["rig"]["noise_std"][:, 0]
+        assert acts.mean() == pytest.approx(0.8 * level, abs=0.04)
+        assert (noise > 0.001).mean() == pytest.approx(0.8 * level, abs=0.04)
+        assert noise.min() == 0.001
 
 
 @pytest.mark.parametrize("kind", ["uniform:5,8", "loguniform:5,8", "normal:6,1", "7"])
@@ -204,20 +219,29 @@ def test_pushes_come_as_often_and_as_hard_as_asked():
     assert np.abs(np.diff(quiet)).max() < 3.5
 
 
-def test_jitter_and_delay_stay_inside_the_memory():
-    env = FurutaEnv("qube", randomize="input_delay=uniform:0.02,0.1 jitter=0.3", task="swing_up")
-    for seed in range(5):
-        env.reset(seed=seed)
-        for _ in range(100):
-            assert np.isfinite(env.step([5.0])[4]["state"]).all()
+# Without friction and coupling θ1 q̇1 is the integral of the command that acts.
+FREE_ARM = QUBE.replace(theta=[QUBE.theta[0], 0.0, 0.0, *QUBE.theta[3:5], 0.0, 0.0, 0.0, 0.0])
 
 
-def test_a_wide_normal_jitter_ends_where_periods_may():
-    env = FurutaVectorEnv(200, "qube", "swing_up", randomize="input_delay=uniform:0.01,0.05 jitter=normal:0.2,0.3")
-    jitter = env.reset(seed=0)[1]["rig"]["jitter"]
+@pytest.mark.parametrize("asked", ["input_delay=uniform:0.02,0.1 jitter=0.3", "input_delay=0.1 jitter=normal:0.2,0.3"])
+def test_every_command_acts_a_delay_after_it_was_given_whatever_the_jitter(asked):
+    """Against an integral of the commands over the periods as they came."""
+    n, N = 60, 200
+    env = FurutaVectorEnv(N, FREE_ARM, randomize=asked, arm_limit=1e3, max_episode_steps=None)
+    info = env.reset(seed=0, options={"state": np.zeros(4)})[1]
+    delay, jitter = info["plant"]["effects"]["input_delay"]["d"], info["rig"]["jitter"]
     assert jitter.max() == 0.3
-    for _ in range(30):
-        assert np.isfinite(env.step(np.zeros((200, 1)))[4]["state"]).all()
+    commands = np.random.default_rng(0).uniform(-3, 3, n).astype(np.float32)
+    given, v1 = np.zeros((n + 1, N)), np.zeros((n + 1, N))
+    for i, u in enumerate(commands):
+        v1[i + 1] = env.step(np.full((N, 1), u))[4]["state"][:, 2]
+        given[i + 1] = env._columns()[k.TIME]
+    periods = np.diff(given, axis=0) / 0.004
+    assert (np.abs(periods - 1.0) <= jitter + 1e-9).all()
+    assert np.abs(periods - 1.0).max() > 0.29
+    for i in range(n + 1):
+        acted = np.minimum(given[1:] + delay, given[i]) - np.minimum(given[:-1] + delay, given[i])
+        np.testing.assert_allclose(v1[i], commands @ acted / FREE_ARM.theta[0], rtol=0, atol=1e-10)
 
 
 def test_what_was_never_drawn_is_named():
@@ -278,6 +302,16 @@ def test_limits_of_the_plant_file(tmp_path):
         assert terminated == over
         assert abs(info["command"]) <= 6.0
     assert FurutaEnv(plant, arm_limit=3.0).setup.arm_limit == 3.0
+
+
+@pytest.mark.parametrize("drawn", ["uniform:8,10", "normal:8,1", "uniform:5,10"])
+@pytest.mark.parametrize("level", [1.0, 0.5])
+def test_a_drawn_u_max_stays_within_the_supply_of_the_plant_file(drawn, level):
+    env = FurutaVectorEnv(50, QUBE.replace(limits={"supply": 6.0}), randomize={"u_max": drawn})
+    env.set_level(level)
+    u_max = env.reset(seed=0)[1]["rig"]["u_max"]
+    assert u_max.max() == 6.0
+    np.testing.assert_array_equal(env.step(np.full((50, 1), 10.0))[4]["command"], u_max)
 
 
 @pytest.mark.parametrize("limits", [{"arm": 1.0}, {"slew": 0}, {"supply": float("inf")}, {"supply": True}, [1.0]])
