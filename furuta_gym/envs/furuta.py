@@ -73,13 +73,14 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Start
     Uniform and independent: `balance` |q1| ≤ 0.2, |q2| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.2 rad/s; `swing_up` |q1| ≤ 0.2,
-    |q2 − π| ≤ 0.05 rad, at rest; or within ± `start_spread` of upright or hanging. Effects with memory start at rest,
-    and before the episode the command was zero.
+    |q2 − π| ≤ 0.05 rad, at rest; or within ± `start_spread` of upright or hanging. Effects start with a memory of
+    zeros, which for `arm_hysteresis` is an arm that came from q1 = 0. Before the episode the command was zero.
     `reset(options={"state": [q1, q2, v1, v2]})` starts from a given state (NaN: drawn).
 
     ## End of an episode
     terminated: |q1| > arm_limit (the cable), |q̇1| > the plant file's `arm_speed` if it has one, in `balance`
-    |q2| > pendulum_limit, or a state that is no longer finite; all at the end of an action.
+    |q2| > pendulum_limit, or a motion beyond what is computed: |q2| > 5000 rad or |q̇1| + |q̇2| ≥ 1e6 rad/s, or not
+    finite; all at the end of an action.
     truncated: only by a time limit, whichever comes first: `time_limit` in seconds, and for `FurutaID-v0` 1000 actions
     unless `max_episode_steps` is given to `gymnasium.make`.
 
@@ -99,7 +100,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         refused at reset, and `max_episode_steps` takes its place.
     jitter (0): every period is T (1 + jitter · uniform(−1, 1)), at most 0.3. The velocity filter goes on assuming T.
     delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included. It takes the
-        place of the plant's own `input_delay`.
+        place of the plant's own `input_delay`, also where that is drawn from the covariance.
     encoder_counts, noise_std [rad], encoder_offset [rad], velocity_cutoff ωc [rad/s]: see `Sensors`; default is what
         the plant file says, else 4096 counts, no noise, no offset, 100 rad/s.
     history (1), observe_command (False): with a delay, `history=3, observe_command=True` make the state visible again.
@@ -107,9 +108,10 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     reward_weights ({}): {name: weight in [0, 1]} of centred, calm, sparing, gentle; arm_margin (0): see Reward.
     reward_scale (1): a factor on the reward. Learners of many kinds work best where returns are about ten.
     reward ("smooth"), start_spread (see Start): half-widths of q1, q2 [rad], q̇1, q̇2 [rad/s].
-    arm_limit (the plant file's `arm_travel`, else 2π rad), pendulum_limit (0.5 rad in `balance`, none in `swing_up`).
+    arm_limit (the plant file's `arm_travel`, else 2π rad), pendulum_limit (0.5 rad in `balance`, else 5000 rad).
     longest_step (2.5 ms): bound on the Runge–Kutta step h. Friction bounds it too, h λ ≤ 0.4 with λ the rate at which
-        it stops a slow motion (largest eigenvalue of M⁻¹ (F_v + F_c r) upright), and a sample has at least two steps.
+        it stops a slow motion (largest eigenvalue of M⁻¹ (F_v + F_c r) upright) of the stiffest rig that effects and
+        theta=physical may give, and a sample has at least two steps.
         Rms error of the angles over 1 s of random commands held for a sample, in counts of a 4096-count encoder:
         hanging 0.3 with commands up to ±u_max and 0.01 with a tenth of that, upright 0.04 with a tenth; falling
         magnifies it, to 3 counts with commands up to ±u_max (the worst of the three sets; `make bench` prints all).
