@@ -28,14 +28,20 @@ class Served:
 
 @contextmanager
 def served(
-    folder: Path, *logs: Path, program: Path | None = None, errors: Path | None = None, **variables: str
+    folder: Path,
+    *logs: Path,
+    program: Path | None = None,
+    errors: Path | None = None,
+    show: bool = False,
+    **variables: str,
 ) -> Iterator[Served]:
     """`furuta studio LOG… --no-browser` as a process in a folder, until the end of the block.
 
-    program: what is run in place of `furuta`. errors: where its standard error goes. variables: of its environment."""
+    program: what is run in place of `furuta`. errors: where its standard error goes. show: without --no-browser.
+    variables: of its environment."""
     root = Path(__file__).resolve().parents[2]
     program = program or root / "furuta_command.py"
-    command = [sys.executable, str(program), "studio", *map(str, logs), "--no-browser"]
+    command = [sys.executable, str(program), "studio", *map(str, logs), *([] if show else ["--no-browser"])]
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     environment |= {"PYTHONPATH": str(root), **variables}
     with open(errors or os.devnull, "wb") as told:

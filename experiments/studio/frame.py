@@ -9,11 +9,12 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakSet
 
 from nicegui import ui
 
 from . import LARGEST_FILE
-from .work import Cancelled, off_loop, sentence
+from .work import Cancelled, Job, off_loop, sentence
 
 if TYPE_CHECKING:
     from .session import Session
@@ -37,9 +38,10 @@ LIGHTS = {
 }
 
 
-@dataclass
+@dataclass(eq=False)
 class Frame:
-    """One tab of the browser. state: what views keep while another one is shown. lock: held while logs change."""
+    """One tab of the browser. state: what views keep while another one is shown. lock: held while logs change.
+    job: of the computation that runs, or of the last one."""
 
     session: Session
     current: str = "Log"
@@ -50,6 +52,10 @@ class Frame:
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     doing: str = ""
     failure: str = ""
+    job: Job = field(default_factory=Job)
+
+    def __post_init__(self) -> None:
+        _frames.add(self)
 
     def of(self, kind: type[T]) -> T:
         """The state of a view, made when it is first asked for."""
@@ -77,13 +83,20 @@ class Frame:
                     ui.label(self.doing)
             view(self.current).show(self)
 
-    async def run(self, doing: str, function: Callable[..., T], *arguments: Any) -> T | None:
-        """Compute off the event loop, showing what is done. None, and a sentence on the page, where it fails."""
+    def close(self) -> None:
+        """The tab is gone: end what it computes, and delete what was dropped."""
+        self.job.cancel()
+        self.session.close()
+
+    async def run(self, doing: str, function: Callable[..., T], *arguments: Any, job: Job | None = None) -> T | None:
+        """Compute off the event loop, showing what is done. None, and a sentence on the page, where it fails.
+
+        job: what the computation asks whether it shall go on."""
         if self.doing:
             self.failure = f"Wait until this is done: {self.doing}"
             self.show()
             return None
-        self.doing, self.failure = doing, ""
+        self.doing, self.failure, self.job = doing, "", job or Job()
         self.show()
         try:
             return await off_loop(function, *arguments)
@@ -100,6 +113,15 @@ class Frame:
         """Say something in the footer."""
         if self.footer is not None and not self.footer.is_deleted:
             self.footer.set_text(text)
+
+
+_frames: WeakSet[Frame] = WeakSet()
+
+
+def close_all() -> None:
+    """End what every tab computes, and delete what was dropped there."""
+    for frame in list(_frames):
+        frame.close()
 
 
 def put_texts(texts: Mapping[ui.label, str], moving: bool = False) -> None:

@@ -41,7 +41,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
         pass
     with ui.footer().classes("footer"):
         frame.footer = ui.label("Nothing leaves this machine.").props("role=status")
-    context.client.on_delete(lambda: frame.session.close())
+    context.client.on_delete(frame.close)
     frame.show()
     if logs:
         await context.client.connected()
@@ -49,8 +49,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
         frame.show()
         await asyncio.sleep(0)
         frame.doing = ""
-        for path in logs:
-            await add(frame, path)
+        await add(frame, logs)
     return frame
 
 

@@ -31,7 +31,7 @@ from furuta_gym.plant import Plant
 from identification import Estimate, Gap, LogError, RigMapping
 
 from . import LARGEST_FILE, MOST_FILES
-from .session import Found, Session, bare_name
+from .session import Found, Session, bare_name, numbered
 
 SCHEMA = "furuta-session/1"
 ENDING = ".furuta"
@@ -64,7 +64,9 @@ class Saved:
 
 def save_session(session: Session, path: Path) -> Path:
     """Write a session, whole or not at all. Raises ValueError where its logs are larger than can be opened again."""
-    contents = {bare_name(p.name): p.read_bytes() for p in session.paths}
+    contents: dict[str, bytes] = {}
+    for path, name in zip(session.paths, session.names, strict=True):
+        contents[numbered(bare_name(name.replace("/", "-")), contents)] = path.read_bytes()
     if sum(map(len, contents.values())) > LARGEST_FILE:
         raise ValueError(f"the logs of this session are larger than {LARGEST_FILE} bytes together; save fewer")
     saved = Saved(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import shutil
 import socket
+import webbrowser
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from threading import Thread
@@ -13,12 +15,15 @@ from fastapi import Request, Response
 from nicegui import app, background_tasks, ui
 from nicegui.server import Server
 
-from . import LARGEST_FILE
+from furuta_gym.processes import temporary_folder
+
+from . import LARGEST_FILE, MOST_FILES
+from .frame import close_all
 from .page import draw, load
-from .work import keep_little
+from .work import end_soon, keep_little
 
 HOST = "127.0.0.1"
-_OVERHEAD = 100_000  # bytes that a form adds to a file
+MOST_SENT = MOST_FILES * LARGEST_FILE + 1_000_000  # bytes of a request: files dropped together, and the form's own
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws:; object-src 'none'; base-uri 'self'; "
@@ -49,13 +54,13 @@ def require_free(port: int) -> None:
 def refusal(host: str, method: str, length: str | None) -> tuple[int, str] | None:
     """Why a request is refused: status and sentence, or None. host, length: its headers."""
     name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
-    if name not in (HOST, "localhost", "test"):
+    if name not in (HOST, "localhost"):
         return 403, f"furuta studio answers to {HOST} only"
     if method in ("POST", "PUT", "PATCH"):
         if length is None or not length.isdigit():
             return 411, "the size of the upload is missing"
-        if int(length) > LARGEST_FILE + _OVERHEAD:
-            return 413, f"expected at most {LARGEST_FILE} bytes"
+        if int(length) > MOST_SENT:  # on its way it is kept in files, not in memory
+            return 413, f"expected at most {MOST_FILES} files of {LARGEST_FILE} bytes"
     return None
 
 
@@ -82,8 +87,25 @@ def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> st
     return path
 
 
+def open_in_browser(address: str, folder: Path) -> None:
+    """Open an address in the user's browser by a page that only this user may read, and that leads there.
+
+    The browser is started with that page, as other users of the machine see what programs are started with."""
+    page = folder / "open.html"
+    page.touch(mode=0o600)
+    page.write_text(f'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={address}">')
+    webbrowser.open(page.as_uri())
+
+
+def end(folder: Path) -> None:
+    """Interrupted: end what is computed, and delete what lies outside the working folder, before the process ends."""
+    close_all()
+    shutil.rmtree(folder, ignore_errors=True)
+    end_soon()
+
+
 def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[str], None]) -> None:
-    """Serve until interrupted. told: called with the address once the server listens.
+    """Serve until interrupted, and end what is computed then. told: called with the address once the server listens.
 
     Raises ValueError where the port is taken."""
     if port is not None:
@@ -95,19 +117,24 @@ def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[st
     async def tell() -> None:
         while not Server.instance.started:  # start-up ends before the port is bound, or found taken
             await asyncio.sleep(0.01)
-        told(f"http://{HOST}:{port}{path}")
+        address = f"http://{HOST}:{port}{path}"
+        told(address)
+        if show:
+            Thread(target=open_in_browser, args=(address, folder), daemon=True).start()
 
     app.on_startup(lambda: background_tasks.create(tell()))
     app.on_startup(lambda: Thread(target=load, daemon=True).start())
-    ui.run(
-        host=HOST,
-        port=port,
-        show=path if show else False,
-        reload=False,
-        title="furuta studio",
-        show_welcome_message=False,
-        tailwind=False,
-        reconnect_timeout=30.0,
-        favicon="📐",
-        uvicorn_logging_level="error",
-    )
+    with temporary_folder("studio") as folder:
+        app.on_shutdown(lambda: end(folder))
+        ui.run(
+            host=HOST,
+            port=port,
+            show=False,
+            reload=False,
+            title="furuta studio",
+            show_welcome_message=False,
+            tailwind=False,
+            reconnect_timeout=30.0,
+            favicon="📐",
+            uvicorn_logging_level="error",
+        )

@@ -5,16 +5,17 @@ from __future__ import annotations
 import shutil
 import warnings
 import weakref
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from threading import Lock
+from threading import Lock, get_ident
 from typing import TYPE_CHECKING, Any
 
 from experiments.report.contents import Verdict
 from furuta_gym.plant import Plant
 from furuta_gym.processes import new_temporary_folder
-from identification import Log, LogError, RigMapping, load_mapping, propose, read_logs, read_table
+from identification import Log, LogError, LogWarning, RigMapping, load_mapping, propose, read_logs, read_table
 from identification.logs.rig_file import find_mapping
 
 from . import LARGEST_FILE, MOST_FILES
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from identification.logs.proposal import Item, Proposal
     from identification.logs.table import Table
 
-_reading = Lock()  # warnings are caught for the whole process, so one reader at a time
+_reading = Lock()  # warnings are caught for the whole process, so one tab at a time reads or proposes
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Session:
     def private(self) -> Path:
         """A folder of this tab alone, which goes with it."""
         if self._dropped is None:
-            self._dropped = new_temporary_folder("studio")
+            self._dropped = new_temporary_folder("studio").resolve()
             weakref.finalize(self, shutil.rmtree, self._dropped, ignore_errors=True)  # a page or a test may forget it
         return self._dropped
 
@@ -84,17 +85,17 @@ class Session:
         return self.private / "fits.jsonl"
 
     def drop(self, name: str, content: bytes) -> None:
-        """Take in a dropped file. Raises LogError for one that no reader knows, or that is too large; one of the same
-        name that was there before then stays."""
-        path = self.private / "logs" / bare_name(name)
-        before = path.read_bytes() if path.exists() else None
+        """Take in a dropped file; of a name that is open already it gets a number. Raises LogError for one that no
+        reader knows, that is too large, or whose content is open already."""
+        for path, known in zip(self.paths, self.names, strict=True):
+            if path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content:
+                raise LogError(f"{bare_name(name)}: this log is open already, as {known}. Expected each log once.")
+        path = self.private / "logs" / numbered(bare_name(name), {p.name for p in self.paths})
         self._kept(path, content)
         try:
             self.add(path)
         except LogError:
             path.unlink()
-            if before is not None:
-                path.write_bytes(before)
             raise
 
     def take_policy(self, name: str, content: bytes) -> None:
@@ -112,28 +113,40 @@ class Session:
         path.parent.mkdir(mode=0o700, exist_ok=True)
         path.write_bytes(content)
 
-    def add(self, path: Path) -> None:
-        """Take in a file, or read it again. Raises LogError."""
+    def add(self, path: Path, by_rig_file: bool = True) -> None:
+        """Take in a file, or read it again. by_rig_file: read it as the user's rig.toml says. Raises LogError."""
         table = read_table(path)
-        others = [(p, t) for p, t in zip(self.paths, self.tables, strict=True) if p.name != path.name]
+        others = self._without(path)
         if len(others) >= MOST_FILES:
             raise LogError(f"{path.name}: there are {MOST_FILES} logs already. Remove one first.")
-        if not self.paths and (known := find_mapping(path)) is not None and not self.was_dropped(path):
+        before = self.paths, self.tables, self.given
+        known = find_mapping(path) if by_rig_file and not self.paths and not self.was_dropped(path) else None
+        if known is not None:
             self.given = load_mapping(known)
-        kept = [*others, (path, table)]
-        before = self.paths, self.tables
-        self.paths, self.tables = [p for p, _ in kept], [t for _, t in kept]
+        self._open([*others, (path, table)])
         try:
             self.look()
         except LogError:
-            self.paths, self.tables = before
+            self.paths, self.tables, self.given = before
             raise
 
-    def remove(self, name: str) -> None:
+    def remove(self, path: Path) -> None:
         """Leave out a log."""
-        kept = [(p, t) for p, t in zip(self.paths, self.tables, strict=True) if p.name != name]
-        self.paths, self.tables = [p for p, _ in kept], [t for _, t in kept]
+        self._open(self._without(path))
         self.look()
+
+    @property
+    def names(self) -> list[str]:
+        """The logs as the page calls them: by file name, and by folders too where two have one name."""
+        return told_apart(self.paths)
+
+    def _without(self, path: Path) -> list[tuple[Path, Table]]:
+        return [(p, t) for p, t in zip(self.paths, self.tables, strict=True) if p.resolve() != path.resolve()]
+
+    def _open(self, logs: Sequence[tuple[Path, Table]]) -> None:
+        """These files and their tables, each under the name by which the page calls it."""
+        self.paths = [path for path, _ in logs]
+        self.tables = [replace(table, name=name) for (_, table), name in zip(logs, self.names, strict=True)]
 
     def look(self) -> None:
         """Propose how to read the logs, and read them so. What is wrong goes to `trouble`."""
@@ -143,11 +156,15 @@ class Session:
         if not self.tables:
             self.given = RigMapping()
             return
-        self.proposal = propose(self.tables, self.given)
+        self.proposal = self._proposed(self.given)
         try:
             self.logs, self.remarks = quietly_read(self.paths, self.tables, self.proposal.mapping)
         except LogError as error:
             self.trouble = str(error)
+
+    def _proposed(self, given: RigMapping) -> Proposal:
+        with _reading:
+            return propose(self.tables, given)
 
     def forget(self) -> None:
         """What was computed from logs that are read otherwise now."""
@@ -161,7 +178,7 @@ class Session:
         name = "flip" if item.name.startswith("sign_") else item.name
         value = None if answer == "" else ("" if name == "flip" and answer == "none" else answer)
         given = replace(self.given, **{name: value})
-        propose(self.tables, given)
+        self._proposed(given)
         self.given = given
         self.look()
 
@@ -177,11 +194,11 @@ class Session:
         """What was said, with zero and signs as the motion shows them; None where it shows nothing wrong."""
         if self.proposal is None or not self.proposal.fatal:
             return None
-        free = propose(self.tables, self.given.without("flip", "pendulum_zero"))
+        free = self._proposed(self.given.without("flip", "pendulum_zero"))
         zero = free.item("pendulum_zero")
         flips = tuple(i.name[5:] for i in free.items if i.name.startswith("sign_") and i.value == "-")
         better = replace(self.given, pendulum_zero=zero.value, flip=flips)
-        return better if len(propose(self.tables, better).fatal) < len(self.proposal.fatal) else None
+        return better if len(self._proposed(better).fatal) < len(self.proposal.fatal) else None
 
     def mend(self, mapping: RigMapping) -> None:
         """Read the logs as `mapping` says."""
@@ -221,11 +238,40 @@ def bare_name(name: str) -> str:
     return last
 
 
+def told_apart(paths: Sequence[Path]) -> list[str]:
+    """For each of different paths its shortest end that no other one has, `log.csv` or `run1/log.csv`."""
+
+    def end(path: Path, parts: int) -> str:
+        return "/".join(path.parts[-parts:])
+
+    def parts(path: Path) -> int:
+        others = [other for other in paths if other != path]
+        return next(n for n in count(1) if n >= len(path.parts) or all(end(o, n) != end(path, n) for o in others))
+
+    return [end(path, parts(path)) for path in paths]
+
+
+def numbered(name: str, taken: Container[str]) -> str:
+    """A file name that is not taken: this one, or this one with a number."""
+    path = PurePosixPath(name)
+    return next(n for n in chain([name], (f"{path.stem}-{i}{path.suffix}" for i in count(2))) if n not in taken)
+
+
 def quietly_read(
     paths: Sequence[Path], tables: Sequence[Any], mapping: RigMapping
 ) -> tuple[tuple[Log, ...], tuple[str, ...]]:
     """The logs as the mapping says, and what reading them warns of. Raises LogError."""
-    with _reading, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    remarks: dict[str, None] = {}
+    mine = get_ident()
+
+    def keep(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if get_ident() != mine:  # what another tab computes meanwhile warns too
+            usual(message, category, *where, **more)
+        elif issubclass(category, LogWarning):
+            remarks[str(message)] = None
+
+    with _reading, warnings.catch_warnings():
+        warnings.simplefilter("always", LogWarning)
+        usual, warnings.showwarning = warnings.showwarning, keep
         logs = read_logs(paths, mappings=[mapping] * len(paths), tables=tables)
-    return tuple(logs), tuple(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, UserWarning)))
+    return tuple(logs), tuple(remarks)

@@ -11,6 +11,8 @@ from identification import Log, PredictionWindow, identify
 from identification.estimation.zeros import moved
 from identification.kalman.coordinates import Zeros
 
+from .work import Job
+
 
 @dataclass(frozen=True)
 class Range:
@@ -96,10 +98,11 @@ def prepare(plant: Plant, logs: Sequence[Log], zeros: Zeros, which: int, at: flo
     return Start(window, window.predict(plant, settle=True).log_likelihood)
 
 
-def fitted(logs: Sequence[Log], choice: Choice) -> Plant:
-    """θ and the effects that act, estimated together from all logs, starting where the sliders stand."""
+def fitted(logs: Sequence[Log], choice: Choice, job: Job) -> Plant:
+    """θ and the effects that act, estimated together from all logs, starting where the sliders stand. Raises
+    Cancelled."""
     start = choice.plant()
-    return identify(logs, start.replace(effects=()), effects=start.effects).plant
+    return identify(logs, start.replace(effects=()), effects=start.effects, pool=job.pool).plant
 
 
 def moved_by_hand(kind: EffectType, values: Mapping[str, float]) -> list[Parameter]:

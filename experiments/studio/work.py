@@ -5,15 +5,22 @@ from __future__ import annotations
 import asyncio
 import ctypes
 import logging
+import os
 import sys
+import time
 from collections.abc import Awaitable, Callable
+from concurrent.futures import Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from threading import Thread
+from typing import Any, ParamSpec, TypeVar
 from weakref import WeakSet
 
 _logger = logging.getLogger("furuta.studio")
 T = TypeVar("T")
+P = ParamSpec("P")
 EXPECTED = (ValueError, OSError, FloatingPointError)
+LONGEST_END = 3.0  # s that computations have to end with the studio
 AFTERWARDS = 2.0  # s from a computation until memory is given back: whoever asked has dropped by then what is not kept
 MOST_KEPT = 1 << 20  # bytes of free memory that glibc may keep at the end of what it has for a thread
 _library = ctypes.CDLL(None) if sys.platform == "linux" else None
@@ -22,12 +29,12 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
 class Cancelled(Exception):
-    """The user asked to stop."""
+    """The user asked to stop, closed the tab or ended the studio."""
 
 
 @dataclass
 class Job:
-    """A long computation as the page shows it. steps: what it said so far."""
+    """A long computation as the page shows it and ends it. steps: what it said so far."""
 
     steps: list[str] = field(default_factory=list)
     running: bool = False
@@ -45,6 +52,34 @@ class Job:
 
     def cancel(self) -> None:
         self.cancelled = True
+
+    @property
+    def pool(self) -> Executor:
+        """Where a fit's filters run: it raises Cancelled in a fit that has no other part in which it could be asked."""
+        return _Pool(self)
+
+
+class _Pool(Executor):
+    """The pool of all fits, which takes nothing more from a job that was cancelled."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        from identification.estimation.pool import shared_pool  # slow to import, and the page is shown before
+
+        self._job.check()
+        return shared_pool().submit(fn, *args, **kwargs)
+
+
+def end_soon() -> None:
+    """End this process in LONGEST_END at the latest, as code that is compiled or a long fit cannot be interrupted."""
+
+    def end() -> None:
+        time.sleep(LONGEST_END)
+        os._exit(130)  # as after Ctrl-C
+
+    Thread(target=end, daemon=True).start()
 
 
 def sentence(error: BaseException) -> str:
@@ -93,7 +128,8 @@ def _give_back_soon() -> None:
 
     def give_back() -> None:
         _due.discard(loop)
-        loop.run_in_executor(None, trim, 0)
+        with suppress(RuntimeError):  # the studio ends
+            loop.run_in_executor(None, trim, 0)
 
     _due.add(loop)
     loop.call_later(AFTERWARDS, give_back)

@@ -68,7 +68,13 @@ async def run(frame: Frame) -> None:
     search.job = Job(running=True)
     job = search.job
     found = await frame.run(
-        "Searching the library of effects", _diagnose, session.logs, job, session.journal, search.tried.append
+        "Searching the library of effects",
+        _diagnose,
+        session.logs,
+        job,
+        session.journal,
+        search.tried.append,
+        job=job,
     )
     job.running = False
     if found is not None and frame.of(Search) is search:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from functools import partial
 
 from nicegui import ui
 
@@ -15,7 +16,7 @@ from identification.validation.adequacy import Adequacy
 
 from .. import commands
 from ..frame import Frame, cells, command_line, heading, light, message, number_card
-from ..work import sentence
+from ..work import Job, sentence
 
 
 def show(frame: Frame) -> None:
@@ -58,8 +59,8 @@ _STATES = {
 
 async def run(frame: Frame) -> None:
     """Fit the logs and show the result."""
-    session, logs = frame.session, frame.session.logs
-    found = await frame.run("Fitting model (5) to the logs", fit, logs)
+    session, logs, job = frame.session, frame.session.logs, Job()
+    found = await frame.run("Fitting model (5) to the logs", fit, logs, job, job=job)
     if found is None or frame.session is not session:
         return
     if session.logs is logs:
@@ -69,9 +70,10 @@ async def run(frame: Frame) -> None:
     frame.show()
 
 
-def fit(logs: Sequence[Log]) -> tuple[Estimate, Gap | None, str]:
-    """The estimate and its error on the logs, or why that could not be measured."""
-    estimate = identify(logs)
+def fit(logs: Sequence[Log], job: Job) -> tuple[Estimate, Gap | None, str]:
+    """The estimate and its error on the logs, or why that could not be measured. Raises Cancelled."""
+    estimate = identify(logs, pool=job.pool)
+    job.check()
     try:
         return estimate, validate(estimate.plant, logs), ""
     except ValueError as error:
@@ -156,7 +158,10 @@ def _greek(name: str) -> str:
 async def _next(frame: Frame) -> None:
     estimate = frame.session.estimate
     assert estimate is not None
-    design = await frame.run("Designing the next experiment", excite, estimate.plant)
+    job = Job()
+    design = await frame.run(
+        "Designing the next experiment", partial(excite, progress=job.tell), estimate.plant, job=job
+    )
     if design is not None:
         frame.of(_Next).text = f"{design}\nThe command that writes it: {commands.excite()}"
         frame.show()

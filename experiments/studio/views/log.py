@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,9 +37,9 @@ def show(frame: Frame) -> None:
         return
     heading("How it is read")
     with ui.row().classes("wrap-row"):
-        for path in session.paths:
-            ui.chip(path.name, removable=True, color="grey-4", text_color="black").on(
-                "remove", lambda _, n=path.name: _remove(frame, n)
+        for path, name in zip(session.paths, session.names, strict=True):
+            ui.chip(name, removable=True, color="grey-4", text_color="black").on(
+                "remove", lambda _, p=path: _remove(frame, p)
             )
     with ui.element("table").classes("table stacked"), ui.element("tbody"):
         for item in session.proposal.items:
@@ -134,15 +135,34 @@ def _failed(frame: Frame, text: str) -> None:
 
 
 async def _dropped(frame: Frame, event: events.MultiUploadEventArguments) -> None:
-    for file in event.files:
-        if file.name.endswith(ENDING):
-            await reopen(frame, file.name, await file.read())
-            continue
+    await _each(frame, [partial(_take, frame, file) for file in event.files])
+
+
+async def _take(frame: Frame, file: ui.upload.FileUpload) -> None:
+    if file.size() > LARGEST_FILE:  # before it is taken into memory
+        _failed(frame, f"{file.name}: {file.size()} bytes. Expected at most {LARGEST_FILE}.")
+    elif file.name.endswith(ENDING):
+        await reopen(frame, file.name, await file.read())
+    else:
         await _apply(frame, frame.session.drop, file.name, await file.read())
 
 
-async def add(frame: Frame, path: Path) -> None:
-    """Take in a file that the command line names."""
+async def add(frame: Frame, paths: Sequence[Path]) -> None:
+    """Take in the files that the command line names."""
+    await _each(frame, [partial(_add, frame, path) for path in paths])
+
+
+async def _each(frame: Frame, takes: Sequence[Callable[[], Awaitable[None]]]) -> None:
+    """Take in one file after the other; what was wrong with one stays on the page when the next one is taken."""
+    failures = []
+    for take in takes:
+        await take()
+        failures += [frame.failure] if frame.failure else []
+    if len(takes) > 1 and failures:
+        _failed(frame, "\n".join(dict.fromkeys(failures)))
+
+
+async def _add(frame: Frame, path: Path) -> None:
     if path.name.endswith(ENDING):
         if path.stat().st_size > LARGEST_FILE:
             _failed(frame, f"{path.name}: expected at most {LARGEST_FILE} bytes")
@@ -163,7 +183,7 @@ async def reopen(frame: Frame, name: str, content: bytes) -> None:
 
 
 async def _demo(frame: Frame) -> None:
-    await add(frame, Path(str(files("experiments.demo") / "logs" / "paper.csv")))
+    await _apply(frame, frame.session.add, Path(str(files("experiments.demo") / "logs" / "paper.csv")), False)
 
 
 async def _apply(frame: Frame, change: Callable[..., None], *arguments: object) -> None:
@@ -179,8 +199,8 @@ async def _apply(frame: Frame, change: Callable[..., None], *arguments: object) 
             _changed(frame)
 
 
-async def _remove(frame: Frame, name: str) -> None:
-    await _apply(frame, frame.session.remove, name)
+async def _remove(frame: Frame, path: Path) -> None:
+    await _apply(frame, frame.session.remove, path)
 
 
 async def _turn(frame: Frame, axis: str) -> None:

@@ -12,7 +12,7 @@ from furuta_gym.plant import Plant
 from .. import charts
 from ..frame import Frame, message
 from ..what_if import Choice, fitted, prepare
-from ..work import Latest, sentence
+from ..work import Job, Latest, sentence
 from .live import Live, compute, moved, say, say_command
 from .sliders import Sliders
 
@@ -115,8 +115,9 @@ async def _fit(frame: Frame) -> None:
     """θ and the effects that act, fitted together to all logs."""
     live = frame.of(Live)
     assert live.choice is not None
+    job = Job()
     plant: Plant | None = await frame.run(
-        "Fitting θ and these effects to all logs", fitted, frame.session.logs, live.choice
+        "Fitting θ and these effects to all logs", fitted, frame.session.logs, live.choice, job, job=job
     )
     if plant is not None:
         live.choice.take(plant)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import time
 from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
 
 import httpx
 import pytest
 
-from experiments.studio import LARGEST_FILE
+from experiments.studio import LARGEST_FILE, MOST_FILES
 from experiments.studio.drive import served
 from experiments.studio.server import HOST, POLICY, refusal
 from tests.experiments.studio import late
@@ -22,10 +26,12 @@ from tests.studio import serving
         ("localhost:8000", "POST", "100", None),
         ("evil.example:8000", "GET", None, 403),  # a name that was pointed at this machine
         ("127.0.0.1.evil.example", "GET", None, 403),
+        ("test", "GET", None, 403),
         ("", "GET", None, 403),
+        ("127.0.0.1:8000", "POST", str(MOST_FILES * LARGEST_FILE), None),  # all logs of a session dropped together
         ("127.0.0.1:8000", "POST", None, 411),
         ("127.0.0.1:8000", "POST", "-1", 411),
-        ("127.0.0.1:8000", "POST", str(LARGEST_FILE + 1_000_000), 413),
+        ("127.0.0.1:8000", "POST", str(MOST_FILES * LARGEST_FILE + 2_000_000), 413),
     ],
 )
 def test_strange_requests_are_refused(host: str, method: str, length: str | None, status: int | None) -> None:
@@ -52,6 +58,25 @@ def test_the_page_is_behind_its_token_and_asks_nobody_else(tmp_path: Path) -> No
 def test_the_address_is_told_once_the_server_listens(tmp_path: Path) -> None:
     with served(tmp_path, program=Path(late.__file__)) as studio, httpx.Client(trust_env=False) as client:
         assert client.get(studio.address).status_code == 200  # at the first try
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the browser is a shell script")
+def test_no_program_is_started_with_the_token(tmp_path: Path) -> None:
+    """The browser is a program that notes its arguments."""
+    note, browser = tmp_path / "arguments", tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\nprintf "%s " "$@" > {note}.new && mv {note}.new {note}\n')
+    browser.chmod(0o700)
+    with served(tmp_path, show=True, BROWSER=str(browser)) as studio:
+        for _ in range(200):
+            if note.exists():
+                break
+            time.sleep(0.05)
+        (told,) = note.read_text().split()
+        page = Path(url2pathname(urlparse(told).path))
+        assert studio.address.rstrip("/").rsplit("/", 1)[1] not in told
+        assert studio.address in page.read_text()
+        assert page.stat().st_mode & 0o077 == 0
+    assert not page.exists()
 
 
 def test_a_port_that_is_taken_is_refused() -> None:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import gc
 import shlex
+import warnings
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import pytest
 
 from experiments.studio import commands
+from experiments.studio.saved import open_session, save_session
 from experiments.studio.session import Session, bare_name
-from identification import LogError, read_log
+from identification import LogError, LogWarning, RigMapping, read_log, read_logs, save_mapping, write_log
 from tests.commands import furuta
 
 
@@ -91,6 +95,79 @@ def test_what_was_dropped_goes_with_its_session_also_where_nobody_closes_it(tmp_
     del session
     gc.collect()
     assert not path.parent.exists()
+
+
+def two_logs(folder: Path, log: Path) -> list[Path]:
+    """Two logs of one file name, the second one shorter."""
+    paths = [folder / run / "log.csv" for run in ("run1", "run2")]
+    for path, stop in zip(paths, (6.0, 5.0), strict=True):
+        path.parent.mkdir()
+        write_log(path, read_log(log).slice(stop=stop))
+    return paths
+
+
+def test_logs_of_one_file_name_are_told_apart(tmp_path: Path, spring_log: Path) -> None:
+    paths = two_logs(tmp_path, spring_log)
+    session = Session(tmp_path)
+    for path in paths:
+        session.add(path)
+    assert session.paths == paths
+    assert session.names == [log.source for log in session.logs] == ["run1/log.csv", "run2/log.csv"]
+    assert [round(log.duration) for log in session.logs] == [6, 5]
+    session.add(paths[1])  # read again
+    assert session.paths == paths
+    again = open_session("s.furuta", save_session(session, tmp_path / "s.furuta").read_bytes(), tmp_path)
+    assert again.names == ["run1-log.csv", "run2-log.csv"]
+    assert [round(log.duration) for log in again.logs] == [6, 5]
+    session.remove(paths[0])
+    assert session.paths == paths[1:]
+    assert session.names == [session.logs[0].source] == ["log.csv"]
+    again.close()
+
+
+def test_a_dropped_log_takes_the_place_of_none_of_its_name(tmp_path: Path, spring_log: Path) -> None:
+    paths = two_logs(tmp_path, spring_log)
+    session = Session(tmp_path)
+    session.add(paths[0])
+    session.drop("log.csv", paths[1].read_bytes())
+    assert session.names == ["log.csv", "log-2.csv"]
+    assert [round(log.duration) for log in session.logs] == [6, 5]
+    for path in paths:
+        with pytest.raises(LogError, match=r"log\.csv: this log is open already, as log"):
+            session.drop("log.csv", path.read_bytes())
+    assert session.names == ["log.csv", "log-2.csv"]
+    session.close()
+
+
+def test_a_log_is_read_by_the_rig_file_of_the_working_folder_unless_told(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_mapping(tmp_path / "rig.toml", RigMapping(t="Time", q1="arm", q2="pendulum", u="volts"))
+    session = Session(tmp_path)
+    with pytest.raises(LogError, match="Time"):
+        session.add(spring_log)
+    session.add(spring_log, by_rig_file=False)
+    assert session.given.empty
+    assert session.logs
+
+
+def test_remarks_are_those_of_the_reading_alone(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_beside_a_fit(*arguments: Any, **options: Any) -> Any:
+        fit = Thread(target=lambda: warnings.warn("of a fit in another tab", LogWarning, stacklevel=1))
+        fit.start()
+        fit.join()
+        warnings.warn("of this reading", LogWarning, stacklevel=1)
+        warnings.warn("of a library", UserWarning, stacklevel=1)
+        return read_logs(*arguments, **options)
+
+    monkeypatch.setattr("experiments.studio.session.read_logs", read_beside_a_fit)
+    with pytest.warns(LogWarning, match="of a fit in another tab") as told:  # it goes where it would go otherwise
+        session = opened(tmp_path, spring_log)
+    assert session.remarks == ("of this reading",)
+    assert "of this reading" not in {str(w.message) for w in told}
 
 
 def test_the_commands_shown_are_commands(tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

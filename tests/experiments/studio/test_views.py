@@ -8,6 +8,7 @@ import math
 import time
 import zipfile
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,7 @@ from experiments.studio.views import identify as identify_view
 from experiments.studio.views.closed_loop import Playing, _offered
 from experiments.studio.views.live import Live
 from experiments.studio.views.play import Kind
+from experiments.studio.work import Cancelled
 from furuta_gym.plant import TABLE_3
 from identification import LogError
 from identification.diagnosis.watched import Tried
@@ -63,7 +65,7 @@ def test_a_fit_of_logs_that_changed_meanwhile_is_not_kept(
     frame = Frame(Session(tmp_path))
     frame.session.add(spring_log)
 
-    def fit(logs: Any) -> tuple[str, None, str]:
+    def fit(logs: Any, job: Any) -> tuple[str, None, str]:
         frame.session.turn("u")
         return "of the logs before", None, ""
 
@@ -130,7 +132,7 @@ def test_identify_says_first_whether_the_model_is_adequate(tmp_path: Path, sprin
 def test_a_computation_that_fails_is_a_sentence(
     tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
-    def fail(logs: Any) -> None:
+    def fail(logs: Any, job: Any) -> None:
         raise error
 
     async def scenario(user: Any, frame: Any) -> None:
@@ -250,6 +252,45 @@ def test_diagnose_shows_its_steps_and_what_each_explains_and_keeps_it_when_stopp
         assert "fitting arm_spring, base_tilt, arm_ripple" in page
         assert not frame.doing
         await user.should_see("Go on")
+
+    visit(scenario, tmp_path, [spring_log])
+
+
+@pytest.mark.parametrize("name", ["Identify", "Diagnose"])
+def test_a_closed_tab_ends_its_fit_or_search(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    began, ended = Event(), Event()
+
+    def search(logs: Any, progress: Any, journal: Path, watch: Any) -> None:
+        goes_on(lambda: watch(Tried(TABLE_3, 100.0, False)))
+
+    def fit(logs: Any, pool: Any) -> None:
+        goes_on(lambda: list(pool.map(abs, [1])))
+
+    def goes_on(step: Any) -> None:
+        began.set()
+        until = time.monotonic() + 20.0
+        try:
+            while time.monotonic() < until:
+                step()
+                time.sleep(0.01)
+        except Cancelled:
+            ended.set()
+            raise
+
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.session.accept()
+        monkeypatch.setattr(diagnose_view, "diagnose", search)
+        monkeypatch.setattr(identify_view, "identify", fit)
+        frame.show(name)
+        user.find(marker=f"run-{name.lower()}").click()
+        await until(began.is_set)
+        user.client.delete()
+        user.client = None
+        await until(ended.is_set, 10.0)
+        await until(lambda: not frame.doing)
+        assert not frame.failure
 
     visit(scenario, tmp_path, [spring_log])
 
