@@ -65,8 +65,8 @@ class Saved:
 def save_session(session: Session, path: Path) -> Path:
     """Write a session, whole or not at all. Raises ValueError where its logs are larger than can be opened again."""
     contents: dict[str, bytes] = {}
-    for path, name in zip(session.paths, session.names, strict=True):
-        contents[numbered(bare_name(name.replace("/", "-")), contents)] = path.read_bytes()
+    for log, name in zip(session.paths, session.names, strict=True):
+        contents[numbered(bare_name(name.replace("/", "-")), contents)] = log.read_bytes()
     if sum(map(len, contents.values())) > LARGEST_FILE:
         raise ValueError(f"the logs of this session are larger than {LARGEST_FILE} bytes together; save fewer")
     saved = Saved(

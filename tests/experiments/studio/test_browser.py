@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 from experiments.studio.drive import served, start_what_if
 from experiments.studio.frame import VIEWS
+from experiments.studio.work import LONGEST_END
 from furuta_gym.plant import Plant
 from identification import read_log, write_log
 from tests.experiments.studio import narrow
@@ -242,6 +244,23 @@ def test_export_writes_and_the_session_is_opened_again(
     again = reopened(opened(folder / "session.furuta"))
     view(again, "Export")
     again.get_by_role("button", name="Write plant.json").wait_for()
+
+
+@pytest.mark.parametrize("name", ["Identify", "Diagnose"])
+def test_ctrl_c_ends_the_studio_while_it_fits_or_searches(
+    window: Any, spring_log: Path, tmp_path: Path, name: str
+) -> None:
+    with served(tmp_path) as studio:
+        page = window.new_page()
+        page.goto(studio.address)
+        page.locator("input[type=file]").first.set_input_files(str(spring_log))
+        page.get_by_role("button", name="Use these logs").click()
+        view(page, name)
+        page.get_by_role("button", name=name, exact=True).click()
+        page.locator(".doing").wait_for()
+        studio.process.send_signal(signal.SIGINT)
+        assert studio.process.wait(LONGEST_END + 7.0) == 130
+        page.close()
 
 
 CONTRAST = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 from experiments.studio import commands
 from experiments.studio.saved import open_session, save_session
 from experiments.studio.session import Session, bare_name
-from identification import LogError, LogWarning, RigMapping, read_log, read_logs, save_mapping, write_log
+from identification import LogError, LogWarning, read_log, read_logs, write_log
 from tests.commands import furuta
 
 
@@ -137,19 +137,6 @@ def test_a_dropped_log_takes_the_place_of_none_of_its_name(tmp_path: Path, sprin
             session.drop("log.csv", path.read_bytes())
     assert session.names == ["log.csv", "log-2.csv"]
     session.close()
-
-
-def test_a_log_is_read_by_the_rig_file_of_the_working_folder_unless_told(
-    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    save_mapping(tmp_path / "rig.toml", RigMapping(t="Time", q1="arm", q2="pendulum", u="volts"))
-    session = Session(tmp_path)
-    with pytest.raises(LogError, match="Time"):
-        session.add(spring_log)
-    session.add(spring_log, by_rig_file=False)
-    assert session.given.empty
-    assert session.logs
 
 
 def test_remarks_are_those_of_the_reading_alone(

@@ -20,12 +20,13 @@ from experiments.studio.saved import open_session
 from experiments.studio.session import Session
 from experiments.studio.views import diagnose as diagnose_view
 from experiments.studio.views import identify as identify_view
+from experiments.studio.views import log as log_view
 from experiments.studio.views.closed_loop import Playing, _offered
 from experiments.studio.views.live import Live
 from experiments.studio.views.play import Kind
 from experiments.studio.work import Cancelled
 from furuta_gym.plant import TABLE_3
-from identification import LogError
+from identification import LogError, RigMapping, save_mapping
 from identification.diagnosis.watched import Tried
 from tests.studio import texts, until, visit
 
@@ -97,6 +98,27 @@ def test_log_a_dropped_file_that_is_none_is_a_sentence_and_the_page_lives(tmp_pa
         assert not frame.failure
 
     visit(scenario, tmp_path)
+
+
+def test_log_the_demo_is_not_read_by_the_rig_file_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_mapping(tmp_path / "rig.toml", RigMapping(t="Time", q1="arm", q2="pendulum", u="volts", unit_q1="deg"))
+
+    async def scenario(user: Any, frame: Any) -> None:
+        user.find("Open the demo's log").click()
+        await until(lambda: frame.session.logs, 20.0)
+        assert frame.session.given.empty
+
+    visit(scenario, tmp_path)
+
+
+def test_log_what_is_wrong_with_one_of_several_files_is_said(tmp_path: Path, spring_log: Path) -> None:
+    wrong = tmp_path / "wrong.csv"
+    wrong.write_bytes(b"")
+    frame = Frame(Session(tmp_path))
+    asyncio.run(log_view.add(frame, [wrong, spring_log]))
+    assert "wrong.csv" in frame.failure
+    assert frame.session.paths == [spring_log]
 
 
 def test_tabs_do_not_disturb_each_other(tmp_path: Path, spring_log: Path) -> None:
