@@ -262,6 +262,9 @@ def _name(frame: Frame, name: str) -> None:
 
 
 async def _dropped(frame: Frame, event: events.UploadEventArguments) -> None:
+    if event.file.size() > LARGEST_FILE:  # before it is taken into memory
+        _failed(frame, f"{event.file.name}: {event.file.size()} bytes. Expected at most {LARGEST_FILE}.")
+        return
     try:
         frame.session.take_policy(event.file.name, await event.file.read())
     except ValueError as error:

@@ -28,7 +28,7 @@ def show(frame: Frame) -> None:
     session = frame.session
     with ui.row().classes("wrap-row"):
         label = f"Drop logs of one rig here ({', '.join(sorted(READERS))}), or a saved session ({ENDING})"
-        refused = f"A file was refused. Expected at most {MOST_FILES} files of {LARGEST_FILE // 1_000_000} MB."
+        refused = f"A file was refused. Expected at most {MOST_FILES} files of {LARGEST_FILE // 1_000_000} MB each."
         drop_place(frame, label, _dropped, refused, MOST_FILES)
         if not session.paths:
             ui.button("Open the demo's log", on_click=lambda: _demo(frame)).props("outline")
