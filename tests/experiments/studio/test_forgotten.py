@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import time
 import weakref
 from pathlib import Path
+from threading import Event
 from typing import Any
 
+import pytest
+
 from experiments.studio.frame import VIEWS, Frame
-from tests.studio import until
+from experiments.studio.views import diagnose as diagnose_view
+from experiments.studio.views import identify as identify_view
+from experiments.studio.work import Cancelled
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.watched import Tried
+from tests.studio import until, visit
 
 
 def test_a_closed_tab_leaves_no_logs_behind(tmp_path: Path, session_file: Path) -> None:
@@ -41,3 +50,42 @@ def test_a_closed_tab_leaves_no_logs_behind(tmp_path: Path, session_file: Path) 
             await until(forgotten, 10.0)
 
     asyncio.run(walk())
+
+
+@pytest.mark.parametrize("name", ["Identify", "Diagnose"])
+def test_a_closed_tab_ends_its_fit_or_search(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    began, ended = Event(), Event()
+
+    def search(logs: Any, progress: Any, journal: Path, watch: Any) -> None:
+        goes_on(lambda: watch(Tried(TABLE_3, 100.0, False)))
+
+    def fit(logs: Any, pool: Any) -> None:
+        goes_on(lambda: list(pool.map(abs, [1])))
+
+    def goes_on(step: Any) -> None:
+        began.set()
+        until = time.monotonic() + 20.0
+        try:
+            while time.monotonic() < until:
+                step()
+                time.sleep(0.01)
+        except Cancelled:
+            ended.set()
+            raise
+
+    async def scenario(user: Any, frame: Any) -> None:
+        frame.session.accept()
+        monkeypatch.setattr(diagnose_view, "diagnose", search)
+        monkeypatch.setattr(identify_view, "identify", fit)
+        frame.show(name)
+        user.find(marker=f"run-{name.lower()}").click()
+        await until(began.is_set)
+        user.client.delete()
+        user.client = None
+        await until(ended.is_set, 10.0)
+        await until(lambda: not frame.doing)
+        assert not frame.failure
+
+    visit(scenario, tmp_path, [spring_log])

@@ -8,7 +8,6 @@ import math
 import time
 import zipfile
 from pathlib import Path
-from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,7 +23,6 @@ from experiments.studio.views import log as log_view
 from experiments.studio.views.closed_loop import Playing, _offered
 from experiments.studio.views.live import Live
 from experiments.studio.views.play import Kind
-from experiments.studio.work import Cancelled
 from furuta_gym.plant import TABLE_3
 from identification import LogError, RigMapping, save_mapping
 from identification.diagnosis.watched import Tried
@@ -274,45 +272,6 @@ def test_diagnose_shows_its_steps_and_what_each_explains_and_keeps_it_when_stopp
         assert "fitting arm_spring, base_tilt, arm_ripple" in page
         assert not frame.doing
         await user.should_see("Go on")
-
-    visit(scenario, tmp_path, [spring_log])
-
-
-@pytest.mark.parametrize("name", ["Identify", "Diagnose"])
-def test_a_closed_tab_ends_its_fit_or_search(
-    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    began, ended = Event(), Event()
-
-    def search(logs: Any, progress: Any, journal: Path, watch: Any) -> None:
-        goes_on(lambda: watch(Tried(TABLE_3, 100.0, False)))
-
-    def fit(logs: Any, pool: Any) -> None:
-        goes_on(lambda: list(pool.map(abs, [1])))
-
-    def goes_on(step: Any) -> None:
-        began.set()
-        until = time.monotonic() + 20.0
-        try:
-            while time.monotonic() < until:
-                step()
-                time.sleep(0.01)
-        except Cancelled:
-            ended.set()
-            raise
-
-    async def scenario(user: Any, frame: Any) -> None:
-        frame.session.accept()
-        monkeypatch.setattr(diagnose_view, "diagnose", search)
-        monkeypatch.setattr(identify_view, "identify", fit)
-        frame.show(name)
-        user.find(marker=f"run-{name.lower()}").click()
-        await until(began.is_set)
-        user.client.delete()
-        user.client = None
-        await until(ended.is_set, 10.0)
-        await until(lambda: not frame.doing)
-        assert not frame.failure
 
     visit(scenario, tmp_path, [spring_log])
 
