@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, EffectType, Parameter, Plant
 from identification import Log, PredictionWindow, identify
 from identification.estimation.zeros import moved
 from identification.kalman.coordinates import Zeros
-
-from .work import Job
 
 
 @dataclass(frozen=True)
@@ -98,11 +97,11 @@ def prepare(plant: Plant, logs: Sequence[Log], zeros: Zeros, which: int, at: flo
     return Start(window, window.predict(plant, settle=True).log_likelihood)
 
 
-def fitted(logs: Sequence[Log], choice: Choice, job: Job) -> Plant:
-    """θ and the effects that act, estimated together from all logs, starting where the sliders stand. Raises
-    Cancelled."""
+def fitted(logs: Sequence[Log], choice: Choice, pool: Executor | None = None) -> Plant:
+    """θ and the effects that act, estimated together from all logs, starting where the sliders stand. pool: as for
+    `identify`."""
     start = choice.plant()
-    return identify(logs, start.replace(effects=()), effects=start.effects, pool=job.pool).plant
+    return identify(logs, start.replace(effects=()), effects=start.effects, pool=pool).plant
 
 
 def moved_by_hand(kind: EffectType, values: Mapping[str, float]) -> list[Parameter]:

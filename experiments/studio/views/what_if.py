@@ -117,7 +117,7 @@ async def _fit(frame: Frame) -> None:
     assert live.choice is not None
     job = Job()
     plant: Plant | None = await frame.run(
-        "Fitting θ and these effects to all logs", fitted, frame.session.logs, live.choice, job, job=job
+        "Fitting θ and these effects to all logs", fitted, frame.session.logs, live.choice, job.pool, job=job
     )
     if plant is not None:
         live.choice.take(plant)
