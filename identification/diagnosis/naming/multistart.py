@@ -21,7 +21,8 @@ from ...estimation.pool import mapped, shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
-from .fits import Effort, Fit, Fitter, without
+from .fits import Effort, Fit, Fitter, added, without
+from .related import angles_of, nearest, related
 from .suspects import alike
 
 
@@ -153,13 +154,17 @@ def from_best(
     best: str, rivals: Mapping[str, Effect], fits: Mapping[str, Fit], current: Fit, setting: Setting
 ) -> dict[str, Fit]:
     """Fits, better where rivals started from the best one's θ, which is near the truth if its name is nearly right:
-    there the others soon find their own optimum. One of them may be the best then. rivals: where each starts."""
+    there the others soon find their own optimum. One of them may be the best then. rivals: where each starts; those
+    whose law is related to the best one's start from what does nearly the same, too."""
     noise = between(fits[best], current)
     plant = without(fits[best], current)
     zeros = fits[best].zeros
     duration = max(record.duration for record in current.records)
     starts = []
     for name, effect in rivals.items():
+        if related(best, name):
+            near = nearest(added(fits[best], current), effect, angles_of(current.records, zeros))
+            starts.append(Start((name,), plant.with_effects(near), fits[best].noise, zeros))
         tried = [
             effect,
             *(at_grid_points(effect, plant, (), duration) if _degenerate(name, fits, setting.policy) else ()),

@@ -1,0 +1,66 @@
+"""Where an effect starts whose law is nearly that of one that has been fitted: a spring is a cable that does not
+stiffen. A descent from other parameters may end far from there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from furuta_gym.plant import EFFECTS, Effect, EffectType
+
+from ...kalman.coordinates import Zeros
+from ...kalman.record import Record
+
+_ANGLES = 60  # at which two laws are compared
+Array = NDArray[np.float64]
+
+
+def related(one: str, other: str) -> bool:
+    """Whether the law of one effect includes that of the other, or both include a third, as functions of the arm's
+    angle alone."""
+    laws = [{name, *EFFECTS[name].includes} for name in (one, other)]
+    return one != other and bool(laws[0] & laws[1]) and all(_of_angle(EFFECTS[name]) for name in (one, other))
+
+
+def nearest(effect: Effect, start: Effect, angles: Array) -> Effect:
+    """The effect of the name of `start`, a related one, whose torque is nearest to that of `effect` at some angles
+    (N,) [rad] of the arm. start: parameters from which it is looked for, besides those that both laws share."""
+    kind = start.type
+    if (same := kind.includes.get(effect.name)) is not None:
+        values = same(effect.parameters, kind.neutral())
+        if all(p.lower <= values[p.name] <= p.upper for p in kind.parameters):
+            return Effect(start.name, values)
+    wanted = _torque(effect.type, effect.parameters, angles)
+    scale = max(float(np.std(wanted)), 1e-300)
+    names = [p.name for p in kind.parameters]
+    bounds = [p.lower for p in kind.parameters], [p.upper for p in kind.parameters]
+
+    def short(values: Array) -> Array:
+        return (_torque(kind, dict(zip(names, values, strict=True)), angles) - wanted) / scale
+
+    shared = {n: v for n, v in effect.parameters.items() if n in names}
+    tried = [
+        least_squares(short, np.clip([from_[n] for n in names], *bounds), bounds=bounds, x_scale="jac")
+        for from_ in (dict(start.parameters), dict(start.parameters) | shared)
+    ]
+    best = min(tried, key=lambda found: found.cost)
+    return Effect(start.name, dict(zip(names, map(float, best.x), strict=True)))
+
+
+def angles_of(records: Sequence[Record], zeros: Zeros) -> Array:
+    """Angles (N,) [rad] of the arm in some records, from the least to the largest, as often as it is there."""
+    read = [record.y[:, 0] - zeros.get(record.log, (0.0, 0.0))[0] for record in records]
+    return np.quantile(np.concatenate(read), np.linspace(0.0, 1.0, _ANGLES))
+
+
+def _of_angle(kind: EffectType) -> bool:
+    own = {p.name for p in kind.parameters}
+    return list(kind.kernels) == ["torque"] and set(kind.arguments["torque"]) - own == {"q1"}
+
+
+def _torque(kind: EffectType, values: Mapping[str, float], angles: Array) -> Array:
+    kernel, arguments = kind.kernels["torque"], kind.arguments["torque"]
+    return np.array([kernel(*(q1 if name == "q1" else values[name] for name in arguments))[0] for q1 in angles])

@@ -1,0 +1,93 @@
+"""Where effects start whose laws include one another: a spring, a cable that stiffens, a cable that comes taut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
+from identification.diagnosis.naming.multistart import from_best
+from identification.diagnosis.naming.related import angles_of, nearest, related
+from tests.identification.diagnosis.fits import RECORD, a_fit, search
+
+ANGLES = np.linspace(-0.7, 0.4, 50)
+stiffnesses, places = st.floats(0.01, 5.0), st.floats(-2.0, 2.0)
+
+
+def torques(effect: Effect) -> np.ndarray:
+    p, kernel = effect.parameters, EFFECTS[effect.name].kernels["torque"]
+    return np.array([kernel(q1, **p)[0] for q1 in ANGLES])
+
+
+def spring(k: float = 0.3, q1n: float = 0.1) -> Effect:
+    return Effect("arm_spring", {"k": k, "q1n": q1n})
+
+
+def cable(k: float, q1n: float, k3: float, q1s: float) -> Effect:
+    return Effect("arm_cable", {"k": k, "q1n": q1n, "k3": k3, "q1s": q1s})
+
+
+def test_who_is_related() -> None:
+    of_angle = ("arm_spring", "arm_cable", "arm_taut_cable")
+    assert all(related(one, other) for one in of_angle for other in of_angle if one != other)
+    assert not related("arm_spring", "arm_spring")
+    assert not any(related(name, other) for name in EFFECTS if name not in of_angle for other in EFFECTS)
+
+
+@given(k=stiffnesses, q1n=places)
+@pytest.mark.parametrize("name", ["arm_cable", "arm_taut_cable"])
+def test_a_cable_that_is_a_spring_is_found_exactly(name: str, k: float, q1n: float) -> None:
+    own = spring(k, q1n)
+    found = nearest(own, TABLE_3.default_effect(name), ANGLES)
+    assert torques(found) == pytest.approx(torques(own), rel=1e-9, abs=1e-9)
+
+
+@given(k=stiffnesses, q1n=places, k3=st.floats(0.0, 1.0), q1s=places)
+def test_the_spring_nearest_to_a_cable_is_the_line_through_its_torque(
+    k: float, q1n: float, k3: float, q1s: float
+) -> None:
+    own = cable(k, q1n, k3, q1s)
+    slope, level = np.polyfit(ANGLES, torques(own), 1)
+    found = nearest(own, spring(), ANGLES)
+    line = slope * ANGLES + level
+    if abs(level / slope) > 20.0:  # no spring has its rest so far away
+        return
+    assert torques(found) == pytest.approx(line, abs=1e-3 * np.std(line))
+
+
+def test_a_cable_of_another_kind_is_nearer_than_any_spring() -> None:
+    taut = Effect("arm_taut_cable", {"k1": 0.1, "k2": 0.9, "q1n": -0.3, "qt": 0.0})
+    for own, start in ((taut, TABLE_3.default_effect("arm_cable")), (cable(0.1, -0.3, 0.9, -0.6), taut)):
+        off = [float(np.sum((torques(nearest(own, other, ANGLES)) - torques(own)) ** 2)) for other in (start, spring())]
+        assert off[0] < 0.3 * off[1]
+
+
+def test_angles_are_counted_from_the_zero_of_their_log() -> None:
+    plain, moved = (angles_of((RECORD, RECORD), {0: (zero, 0.0)}) for zero in (0.0, 0.2))
+    assert moved == pytest.approx(plain - 0.2)
+    assert plain[0] == pytest.approx(RECORD.y[:, 0].min())
+    assert plain[-1] == pytest.approx(RECORD.y[:, 0].max())
+
+
+@pytest.mark.parametrize(("best", "lost"), [("arm_cable", "arm_spring"), ("arm_spring", "arm_cable")])
+def test_a_special_case_and_what_includes_it_find_each_other(best: str, lost: str) -> None:
+    """A fit that ended far from where a related one is goes on from there: no spring is worse than a cable that does
+    not stiffen, and no cable than a spring."""
+    truth = torques(spring())
+
+    def stays(plant: Plant, *_: Any, **__: Any) -> Any:
+        """A fit from which no descent leads away."""
+        (effect,) = plant.effects
+        return a_fit(effect, value=400.0 * float(np.mean((torques(effect) - truth) ** 2) > 1e-4))
+
+    setting = replace(search({"": 1000.0}), fitter=stays)
+    at = {"arm_spring": spring(), "arm_cable": cable(0.3, 0.1, 0.0, -0.5)}
+    far = {"arm_spring": spring(2.0, 1.5), "arm_cable": cable(2.0, 1.5, 0.3, -3.0)}
+    fits = {best: a_fit(at[best], value=0.0), lost: a_fit(far[lost], value=400.0)}
+    found = from_best(best, {lost: far[lost]}, fits, a_fit(value=1000.0), setting)
+    assert found[lost].value < 1.0
