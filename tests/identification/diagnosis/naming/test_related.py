@@ -57,7 +57,7 @@ def test_the_spring_nearest_to_a_cable_is_the_line_through_its_torque(
     line = slope * ANGLES + level
     if abs(level / slope) > 20.0:  # no spring has its rest so far away
         return
-    assert torques(found) == pytest.approx(line, abs=1e-3 * np.std(line))
+    assert torques(found) == pytest.approx(line, abs=1e-3 * float(np.std(line)))
 
 
 def test_a_cable_of_another_kind_is_nearer_than_any_spring() -> None:
