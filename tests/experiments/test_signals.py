@@ -133,7 +133,7 @@ def test_a_stopped_diagnosis_keeps_its_search_and_no_result(tmp_path: Path, monk
     assert sorted(tmp_path.iterdir()) == sorted([*before, journal])
     assert furuta("diagnose", tmp_path / "log.csv", "-o", tmp_path / "found").exit_code == 2
     assert seen == [False, False, True]
-    assert sorted(tmp_path.iterdir()) == before
+    assert sorted(tmp_path.iterdir()) == sorted([*before, journal]), "a refused command leaves what was kept"
 
 
 @pytest.mark.thorough

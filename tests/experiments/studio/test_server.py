@@ -39,7 +39,7 @@ def test_strange_requests_are_refused(host: str, method: str, length: str | None
 
 
 def test_the_page_is_behind_its_token_and_asks_nobody_else(tmp_path: Path) -> None:
-    with serving(tmp_path) as address, httpx.Client(trust_env=False) as client:
+    with serving(tmp_path) as address, httpx.Client(trust_env=False, timeout=30.0) as client:
         base, token = address.split("/", 3)[:3], address.rstrip("/").rsplit("/", 1)[1]
         root = "/".join(base)
         assert len(token) > 30
@@ -56,7 +56,7 @@ def test_the_page_is_behind_its_token_and_asks_nobody_else(tmp_path: Path) -> No
 
 
 def test_the_address_is_told_once_the_server_listens(tmp_path: Path) -> None:
-    with served(tmp_path, program=Path(late.__file__)) as studio, httpx.Client(trust_env=False) as client:
+    with served(tmp_path, program=Path(late.__file__)) as studio, httpx.Client(trust_env=False, timeout=30.0) as client:
         assert client.get(studio.address).status_code == 200  # at the first try
 
 
