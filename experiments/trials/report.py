@@ -116,7 +116,10 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [row for row in rows if row[1] != "–"]
 
 
-_INTERVALS = "In brackets: exact 95 % intervals (Clopper–Pearson)."
+_INTERVALS = (
+    "In brackets: exact 95 % intervals (Clopper–Pearson). Where a rig gives several answers, they are those of Korn and "
+    "Graubard, which allow for these being alike."
+)
 _LIMITS_HEAD = (
     "effect",
     f"right within two, error-to-noise ratio {USUAL[0]:g} to {USUAL[1]:g}",
