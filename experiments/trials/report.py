@@ -117,8 +117,8 @@ def headline(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 _INTERVALS = (
-    "In brackets: exact 95 % intervals (Clopper–Pearson). Where a rig gives several answers, they are those of Korn and "
-    "Graubard, which allow for these being alike."
+    "In brackets: exact 95 % intervals (Clopper–Pearson). Where a rig gives several answers, they are those of Korn "
+    "and Graubard, which allow for these being alike."
 )
 _LIMITS_HEAD = (
     "effect",
