@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.optimise import minimise
+from identification.estimation.pool import shared_pool
 from identification.estimation.prediction_error import PredictionError, quietest
 from identification.kalman.coordinates import noise_coordinates, plant_coordinates
 from identification.kalman.likelihood import whiten
@@ -36,6 +38,27 @@ def fitted(log: Log) -> Estimate:
 
 def problem(log: Log, plant: Plant = TABLE_3) -> PredictionError:
     return PredictionError(plant, [Record.from_log(log)], plant_coordinates(plant) + noise_coordinates(), NOISE)
+
+
+def test_a_bank_is_dealt_to_two_threads_only_where_another_one_is_free(log: Log) -> None:
+    """In a thread of the pool both halves would run one after the other, each with a leader of its own."""
+    pool, banks = shared_pool(), []
+
+    class Counted(PredictionError):
+        def _filter(self, *arguments: Any) -> Any:
+            banks.append(len(arguments[1]))
+            return super()._filter(*arguments)
+
+    p = problem(log.slice(0.0, 1.0))
+    counted = Counted(TABLE_3, p.records, p.coordinates, NOISE, pool=pool)
+    here = counted.expand(counted.start())
+    assert len(banks) == 2
+    assert sum(banks) == len(p.coordinates) + 2
+    banks.clear()
+    there = pool.submit(counted.expand, counted.start()).result()
+    assert banks == [len(p.coordinates) + 1]
+    assert there.value == here.value
+    assert there.gradient == pytest.approx(here.gradient, rel=0, abs=0)
 
 
 def test_gradient_is_the_slope_of_the_objective(log: Log) -> None:

@@ -158,6 +158,16 @@ def test_held_out_data_choose_among_look_alikes(
     assert found.taken_back == ()
 
 
+def test_held_out_data_are_not_asked_where_nothing_else_may_be_named() -> None:
+    class Asked(Told):
+        def off(self, fitted: Any) -> bool:
+            pytest.fail("predictions cost seconds")
+
+    by = search({"": 0.0, **THREE}, "input_delay", "base_tilt", "pendulum_stribeck")
+    found = name_effects(a_fit(), by)
+    assert preferred(found, by, Asked()) is found
+
+
 def test_what_describes_the_law_of_a_name_describes_that_of_its_look_alike() -> None:
     """Else it became an effect of its own, and a false name."""
     names = ("input_delay", "arm_taut_cable", "arm_spring")
