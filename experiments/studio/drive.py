@@ -45,7 +45,16 @@ def served(
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     environment |= {"PYTHONPATH": str(root), **variables}
     with open(errors or os.devnull, "wb") as told:
-        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=told, text=True)
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=told,
+            text=True,
+            # a shell lets what it runs in the background ignore SIGINT, and that is inherited
+            preexec_fn=None if os.name == "nt" else lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
     assert process.stdout is not None
     try:
         address = process.stdout.readline().strip()

@@ -77,7 +77,7 @@ def end_soon() -> None:
 
     def end() -> None:
         time.sleep(LONGEST_END)
-        os._exit(0)  # Ctrl-C is how a studio ends
+        os._exit(130)  # as after Ctrl-C
 
     Thread(target=end, daemon=True).start()
 
