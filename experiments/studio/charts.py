@@ -44,7 +44,7 @@ def panes(
 ) -> dict[str, Any]:
     """Panes one above the other with one time axis; titles: of their vertical axes."""
     n = len(titles)
-    top, bottom, between = 11.0, 14.0 if zoom else 10.0, 5.0
+    top, bottom, between = 11.0, 17.0 if zoom else 10.0, 5.0
     height = (100.0 - top - bottom - between * (n - 1)) / n
     grids = [
         {"left": 64, "right": 16, "top": f"{top + i * (height + between):.4g}%", "height": f"{height:.4g}%"}

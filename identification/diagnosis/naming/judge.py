@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, periods, price, slight
+from .suspects import RIPPLE, Ranking, Suspect, alike, of_the_angle, part_of_a_period, periods, price, slight
 
 
 class Rest(Protocol):
@@ -143,11 +143,10 @@ class Judge:
         angle. Beside a ripple of a whole period and more, a spring or cable is an effect: no periodic law pulls as they
         do."""
         *others, (newest, *_) = together
-        angle = [other.name for other, *_ in others if own_variables(other.name) == own_variables(RIPPLE)]
-        if newest.name == RIPPLE and periods(newest.fit) < self.policy.whole_period and angle:
+        angle = [other.name for other, *_ in others if of_the_angle(other.name)]
+        if part_of_a_period(newest, self.policy) and angle:
             return angle[0]
-        of_angle = own_variables(newest.name) == own_variables(RIPPLE)
-        periodic = of_angle and RIPPLE in angle and periods(before) >= self.policy.whole_period
+        periodic = of_the_angle(newest.name) and RIPPLE in angle and periods(before) >= self.policy.whole_period
         laws = {
             other.name: self.rest.another_law(before, other.name)
             for other, *_ in others

@@ -1,11 +1,13 @@
 """Score tests: how much every effect of the library would gain, before any of them is fitted.
 
 The score is the projected Lagrange-multiplier test (Benveniste, Basseville & Moustakides 1987): how much of the
-whitened innovations an effect's first-order answer explains once the answers of all free parameters are taken out.
+whitened innovations an effect's first-order answer explains once the answers of all free parameters are taken out, of
+the encoders' zeros too.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,7 +19,7 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...discrepancy.correction import HIGHEST_FREQUENCY
 from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
-from ...kalman.coordinates import Coordinate
+from ...kalman.coordinates import Coordinate, tells_the_zero
 from ...kalman.likelihood import whiten
 from ...kalman.noise_model import Noise
 from ...kalman.record import Record
@@ -113,6 +115,54 @@ def _best_weights(gram, right):
     return 0.5 * float(weights @ right), weights
 
 
+@dataclass(frozen=True)
+class _Free:
+    """What the free numbers of a fit do to one record: orthonormal bases (2 N + zeros, n) of their whitened answers,
+    w0 the whitened innovations, S (N, 3) their covariances. The last `zeros` rows are those of the zeros' priors."""
+
+    w0: NDArray[np.float64]
+    S: NDArray[np.float64]
+    basis: NDArray[np.float64]
+    without_zeros: NDArray[np.float64]
+    zeros: int
+
+    @classmethod
+    def on(cls, nominal: Fit, noise: Noise, record: Record) -> _Free:
+        """record: with its zeros taken off. Raises ValueError where the filter diverges."""
+        own = [
+            (c, zi)
+            for c, zi in zip(nominal.coordinates, nominal.optimum.z, strict=True)
+            if c.of_plant or (c.zero_of == record.log and _within(c, zi))
+        ]
+        coordinates, z = [c for c, _ in own], np.array([zi if c.of_plant else 0.0 for c, zi in own])
+        base = PredictionError(nominal.plant, [record], coordinates, noise)
+        steps = np.array([c.step for c in coordinates])
+        bank = np.repeat(z[None], len(z) + 1, axis=0)
+        bank[np.arange(1, len(z) + 1), np.arange(len(z))] += steps
+        result = base.run(record, bank, 1)
+        if result is None:
+            raise ValueError("the filter diverges at the fitted model; the fit has not converged")
+        e, S, _ = result
+        S = S[:, :, 0]
+        answers = whiten((e[:, :, 1:] - e[:, :, :1]) / steps, S).reshape(2 * len(S), -1)
+        of_zeros = [i for i, c in enumerate(coordinates) if not c.of_plant]
+        rows, known = np.zeros((len(of_zeros), len(z))), np.zeros(len(of_zeros))
+        for row, i in enumerate(of_zeros):
+            c, zi = own[i]
+            mean, std = c.prior or (0.0, math.inf)
+            rows[row, i], known[row] = c.scale / std, (c.to_value(zi) - mean) / std
+        answers = np.concatenate([answers, rows])
+        w0 = np.concatenate([whiten(e[:, :, 0], S).ravel(), known])
+        of_plant = np.delete(answers, of_zeros, axis=1)
+        return cls(w0, S, np.linalg.qr(answers)[0], np.linalg.qr(of_plant)[0], len(of_zeros))
+
+
+def _within(c: Coordinate, z: float) -> bool:
+    """Whether a zero is free to move: one that a fit has left at its limit is not."""
+    low, high = c.z_bounds
+    return low < z < high
+
+
 @dataclass
 class _Answers:
     gram: list
@@ -122,20 +172,8 @@ class _Answers:
 
 def _answers(nominal: Fit, noise: Noise, record: Record, trial: Sequence[Cell]) -> _Answers:
     """For each cell: projected Gram matrix, unprojected square, and inner product with the innovations."""
-    coordinates = [c for c in nominal.coordinates if c.of_plant]
-    z = np.array([zi for c, zi in zip(nominal.coordinates, nominal.optimum.z, strict=True) if c.of_plant])
-    base = PredictionError(nominal.plant, [record], coordinates, noise)
-    steps = np.array([c.step for c in coordinates])
-    bank = np.repeat(z[None], len(z) + 1, axis=0)
-    bank[np.arange(1, len(z) + 1), np.arange(len(z))] += steps
-    result = base.run(record, bank, 1)
-    if result is None:
-        raise ValueError("the filter diverges at the fitted model; the fit has not converged")
-    e, S, _ = result
-    w0 = whiten(e[:, :, 0], S[:, :, 0]).ravel()
-    nuisance = whiten((e[:, :, 1:] - e[:, :, :1]) / steps, S[:, :, 0]).reshape(len(w0), -1)
-    Q = np.linalg.qr(nuisance)[0]
-    w0 = w0 - Q @ (Q.T @ w0)
+    free = _Free.on(nominal, noise, record)
+    S, zeros, first = free.S, free.zeros, min(r.log for r in nominal.records)
     found = _Answers([], [], [])
     groups = _grouped(trial)
     for group, de in zip(
@@ -148,7 +186,11 @@ def _answers(nominal: Fit, noise: Noise, record: Record, trial: Sequence[Cell]) 
                 found.raw.append(0.0)
                 found.right.append(np.zeros(k))
             continue
-        raw = whiten(de, S[:, :, 0]).reshape(len(w0), -1)
+        told = record.log == first and tells_the_zero(nominal.plant.with_effects(Effect(group[0].effect)))
+        Q = free.without_zeros if told else free.basis
+        w0 = free.w0 - Q @ (Q.T @ free.w0)
+        raw = whiten(de, S).reshape(2 * len(S), -1)
+        raw = np.concatenate([raw, np.zeros((zeros, raw.shape[1]))])
         left = raw - Q @ (Q.T @ raw)
         at = 0
         for cell in group:

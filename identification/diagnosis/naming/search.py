@@ -23,7 +23,7 @@ from .dropped import Rest, dropped
 from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, multi_start, rivals_of
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, alike, price, shortlist, slight
+from .suspects import Ranking, Suspect, alike, plainer, price, shortlist, slight
 
 Scorer = Callable[..., dict[str, Score]]
 
@@ -151,12 +151,14 @@ class Search:
                 self._compare(chase)
                 chase.current = self._finish(chase)
             current = chase.current
-        suspects = []
-        for name, fitted in chase.fits.items():
-            gain = current.value - fitted.value
-            score = table[name].gain if name in table else 0.0
-            suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
-        return current, tuple(sorted(suspects, key=lambda s: -s.net))
+        ranking = _ranking(chase, current)
+        if (plain := plainer(ranking, self.policy)) is not None:
+            self.progress(f"fitting {plain.name} in place of a part of a ripple")
+            chase.fits[plain.name] = self.fitted(plain.fit.plant, plain.fit, effort)
+            by_name = {s.name: s for s in _ranking(chase, current)}
+            first = by_name.pop(plain.name)
+            ranking = (first, *by_name.values())
+        return current, ranking
 
     def _started(self, current: Fit, suggested: dict[str, Effect], held: Fit | None, thorough: bool) -> dict[str, Fit]:
         """A coarse fit of every suspect from what its score suggests, and from other sizes where all went astray."""
@@ -285,6 +287,16 @@ class Search:
             found[-1] = (last, *found[-1][1:])
         found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
         return found
+
+
+def _ranking(chase: _Chase, current: Fit) -> Ranking:
+    """The fits as suspects, the best first."""
+    suspects = []
+    for name, fitted in chase.fits.items():
+        gain = current.value - fitted.value
+        score = chase.table[name].gain if name in chase.table else 0.0
+        suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
+    return tuple(sorted(suspects, key=lambda s: -s.net))
 
 
 def _contesting(ranking: Ranking, reduced: Fit, policy: DecisionPolicy) -> list[Suspect]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from furuta_gym.plant import EFFECTS
 
+from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit
 from .scores import Score
@@ -57,6 +58,27 @@ def periods(fitted: Fit) -> float:
     ripple = fitted.plant.effect(RIPPLE)
     assert ripple is not None
     return ripple.parameters["n"] * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
+
+
+def of_the_angle(name: str) -> bool:
+    """Whether an effect's law is a torque on the arm that goes with its angle alone."""
+    return own_variables(name) == own_variables(RIPPLE)
+
+
+def part_of_a_period(suspect: Suspect, policy: DecisionPolicy) -> bool:
+    """Whether a suspect is a ripple of which the arm passes less than a whole period. It follows nearly any law of the
+    angle, and no data show that it repeats."""
+    return suspect.name == RIPPLE and periods(suspect.fit) < policy.whole_period
+
+
+def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
+    """The spring or cable that explains nearly as much as a ripple at the head of a ranking, of which the arm passes
+    less than a whole period; None without one."""
+    first, *others = ranking
+    if not part_of_a_period(first, policy):
+        return None
+    near = (s for s in others if of_the_angle(s.name) and s.gain > policy.nearly * first.gain)
+    return next(near, None)
 
 
 def shortlist(table: dict[str, Score], samples: int, least: float, policy: DecisionPolicy) -> list[str]:

@@ -7,13 +7,12 @@ from dataclasses import replace
 from functools import partial
 
 from ...estimation.pool import mapped, shared_pool
-from ..locate.laws import own_variables
 from .fits import Fit
 from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import RIPPLE, Suspect, alike, periods, price
+from .suspects import Suspect, alike, of_the_angle, part_of_a_period, price
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -107,8 +106,7 @@ def _alternatives(naming: Naming, i: int, search: Search) -> list[Suspect]:
         s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain
     ]
     found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
-    of_angle = own_variables(own.name) == own_variables(RIPPLE)
-    return [s for s in found if not (of_angle and s.name == RIPPLE and periods(s.fit) < search.policy.whole_period)]
+    return [s for s in found if not (of_the_angle(own.name) and part_of_a_period(s, search.policy))]
 
 
 def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:

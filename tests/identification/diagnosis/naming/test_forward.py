@@ -15,7 +15,7 @@ from identification.diagnosis.naming.probes import cells
 from identification.diagnosis.naming.scores import _best_start, scores
 from identification.diagnosis.naming.search import Search
 from identification.kalman.record import Record
-from tests.factories import noisy_log
+from tests.factories import loop_log, noisy_log
 from tests.oracles import reference
 
 SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_stribeck", "pendulum_quadratic_drag")
@@ -122,6 +122,26 @@ def test_scores_rank_the_hidden_effect_first() -> None:
     nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, hidden, duration=6.0))], anchor=TABLE_3)
     table = scores(nominal, SUSPECTS)
     assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
+
+
+def test_scores_know_that_the_zero_of_the_pendulum_is_free() -> None:
+    """A zero of a count takes most of a small asymmetry in; what it leaves shows the size."""
+    log, rig = loop_log("pendulum_coulomb_asymmetry", 0.2, duration=6.0)
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    score = scores(nominal, ["pendulum_coulomb_asymmetry"])["pendulum_coulomb_asymmetry"]
+    (hidden,) = rig.effects
+    assert score.start is not None
+    assert score.start.parameters["a"] == pytest.approx(hidden.parameters["a"], rel=0.5)
+    assert score.absorbed > 0.9
+
+
+def test_scores_of_a_zero_that_cannot_move_are_those_of_the_plant() -> None:
+    """A pendulum that hangs off by more than a fit's zero may be: the rest is no zero's, and an offset is suspected."""
+    log, _ = loop_log("pendulum_encoder_offset", duration=6.0)
+    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    table = scores(nominal, ["pendulum_encoder_offset", "pendulum_coulomb_asymmetry", "base_tilt"])
+    assert min(s.gain for s in table.values()) > 40.0
+    assert max(s.absorbed for s in table.values()) < 0.4
 
 
 def _pull(start: Effect, q1: np.ndarray) -> np.ndarray:

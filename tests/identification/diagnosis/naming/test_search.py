@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
+from identification.diagnosis.naming.forward import name_effects
+from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Bowls, Scores, a_fit, ranked, search
@@ -38,6 +40,35 @@ def test_a_suspect_that_is_stuck_finds_its_way_from_the_bests_parameters() -> No
     assert (ranking[0].score, ranking[1].score) == (50.0, 40.0)
     alone = search({"": Bowl(100.0, x=1.0), "arm_spring": STUCK}, "arm_spring")
     assert best_of(alone, a_fit(value=100.0, x=1.0), "arm_spring")[1] == pytest.approx(50.0, abs=0.05)
+
+
+class SlowRipple(Scores):
+    """A ripple starts at 4 a turn, of which the arm of these records passes half a period."""
+
+    def __call__(self, *asked: Any, **more: Any) -> dict[str, Score]:
+        table = super().__call__(*asked, **more)
+        slow = Effect("arm_ripple", TABLE_3.default_effect("arm_ripple").parameters | {"n": 4.0})
+        return table | {"arm_ripple": replace(table["arm_ripple"], start=slow)}
+
+
+@pytest.mark.parametrize(
+    ("cable", "scorer", "first"),
+    [
+        (15.0, SlowRipple, "arm_cable"),  # 985 of 1000 nats
+        (25.0, SlowRipple, "arm_ripple"),  # 975: the ripple explains something else
+        (15.0, Scores, "arm_ripple"),  # whole periods
+    ],
+)
+def test_a_cable_comes_before_a_part_of_a_ripple_that_follows_its_law(cable: float, scorer: Any, first: str) -> None:
+    by = search({"": 1000.0, "arm_cable": cable, "arm_ripple": 0.0, "input_offset": 500.0})
+    by = replace(by, scorer=scorer({"arm_cable": 400.0, "arm_ripple": 500.0, "input_offset": 400.0}))
+    ranking = ranking_of(by, a_fit(value=1000.0), "arm_cable", "arm_ripple", "input_offset")
+    assert ranking[0].name == first
+    assert sorted(s.name for s in ranking) == ["arm_cable", "arm_ripple", "input_offset"]
+    assert ranking[0].gain == pytest.approx(1000.0 - ranking[0].fit.value)
+    naming = name_effects(a_fit(value=1000.0), by, most=1)
+    assert [s.name for s in naming.accepted] == [first]
+    assert "arm_ripple" not in naming.equals[0], "it is not what else the cable may be"
 
 
 def test_a_best_that_is_overtaken_follows_from_the_new_bests_parameters() -> None:
