@@ -16,7 +16,7 @@ from ..plant.dynamics import _runge_kutta, acting_row, plain_steps, until_next, 
 from ..plant.effects.dispatch import command_delays, filter_command, map_command, store_filter
 from ..plant.elementary import sincos
 from ..sensors import read_encoders
-from .randomization import draw_parameters, draw_ranges
+from .draws import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
 
 # Rows of a block before X.

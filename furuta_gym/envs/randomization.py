@@ -1,7 +1,7 @@
 """Plants drawn at each reset: from the covariance of their parameters, and effects switched on by chance.
 
 A draw is a column of P (see `plant.dynamics`). `Randomization` turns a plant's covariance and the effects'
-probabilities into tables, and `draw_parameters` is the compiled twin of `Covariance.draw`: the same normal
+probabilities into tables, and `draws.draw_parameters` is the compiled twin of `Covariance.draw`: the same normal
 distribution, truncated in the same way, drawn from the env's own stream.
 """
 
@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.compiled import compiled
 from ..plant.effects import Effect
 from ..plant.effects.declaration import Parameter
 from ..plant.integration_step import friction_rate, rest_slopes
@@ -23,16 +22,25 @@ from ..plant.layout import BASE_NAMES, FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS
 from ..plant.plant import Plant
 from ..plant.sampling import sampled_plants
 from . import ranges as rg
-from .streams import normal_pair, uniform
-
-_TRIES = 10_000  # draws until a possible plant; construction has shown that one in 1000 is
-
-# Rows of Randomization.table, one column for each row of P.
-_NOMINAL, _LOWER, _UPPER, _OFF, _FROM, _TO, _INVERSE = range(7)
-
-# Columns of Randomization.ranges, one row for each number that is drawn. `_target` says where to. WHOLE is 1 where it
-# is rounded. Of theta=physical only kind and A, the share, mean something.
-_TARGET, _KIND, _A, _B, _CHANCE, _DEFAULT, _LEAST, _MOST, _WHOLE, _N_COLUMNS = range(10)
+from .draws import (
+    CHANCE,
+    DEFAULT,
+    FROM,
+    INVERSE,
+    KIND,
+    LEAST,
+    LOWER,
+    MOST,
+    N_COLUMNS,
+    NOMINAL,
+    OFF,
+    TARGET,
+    TO,
+    UPPER,
+    A,
+    B,
+    vary,
+)
 
 # Sizes up to which an effect is drawn where only its chance is given and what is worth noticing is less than rigs have.
 _WIDEST = {"input_delay.d": 0.025}  # s
@@ -45,7 +53,7 @@ class Randomization:
     plant: with every effect that can act, in the order of P. table (7, n): per row of P its nominal value, bounds,
     value with the effect off (NaN: tells `draw_ranges` to draw none), and range of sizes when it is switched on (NaN:
     the nominal value). root (n, m): maps m standard normal numbers to shifts of P. switches (s, 3): first row, number
-    of rows and probability of each effect that acts by chance. ranges (m, 9): see `_TARGET` and the columns after it.
+    of rows and probability of each effect that acts by chance. ranges (m, 9): see the columns in `draws`.
     """
 
     plant: Plant
@@ -67,12 +75,12 @@ class Randomization:
     @property
     def physical(self) -> float:
         """Share by which theta=physical varies masses, lengths, …; 0 without."""
-        return float(self.ranges[self.ranges[:, _KIND] == rg.PHYSICAL, _A].sum())
+        return float(self.ranges[self.ranges[:, KIND] == rg.PHYSICAL, A].sum())
 
     def largest(self, name: str, own: float) -> float:
         """The largest value of an entry of `ranges.RIG` or of an "effect.parameter": `own`, or what its range draws."""
-        rows = self.ranges[:, _TARGET] == _target(name, self.plant.layout)
-        return float(self.ranges[rows, _MOST].max(initial=own))
+        rows = self.ranges[:, TARGET] == _target(name, self.plant.layout)
+        return float(self.ranges[rows, MOST].max(initial=own))
 
     @property
     def longest_delay(self) -> float:
@@ -82,8 +90,8 @@ class Randomization:
             return 0.0
         row = self.plant.layout.row("input_delay.d")
         if self.root[row].any():
-            return float(self.table[_UPPER, row])
-        chance = self.table[_TO, row]
+            return float(self.table[UPPER, row])
+        chance = self.table[TO, row]
         return self.largest("input_delay.d", max(delay.parameters["d"], 0.0 if math.isnan(chance) else float(chance)))
 
     @property
@@ -107,10 +115,10 @@ class Randomization:
     def _other_values(self) -> Iterator[tuple[int, float]]:
         """(row of P, value) that a parameter of an effect may have beside its own: neutral, or a range's upper end."""
         yield from ((row, neutral) for row, neutral, _ in self._switched_sizes())
-        for drawn in self.ranges[self.ranges[:, _TARGET] >= len(BASE_NAMES)]:
-            yield int(drawn[_TARGET]), float(drawn[_MOST])
-            if drawn[_CHANCE] < 1.0:
-                yield int(drawn[_TARGET]), float(drawn[_DEFAULT])
+        for drawn in self.ranges[self.ranges[:, TARGET] >= len(BASE_NAMES)]:
+            yield int(drawn[TARGET]), float(drawn[MOST])
+            if drawn[CHANCE] < 1.0:
+                yield int(drawn[TARGET]), float(drawn[DEFAULT])
 
     def _switched_sizes(self) -> Iterator[tuple[int, float, float]]:
         """(row of P, neutral value, chance to act) of every size of the effects that act by chance."""
@@ -133,23 +141,23 @@ class Randomization:
         ranges, switches = self.ranges.copy(), self.switches.copy()
         switches[:, 2] *= level
         for row in ranges:
-            if row[_KIND] == rg.PHYSICAL:
-                row[_A] *= level
+            if row[KIND] == rg.PHYSICAL:
+                row[A] *= level
                 continue
-            if row[_CHANCE] < 1.0:
-                row[_CHANCE] *= level
-            target = int(row[_TARGET])
-            own = float(self.table[_NOMINAL, target] if target >= 0 else rig[-1 - target])
-            if row[_KIND] == rg.NORMAL:
-                own = own if math.isfinite(own) else row[_A]
-                row[[_A, _LEAST, _MOST]] = own + level * (row[[_A, _LEAST, _MOST]] - own)
-                row[_B] *= level
+            if row[CHANCE] < 1.0:
+                row[CHANCE] *= level
+            target = int(row[TARGET])
+            own = float(self.table[NOMINAL, target] if target >= 0 else rig[-1 - target])
+            if row[KIND] == rg.NORMAL:
+                own = own if math.isfinite(own) else row[A]
+                row[[A, LEAST, MOST]] = own + level * (row[[A, LEAST, MOST]] - own)
+                row[B] *= level
                 continue
-            own = min(max(own, row[_A]), row[_B])
-            if row[_KIND] == rg.LOG_UNIFORM:
-                row[_A], row[_B] = own * (row[_A] / own) ** level, own * (row[_B] / own) ** level
+            own = min(max(own, row[A]), row[B])
+            if row[KIND] == rg.LOG_UNIFORM:
+                row[A], row[B] = own * (row[A] / own) ** level, own * (row[B] / own) ** level
             else:
-                row[_A], row[_B] = own + level * (row[_A] - own), own + level * (row[_B] - own)
+                row[A], row[B] = own + level * (row[A] - own), own + level * (row[B] - own)
         return replace(self, root=level * self.root, switches=switches, ranges=ranges)
 
     def describe(self, P: NDArray[np.float64]) -> dict[str, Any]:
@@ -193,25 +201,25 @@ def randomization(
     whole = plant.with_effects(*(plant.default_effect(name) for name in probabilities if name not in carried))
     packed = whole.packed()
     table = np.full((7, packed.p.size), np.nan)
-    table[_NOMINAL] = packed.p
-    table[_LOWER], table[_UPPER], table[_INVERSE] = -np.inf, np.inf, 0.0
-    table[_LOWER, FRICTION_ROWS] = np.where(packed.p[FRICTION_ROWS] >= 0, 0.0, -np.inf)
-    table[_LOWER, SHARPNESS_ROWS] = np.finfo(float).tiny
+    table[NOMINAL] = packed.p
+    table[LOWER], table[UPPER], table[INVERSE] = -np.inf, np.inf, 0.0
+    table[LOWER, FRICTION_ROWS] = np.where(packed.p[FRICTION_ROWS] >= 0, 0.0, -np.inf)
+    table[LOWER, SHARPNESS_ROWS] = np.finfo(float).tiny
     switches, switched = [], []
     for effect in whole.effects:
         own = whole.layout.rows_of(effect.name)
         for row, parameter in zip(own, effect.type.parameters, strict=True):
-            table[_LOWER, row], table[_UPPER, row] = parameter.lower, parameter.upper
-            table[_OFF, row] = parameter.neutral if parameter.role == "size" else packed.p[row]
+            table[LOWER, row], table[UPPER, row] = parameter.lower, parameter.upper
+            table[OFF, row] = parameter.neutral if parameter.role == "size" else packed.p[row]
             if effect.name not in carried and parameter.role == "size":
-                table[_NOMINAL, row] = parameter.neutral
-                table[_FROM : _INVERSE + 1, row] = _sizes(whole, effect, parameter)
+                table[NOMINAL, row] = parameter.neutral
+                table[FROM : INVERSE + 1, row] = _sizes(whole, effect, parameter)
             if effect.name in probabilities and parameter.role == "size":
                 switched.append(row)
         if effect.name in probabilities:
             switches.append((own.start, len(own), float(probabilities[effect.name])))
     drawn = _ranges(physical, ranges or {}, whole, table)
-    table[_OFF, np.intersect1d(switched, drawn[:, _TARGET]).astype(int)] = np.nan
+    table[OFF, np.intersect1d(switched, drawn[:, TARGET]).astype(int)] = np.nan
     return Randomization(
         whole,
         table,
@@ -246,12 +254,12 @@ def _ranges(
     for name, made in ranges.items():
         if name not in rg.RIG:
             row = _target(name, layout)
-            low, high = max(made.bounds[0], table[_LOWER, row]), min(made.bounds[1], table[_UPPER, row])
+            low, high = max(made.bounds[0], table[LOWER, row]), min(made.bounds[1], table[UPPER, row])
             # so that the first and the last whole number are as frequent as those between
             beyond = 0.5 if made.whole and made.kind != rg.NORMAL else 0.0
             a, b = made.a - beyond, made.b + beyond
-            found.append((row, made.kind, a, b, made.chance, table[_OFF, row], low, high, made.whole))
-    return np.array(found, dtype=float).reshape(-1, _N_COLUMNS)
+            found.append((row, made.kind, a, b, made.chance, table[OFF, row], low, high, made.whole))
+    return np.array(found, dtype=float).reshape(-1, N_COLUMNS)
 
 
 def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, float, float]:
@@ -278,108 +286,6 @@ def _root(plant: Plant, layout: ParameterLayout, wanted: bool) -> NDArray[np.flo
     return root
 
 
-@compiled(forceinline=True)
-def _possible(P, k, table):
-    """M > 0 for every q2 (see `parameters.theta_vector`) and every row inside its bounds."""
-    for row in range(P.shape[0]):
-        if not (table[_LOWER, row] <= P[row, k] <= table[_UPPER, row]):
-            return False
-    th1, th2, th3, th4 = P[0, k], P[1, k], P[2, k], P[3, k]
-    return th1 > 0.0 and th4 > 0.0 and th1 + th2 > 0.0 and th1 * th4 > th3 * th3
-
-
-@compiled
-def draw_parameters(P, k, streams, i, table, root, switches):
-    """Fill column k of P (n, L) with a plant drawn from stream i."""
-    tries = _TRIES if root.shape[1] > 0 else 0
-    for attempt in range(tries + 1):
-        for row in range(P.shape[0]):
-            P[row, k] = table[_NOMINAL, row]
-        if attempt == tries:
-            break
-        for j in range(root.shape[1]):
-            z, _ = normal_pair(streams, i)
-            for row in range(P.shape[0]):
-                if root[row, j] != 0.0:  # also keeps 0 · z from turning an infinite parameter into NaN
-                    P[row, k] += root[row, j] * z
-        if _possible(P, k, table):
-            break
-    for s in range(switches.shape[0]):
-        first, count = int(switches[s, 0]), int(switches[s, 1])
-        on = uniform(streams, i) < switches[s, 2]
-        for row in range(first, first + count):
-            share = 1.0 - uniform(streams, i)
-            low, high = table[_FROM, row], table[_TO, row]
-            if not on:
-                P[row, k] = table[_OFF, row]
-            elif table[_INVERSE, row] > 0.0:
-                P[row, k] = high / share
-            elif not math.isnan(high):
-                P[row, k] = low + share * (high - low)
-
-
-@compiled
-def draw_ranges(P, rig, k, streams, ranges):
-    """Draw what `ranges` names into column k of P (n, L) and of the rig's rows (8, L), from stream k."""
-    for i in range(ranges.shape[0]):
-        kind = int(ranges[i, _KIND])
-        a, b = ranges[i, _A], ranges[i, _B]
-        if kind == rg.PHYSICAL:
-            _draw_physical(P, k, streams, a)
-            continue
-        on = uniform(streams, k) < ranges[i, _CHANCE]
-        share, (z, _) = uniform(streams, k), normal_pair(streams, k)
-        if kind == rg.NORMAL:
-            value = a + b * z
-        elif kind == rg.LOG_UNIFORM:
-            value = a * (b / a) ** share
-        else:
-            value = a + share * (b - a)
-        value = min(max(value, ranges[i, _LEAST]), ranges[i, _MOST])
-        if ranges[i, _WHOLE] > 0.0:
-            value = np.floor(value + 0.5)
-        target = int(ranges[i, _TARGET])
-        if target >= 0:
-            P[target, k] = value if on and not math.isnan(P[target, k]) else ranges[i, _DEFAULT]
-        elif on:
-            rig[-1 - target, k] = value
-
-
-@compiled
-def _draw_physical(P, k, streams, share):
-    """θ of a rig whose m2, l2, L1, J1, J2, frictions and gain differ by up to `share` of themselves.
-
-    By Table 2 θ1 = J1 + m2 L1², θ2 = m2 l2², θ3 = m2 L1 l2, θ4 = θ2 + J2, θ5 = m2 l2 g, each times the gain. J2 goes
-    with m2 l2² and a factor of its own. The part of θ1 that goes with m2 L1² is θ3²/θ2. Where that leaves no J1 ≥ 0 or
-    no J2 ≥ 0, it is θ3²/θ4, and all of θ4 goes with m2 l2². A θ2 < 0 goes with θ1. So M stays positive definite in
-    every draw: θ1 θ4 − θ3² and θ1 + θ2 remain above zero.
-    """
-    mass, length, arm, inertia, shape, gain = 1.0, 1.0, 1.0, 1.0, 1.0, 1.0
-    mass += share * (2.0 * uniform(streams, k) - 1.0)
-    length += share * (2.0 * uniform(streams, k) - 1.0)
-    arm += share * (2.0 * uniform(streams, k) - 1.0)
-    inertia += share * (2.0 * uniform(streams, k) - 1.0)
-    shape += share * (2.0 * uniform(streams, k) - 1.0)
-    gain += share * (2.0 * uniform(streams, k) - 1.0)
-    _build(P, k, mass, length, arm, inertia, shape, gain)
-    for row in range(5, 9):
-        P[row, k] *= gain * (1.0 + share * (2.0 * uniform(streams, k) - 1.0))
-
-
-@compiled
-def _build(P, k, mass, length, arm, inertia, shape, gain):
-    """θ1 … θ5 of column k for a rig that differs by these factors; see `_draw_physical`."""
-    th1, th2, th3, th4 = P[0, k], P[1, k], P[2, k], P[3, k]
-    carried, rod = th3 * th3 / th4, 0.0
-    if th2 > 0.0 and carried <= th3 * th3 / th2 <= th1:
-        carried, rod = th3 * th3 / th2, max(th4 - th2, 0.0)
-    P[0, k] = gain * (inertia * (th1 - carried) + mass * arm * arm * carried)
-    P[1, k] = gain * mass * length * length * th2 if th2 >= 0.0 else P[0, k] * th2 / th1
-    P[2, k] = gain * mass * arm * length * th3
-    P[3, k] = gain * mass * length * length * (th4 - rod + shape * rod)
-    P[4, k] *= gain * mass * length
-
-
 def _largest_rate(p: NDArray[np.float64], codes: NDArray[np.int64], rows: int, share: float) -> float:
     """`friction_rate` [1/s] of parameters p (n,), of theta=physical:share the largest that it draws.
 
@@ -389,7 +295,7 @@ def _largest_rate(p: NDArray[np.float64], codes: NDArray[np.int64], rows: int, s
     found = 0.0
     for length, arm in itertools.product((light, heavy), repeat=2):
         P = p[:, None].copy()
-        _build(P, 0, light, length, arm, light, light, light)
+        vary(P, 0, light, length, arm, light, light, light)
         P[FRICTION_ROWS] *= light * heavy
         found = max(found, friction_rate(rest_slopes(P[:, 0].copy(), codes, rows), 1.0, 1.0))
     return found

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from furuta_gym.envs.draws import draw_parameters
 from furuta_gym.envs.furuta import FurutaEnv
-from furuta_gym.envs.randomization import draw_parameters, randomization
+from furuta_gym.envs.randomization import randomization
 from furuta_gym.envs.streams import normal_pair, uniform
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import EFFECTS, PLANTS, QUBE, TABLE_3, Covariance, Effect
