@@ -80,12 +80,6 @@ class DecisionPolicy:
     another_law: float = _rule(
         0.45, "an effect gets no name if an earlier effect's variables explain this share of its net gain too", DEV
     )
-    whole_period: float = _rule(
-        1.0,
-        "the arm must pass so much of a ripple, or the ripple only describes another function of its angle",
-        THEORY,
-        "periods",
-    )
     foreign: float = _rule(
         0.1,
         "a further effect is one of its own if the earlier effects' variables explain at most this share of it",
@@ -145,7 +139,12 @@ class DecisionPolicy:
     anchor_std: float = _rule(0.5, "standard deviation of ln θ1 … ln θ5 around the anchor", "a prototype")
     least_theta2: float = _rule(0.3, "of θ4 in the anchor's θ2; a uniform rod has 0.75", THEORY)
     sharpness: float = _rule(100.0, "r that model (5) is taken to have, so that another is a finding", "paper", "s/rad")
-    periods: float = _rule(2.0, "periods within a log below which nothing is said to repeat", THEORY, "periods")
+    periods: float = _rule(
+        2.0,
+        "periods within a log, or of a ripple within the arm's travel, below which nothing is said to repeat",
+        THEORY,
+        "periods",
+    )
 
     # whether structure is left
     left: float = _rule(8.0, "a torque is said to be left from this evidence", DEV, "nats")

@@ -19,7 +19,7 @@ from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .pairs import two_for_one
 from .scores import Score
 from .search import NOTHING_YET, Search
-from .suspects import Ranking, Suspect, alike, of_the_angle, part_of_a_period
+from .suspects import RIPPLE, Ranking, Suspect, alike
 from .wider import widened
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
@@ -107,12 +107,7 @@ def name_effects(
     accepted = tuple(ranking[0] for ranking in grown.found)
     taken = {suspect.name for suspect in accepted}  # what acts beside an effect is not in its place
     equals = tuple(
-        tuple(
-            s.name
-            for s in r[1:]
-            if r[0].net - s.net < policy.equal and s.name not in taken and not _same_law(s, r[0], policy)
-        )
-        for r in grown.found
+        tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal and s.name not in taken) for r in grown.found
     )
     rankings = (*grown.found, grown.last) if grown.last else grown.found
     return Naming(
@@ -176,6 +171,8 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
             laws.pop(last[0].name, None)  # it may have come back, as an effect of its own
             if (law_of := judge.look_alike_law_of(together)) is not None:
                 laws = _with_law(laws, last[0].name, law_of)
+        if (law_of := judge.law_of_ripple(together)) is not None:
+            laws = _with_law(laws, RIPPLE, law_of)
         if leaves_more or small:
             so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws), dict(went))
             doubts.append((so_far, small))
@@ -253,7 +250,6 @@ def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
             s.name
             for s in ranking
             if s.name not in {*taken, *own}
-            and not _same_law(s, found, policy)
             and (
                 s.gain > policy.nearly * found.gain
                 or (
@@ -266,11 +262,6 @@ def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
         ]
         equals.append((*own, *rivals))
     return replace(naming, equals=tuple(equals))
-
-
-def _same_law(suspect: Suspect, found: Suspect, policy: DecisionPolicy) -> bool:
-    """Whether a suspect is a part of a ripple's period that follows the law of a spring or cable found."""
-    return part_of_a_period(suspect, policy) and found.name != suspect.name and of_the_angle(found.name)
 
 
 def _acts_on(name: str, remains: Where) -> bool:

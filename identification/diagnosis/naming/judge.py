@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, of_the_angle, part_of_a_period, periods, price, slight
+from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price, repeats, slight
 
 
 class Rest(Protocol):
@@ -139,18 +139,16 @@ class Judge:
     def law_of(self, together: Sequence[Ranking], before: Fit) -> str | None:
         """The effect before it of which a further one, the last of `together`, only describes another law: such a law,
         in that effect's own variables, would explain half as much to first order, and no less than any law in the
-        newest's. So does a ripple of which the arm passes less than a whole period, beside another function of its
-        angle. Beside a ripple of a whole period and more, a spring or cable is an effect: no periodic law pulls as they
-        do."""
+        newest's. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring or
+        cable is no law of a ripple: no periodic law pulls as they do."""
         *others, (newest, *_) = together
         angle = [other.name for other, *_ in others if of_the_angle(other.name)]
-        if part_of_a_period(newest, self.policy) and angle:
+        if follows_a_law(newest, self.policy) and angle:
             return angle[0]
-        periodic = of_the_angle(newest.name) and RIPPLE in angle and periods(before) >= self.policy.whole_period
         laws = {
             other.name: self.rest.another_law(before, other.name)
             for other, *_ in others
-            if not (periodic and other.name == RIPPLE)
+            if not (of_the_angle(newest.name) and other.name == RIPPLE)
         }
         best = max(laws, key=lambda name: laws[name], default=None)
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
@@ -160,13 +158,13 @@ class Judge:
     def look_alike_law_of(self, together: Sequence[Ranking]) -> str | None:
         """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
         in the same variables that explains less than half as much, or a change of what that effect's law is made of, as
-        the sharpness r of friction is. Held-out data cannot say which it is, as both predict the same. A ripple of a
-        whole period and more is no law of what pulls otherwise, nor the reverse."""
+        the sharpness r of friction is. Held-out data cannot say which it is, as both predict the same. Not so a ripple
+        and what pulls otherwise: see `law_of` and `law_of_ripple`."""
         *others, (newest, *_) = together
         own = own_variables(newest.name)
         for other, *_ in others:
             of = own_variables(other.name)
-            rippled = RIPPLE in (newest.name, other.name) and periods(newest.fit) >= self.policy.whole_period
+            rippled = RIPPLE in (newest.name, other.name)
             if (
                 (alike(newest.name, other.name) or _changes_law(newest.name, other.name))
                 and (own <= of or of <= own)
@@ -175,6 +173,12 @@ class Judge:
             ):
                 return other.name
         return None
+
+    def law_of_ripple(self, together: Sequence[Ranking]) -> str | None:
+        """The last effect of `together`, where a ripple before it that is not seen to repeat only describes its law."""
+        *others, (newest, *_) = together
+        rippled = newest.name != RIPPLE and any(other.name == RIPPLE for other, *_ in others)
+        return newest.name if rippled and of_the_angle(newest.name) and not repeats(newest.fit, self.policy) else None
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.

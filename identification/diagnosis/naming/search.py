@@ -153,7 +153,7 @@ class Search:
             current = chase.current
         ranking = _ranking(chase, current)
         if (plain := plainer(ranking, self.policy)) is not None:
-            self.progress(f"fitting {plain.name} in place of a part of a ripple")
+            self.progress(f"fitting {plain.name} in place of a ripple that follows its law")
             chase.fits[plain.name] = self.fitted(plain.fit.plant, plain.fit, effort)
             by_name = {s.name: s for s in _ranking(chase, current)}
             first = by_name.pop(plain.name)

@@ -65,17 +65,22 @@ def of_the_angle(name: str) -> bool:
     return own_variables(name) == own_variables(RIPPLE)
 
 
-def part_of_a_period(suspect: Suspect, policy: DecisionPolicy) -> bool:
-    """Whether a suspect is a ripple of which the arm passes less than a whole period. It follows nearly any law of the
-    angle, and no data show that it repeats."""
-    return suspect.name == RIPPLE and periods(suspect.fit) < policy.whole_period
+def repeats(fitted: Fit, policy: DecisionPolicy) -> bool:
+    """Whether the arm passes enough periods of the ripple in a fit to see that it repeats. With fewer, a ripple follows
+    nearly any law of the angle, also what is left of a smooth one beside a cubic law."""
+    return periods(fitted) >= policy.periods
+
+
+def follows_a_law(suspect: Suspect, policy: DecisionPolicy) -> bool:
+    """Whether a suspect is a ripple that is not seen to repeat."""
+    return suspect.name == RIPPLE and not repeats(suspect.fit, policy)
 
 
 def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
-    """The spring or cable that explains nearly as much as a ripple at the head of a ranking, of which the arm passes
-    less than a whole period; None without one."""
+    """The spring or cable that explains nearly as much as a ripple at the head of a ranking that is not seen to repeat;
+    None without one."""
     first, *others = ranking
-    if not part_of_a_period(first, policy):
+    if not follows_a_law(first, policy):
         return None
     near = (s for s in others if of_the_angle(s.name) and s.gain > policy.nearly * first.gain)
     return next(near, None)

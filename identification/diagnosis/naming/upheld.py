@@ -12,7 +12,7 @@ from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, of_the_angle, part_of_a_period, price
+from .suspects import Suspect, alike, follows_a_law, of_the_angle, price
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -98,15 +98,15 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
 
 def _alternatives(naming: Naming, i: int, search: Search) -> list[Suspect]:
     """What may be in the place of a name, and is not there already: look-alikes that explain nearly as much of the
-    fitted logs, and what was found before it and went when it joined. A ripple of which the arm passes less than a
-    whole period does not take the place of a spring or cable: it is one."""
+    fitted logs, and what was found before it and went when it joined. A ripple that is not seen to repeat does not take
+    the place of a spring or cable: it is one."""
     own = naming.accepted[i]
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
     look_alikes = [
         s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain
     ]
     found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
-    return [s for s in found if not (of_the_angle(own.name) and part_of_a_period(s, search.policy))]
+    return [s for s in found if not (of_the_angle(own.name) and follows_a_law(s, search.policy))]
 
 
 def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,33 +42,36 @@ def test_a_suspect_that_is_stuck_finds_its_way_from_the_bests_parameters() -> No
     assert best_of(alone, a_fit(value=100.0, x=1.0), "arm_spring")[1] == pytest.approx(50.0, abs=0.05)
 
 
-class SlowRipple(Scores):
-    """A ripple starts at 4 a turn, of which the arm of these records passes half a period."""
+@dataclass(frozen=True)
+class Ripples(Scores):
+    """The ripple starts at n periods a turn."""
+
+    n: float = 4.0
 
     def __call__(self, *asked: Any, **more: Any) -> dict[str, Score]:
         table = super().__call__(*asked, **more)
-        slow = Effect("arm_ripple", TABLE_3.default_effect("arm_ripple").parameters | {"n": 4.0})
-        return table | {"arm_ripple": replace(table["arm_ripple"], start=slow)}
+        ripple = Effect("arm_ripple", TABLE_3.default_effect("arm_ripple").parameters | {"n": self.n})
+        return table | {"arm_ripple": replace(table["arm_ripple"], start=ripple)}
 
 
 @pytest.mark.parametrize(
-    ("cable", "scorer", "first"),
+    ("cable", "n", "first"),
     [
-        (15.0, SlowRipple, "arm_cable"),  # 985 of 1000 nats
-        (25.0, SlowRipple, "arm_ripple"),  # 975: the ripple explains something else
-        (15.0, Scores, "arm_ripple"),  # whole periods
+        (15.0, 4.0, "arm_cable"),  # 985 of 1000 nats, and half a period of the ripple
+        (25.0, 4.0, "arm_ripple"),  # 975: the ripple explains something else
+        (15.0, 16.0, "arm_ripple"),  # two periods
     ],
 )
-def test_a_cable_comes_before_a_part_of_a_ripple_that_follows_its_law(cable: float, scorer: Any, first: str) -> None:
+def test_a_cable_comes_before_a_ripple_that_is_not_seen_to_repeat(cable: float, n: float, first: str) -> None:
     by = search({"": 1000.0, "arm_cable": cable, "arm_ripple": 0.0, "input_offset": 500.0})
-    by = replace(by, scorer=scorer({"arm_cable": 400.0, "arm_ripple": 500.0, "input_offset": 400.0}))
+    by = replace(by, scorer=Ripples({"arm_cable": 400.0, "arm_ripple": 500.0, "input_offset": 400.0}, n=n))
     ranking = ranking_of(by, a_fit(value=1000.0), "arm_cable", "arm_ripple", "input_offset")
     assert ranking[0].name == first
     assert sorted(s.name for s in ranking) == ["arm_cable", "arm_ripple", "input_offset"]
     assert ranking[0].gain == pytest.approx(1000.0 - ranking[0].fit.value)
     naming = name_effects(a_fit(value=1000.0), by, most=1)
     assert [s.name for s in naming.accepted] == [first]
-    assert "arm_ripple" not in naming.equals[0], "it is not what else the cable may be"
+    assert naming.equals == ((("arm_ripple",) if first == "arm_cable" else ()),), "it explains no less"
 
 
 def test_a_best_that_is_overtaken_follows_from_the_new_bests_parameters() -> None:
