@@ -2,11 +2,12 @@
 
 `numba.njit(cache=True)` reuses machine code between processes, but its cache only looks at the file of the
 function itself: a kernel that calls another file's kernel keeps the old code after that file changed. Here the
-cache folder is named after a hash of the sources that a kernel can call (furuta_gym's and its own top-level
-package's), so an edit always compiles anew and an unchanged tree never does.
+cache folder is named after a hash of that file and of all that it imports, so an edit compiles anew what it can
+change, and nothing else.
 """
 
 import hashlib
+import re
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -36,17 +37,40 @@ event.register("numba:compile", _Listener())
 
 
 @lru_cache
-def source_hash(folder: Path) -> str:
-    """A digest of numba's version, furuta_gym's sources and those of the top-level package that `folder` is in."""
-    while (folder.parent / "__init__.py").exists():
-        folder = folder.parent
+def source_hash(file: Path) -> str:
+    """A digest of numba's version, of `file`, and of what it imports from its own package and furuta_gym, also through
+    others. A file that is not there, as of code typed in, counts as empty."""
     digest = hashlib.sha256(numba.__version__.encode())
-    while (folder.parent / "__init__.py").exists():  # rooms of one package call each other's kernels
-        folder = folder.parent
-    for root in sorted({_FURUTA_GYM, folder}):
-        for file in sorted(root.rglob("*.py")):
-            digest.update(file.read_bytes())
+    found, waiting = set[Path](), [file]
+    while waiting:
+        if (source := waiting.pop()) not in found:
+            found.add(source)
+            waiting += _imported(source)
+    for source in sorted(found):
+        digest.update(source.read_bytes() if source.is_file() else b"")
     return digest.hexdigest()[:16]
+
+
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\.*)([\w.]*)[ \t]+)?import[ \t]+(\([^)]*\)|.*)", re.MULTILINE)
+
+
+@lru_cache
+def _imported(file: Path) -> list[Path]:
+    """Files of the project that `file` names in its imports, wherever these stand, or in a text that looks like one."""
+    top = file.parent
+    while (top.parent / "__init__.py").exists():
+        top = top.parent
+    homes = {package.name: package.parent for package in (_FURUTA_GYM, top)}
+    named = []
+    for dots, module, listed in _IMPORT.findall(file.read_text(encoding="utf-8") if file.is_file() else ""):
+        names = [part.split()[0] for part in re.sub(r"#.*|[()]", "", listed).split(",") if part.strip()]
+        for name in [module, *(f"{module}.{name}" for name in names)] if dots or module else names:
+            parts = [part for part in name.split(".") if part]
+            home = file.parents[len(dots) - 1] if dots else homes.get(parts[0])
+            if home is not None:
+                place = home.joinpath(*parts)
+                named += [place.with_name(f"{place.name}.py"), place / "__init__.py"]
+    return [source for source in named if source.is_file()]
 
 
 class _Apart(CompilerBase):
@@ -71,11 +95,10 @@ def compiled(
     """
     if function is None:
         return lambda f: compiled(f, apart=apart, borrows=borrows, **options)
-    folder = Path(function.__code__.co_filename).parent
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     root = None if before else cache_root()
     if root:
-        numba.config.CACHE_DIR = str(root / source_hash(folder))  # type: ignore[attr-defined]
+        numba.config.CACHE_DIR = str(root / source_hash(Path(function.__code__.co_filename)))  # type: ignore[attr-defined]
     try:
         settings: Any = {"error_model": "numpy", "cache": bool(before or root)} | options
         settings |= ({"pipeline_class": _Apart} if apart else {}) | ({"_nrt": False} if borrows else {})

@@ -82,7 +82,7 @@ class FitJournal:
     ) -> str:
         zeros = zeros or {}
         told = [
-            source_hash(Path(__file__).parent),
+            source_hash(Path(__file__)),
             _plain(plant),
             noise.packed().tolist(),
             self._digest(records),

@@ -1,5 +1,6 @@
 """Compiled code is kept where only its user can write, and under the hash of all that it can call."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -8,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 
 from furuta_gym.cache_folder import _not_private, cache_root
-from furuta_gym.plant.compiled import compiled, lanes_of, source_hash
+from furuta_gym.plant.compiled import _imported, compiled, lanes_of, source_hash
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners of files are POSIX's")
 
@@ -76,19 +78,65 @@ def test_without_a_cache_kernels_run(shared: Path) -> None:
     assert answer.stdout.split() == ["42", "None", "None"], answer.stderr
 
 
-def test_a_kernel_of_a_sub_package_sees_its_neighbours(tmp_path: Path) -> None:
-    """An edit anywhere in the top-level package is another hash, and one beside it is not."""
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package of modules that import each other in every way there is."""
     for folder in ("top", "top/a", "top/b", "other"):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "__init__.py").touch()
-    before = source_hash(tmp_path / "top" / "a")
-    (tmp_path / "top" / "b" / "kernel.py").write_text("x = 1")
-    source_hash.cache_clear()
-    after = source_hash(tmp_path / "top" / "a")
-    assert after != before
-    (tmp_path / "other" / "kernel.py").write_text("x = 1")
-    source_hash.cache_clear()
-    assert source_hash(tmp_path / "top" / "a") == after
+        (tmp_path / folder / "__init__.py").write_text("")
+    (tmp_path / "top/a/kernel.py").write_text(
+        "import numpy, top.plain\nfrom .near import x\n"
+        "from ..b import (\n    first,  # a comment\n    second as other,\n)\n"
+    )
+    (tmp_path / "top/a/near.py").write_text("def late():\n    from top.b.third import x\n")
+    for name in ("top/plain", "top/b/first", "top/b/second", "top/b/third", "top/b/unused", "other/kernel", "numpy"):
+        (tmp_path / f"{name}.py").write_text("")
+    return tmp_path
+
+
+def _changed(package: Path, edited: str) -> bool:
+    """Whether an edit of one file is another hash for the kernel."""
+    hashes = []
+    for _ in range(2):
+        source_hash.cache_clear()
+        _imported.cache_clear()
+        hashes.append(source_hash(package / "top/a/kernel.py"))
+        with (package / edited).open("a") as file:
+            file.write("y = 1\n")
+    return hashes[0] != hashes[1]
+
+
+@pytest.mark.parametrize("edited", ["a/kernel", "a/near", "plain", "b/__init__", "b/first", "b/second", "b/third"])
+def test_an_edit_of_what_a_kernel_imports_compiles_it_anew(package: Path, edited: str) -> None:
+    assert _changed(package, f"top/{edited}.py")
+
+
+@pytest.mark.parametrize("edited", ["top/b/unused", "other/kernel", "numpy"])
+def test_other_edits_do_not(package: Path, edited: str) -> None:
+    assert not _changed(package, f"{edited}.py")
+
+
+def test_every_kernel_depends_on_the_kernels_it_calls() -> None:
+    """The hash of a module covers the files of all compiled functions that its own can name."""
+    seen = 0
+    for name in ("furuta_gym.envs.kernels", "identification.kalman.bank", "identification.kalman.path_kernels"):
+        module = importlib.import_module(name)
+        assert module.__file__
+        waiting, reached = [Path(module.__file__)], set()
+        while waiting:
+            if (file := waiting.pop()) not in reached:
+                reached.add(file)
+                waiting += _imported(file)
+        called = [thing for thing in vars(module).values() if isinstance(thing, Dispatcher)]
+        for kernel in called:
+            seen += 1
+            assert Path(kernel.py_func.__code__.co_filename) in reached
+            assert {
+                Path(inner.py_func.__code__.co_filename)
+                for inner in kernel.py_func.__globals__.values()
+                if isinstance(inner, Dispatcher)
+            } <= reached
+    assert seen > 10
 
 
 @compiled(apart=True)
