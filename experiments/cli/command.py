@@ -23,4 +23,6 @@ class Command(TyperCommand):
 
 
 def _say() -> None:
-    typer.echo("Compiling for this machine, once: one to three minutes (`furuta warm-up` compiles everything).", err=True)
+    typer.echo(
+        "Compiling for this machine, once: one to three minutes (`furuta warm-up` compiles everything).", err=True
+    )

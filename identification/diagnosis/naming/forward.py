@@ -16,10 +16,11 @@ from ..locate.location import Where
 from ..policy import MOST_EFFECTS, DecisionPolicy
 from .fits import Fit
 from .judge import Judge, NoRest, NoWitness, Rest, Witness
+from .next_effect import next_effect
 from .pairs import two_for_one
 from .scores import Score
 from .search import NOTHING_YET, Search
-from .suspects import RIPPLE, Ranking, Suspect, alike
+from .suspects import Ranking, Suspect, alike
 from .wider import widened
 
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
@@ -132,7 +133,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     where such data ask for it."""
     nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
     found, last, refused = list(so_far.found), (), None
-    laws, went = dict(so_far.laws), dict(so_far.went)
+    laws, went = so_far.laws, dict(so_far.went)
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
         tried = _compared(search, judge, current, found, step, joined)
@@ -154,30 +155,16 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
             break
         if judge.much_left(found, last[0]) and judge.takes_shape(found, last[0], current):
             current, last = search.refits(current, tried.names, tried.table, thorough=True, worth=tried.worth)
-        leaves_more = judge.takes_shape(found, last[0], current)
-        if leaves_more and judge.minor(found, last[0]):
+        newest = next_effect(search, judge, found, last, current, laws)
+        if newest is None:
             refused = last[0]
             break
-        together = search.reconsidered([*found, last], judge.asked_for)
-        small = judge.slight(together, last[0], current)
-        exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
-        law_of = None if exchanged else judge.law_of(together, current)
-        if law_of is not None and judge.confirmed(current, last[0].fit):
-            laws = _with_law(laws, last[0].name, law_of)
-        elif law_of is not None or (small and judge.minor(together[:-1], together[-1][0])):
-            refused = last[0]
-            break
-        else:
-            laws.pop(last[0].name, None)  # it may have come back, as an effect of its own
-            if (law_of := judge.look_alike_law_of(together)) is not None:
-                laws = _with_law(laws, last[0].name, law_of)
-        if (law_of := judge.law_of_ripple(together)) is not None:
-            laws = _with_law(laws, RIPPLE, law_of)
-        if leaves_more or small:
-            so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], dict(laws), dict(went))
-            doubts.append((so_far, small))
+        if newest.in_doubt:
+            so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], newest.laws, dict(went))
+            doubts.append((so_far, newest.small))
+        laws, together = newest.laws, newest.together
         went |= _went(found, together)
-        found, last, current = together, (), together[-1][0].fit
+        found, last, current = list(together), (), together[-1][0].fit
         current = widened(current, search)
         found = [*found[:-1], (replace(found[-1][0], fit=current), *found[-1][1:])]
     for before, small in doubts:
@@ -227,13 +214,6 @@ def _went(found: Sequence[Ranking], together: Sequence[Ranking]) -> dict[str, tu
             by = next(ranked, together[-1][0].name)
             went[by] = (*went.get(by, ()), gone)
     return went
-
-
-def _with_law(laws: Mapping[str, str], name: str, of: str) -> dict[str, str]:
-    """The laws with one more. What it describes is an effect of its own: the root of a chain, and never itself."""
-    root = laws.get(of, of)
-    kept = {n: o for n, o in laws.items() if root != name or n != of}
-    return {**kept, name: of if root == name else root}
 
 
 def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from identification.diagnosis.naming.forward import Naming, _with_law, name_effects
+from identification.diagnosis.naming.forward import Naming, name_effects
 from identification.diagnosis.naming.judge import NoRest
+from identification.diagnosis.naming.next_effect import with_law
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Scores, Told, a_fit, search
 
 
@@ -270,9 +271,9 @@ def test_a_lesser_look_alike_in_the_same_variables_is_in_the_plant_without_a_nam
 
 
 def test_what_a_law_describes_is_an_effect_of_its_own() -> None:
-    assert _with_law({}, "b", "a") == {"b": "a"}
-    assert _with_law({"b": "a"}, "c", "b") == {"b": "a", "c": "a"}
-    assert _with_law({"b": "a"}, "a", "b") == {"a": "b"}  # a was dropped and came back beside b
+    assert with_law({}, "b", "a") == {"b": "a"}
+    assert with_law({"b": "a"}, "c", "b") == {"b": "a", "c": "a"}
+    assert with_law({"b": "a"}, "a", "b") == {"a": "b"}  # a was dropped and came back beside b
 
 
 def test_a_fit_that_joins_is_found_where_no_score_suggests_it() -> None:

@@ -1,0 +1,67 @@
+"""The next effect beside those found: whether it joins them, and whether it stays in doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from .fits import Fit
+from .judge import Judge
+from .search import Search
+from .suspects import RIPPLE, Ranking
+
+
+@dataclass(frozen=True)
+class NextEffect:
+    """The rankings of all effects, that of the newest last, and which of them only describes another law of which.
+
+    leaves_more, small: why the newest is in doubt. It leaves more than it explains, or is small beside the others.
+    """
+
+    together: tuple[Ranking, ...]
+    laws: Mapping[str, str]
+    leaves_more: bool
+    small: bool
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether the newest stays for the time being only."""
+        return self.leaves_more or self.small
+
+
+def next_effect(
+    search: Search,
+    judge: Judge,
+    found: Sequence[Ranking],
+    ranking: Ranking,
+    current: Fit,
+    laws: Mapping[str, str],
+) -> NextEffect | None:
+    """The first of a ranking beside the effects found; None if it is refused. current: the model without it."""
+    newest = ranking[0].name
+    leaves_more = judge.takes_shape(found, ranking[0], current)
+    if leaves_more and judge.minor(found, ranking[0]):
+        return None
+    together = search.reconsidered([*found, ranking], judge.asked_for)
+    small = judge.slight(together, ranking[0], current)
+    exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
+    law_of = None if exchanged else judge.law_of(together, current)
+    laws = dict(laws)
+    if law_of is not None and judge.confirmed(current, ranking[0].fit):
+        laws = with_law(laws, newest, law_of)
+    elif law_of is not None or (small and judge.minor(together[:-1], together[-1][0])):
+        return None
+    else:
+        laws.pop(newest, None)  # it may have come back, as an effect of its own
+        if (law_of := judge.look_alike_law_of(together)) is not None:
+            laws = with_law(laws, newest, law_of)
+    if (law_of := judge.law_of_ripple(together)) is not None:
+        laws = with_law(laws, RIPPLE, law_of)
+    return NextEffect(tuple(together), laws, leaves_more, small)
+
+
+def with_law(laws: Mapping[str, str], name: str, of: str) -> dict[str, str]:
+    """The laws with one more. What it describes is an effect of its own: the root of a chain, and never itself."""
+    root = laws.get(of, of)
+    kept = {n: o for n, o in laws.items() if root != name or n != of}
+    return {**kept, name: of if root == name else root}
