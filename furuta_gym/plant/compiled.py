@@ -66,7 +66,7 @@ def _imported(file: Path) -> list[Path]:
         names = [part.split()[0] for part in re.sub(r"#.*|[()]", "", listed).split(",") if part.strip()]
         for name in [module, *(f"{module}.{name}" for name in names)] if dots or module else names:
             parts = [part for part in name.split(".") if part]
-            home = file.parents[len(dots) - 1] if dots else homes.get(parts[0])
+            home = file.parents[len(dots) - 1] if dots else homes.get("".join(parts[:1]))
             if home is not None:
                 place = home.joinpath(*parts)
                 named += [place.with_name(f"{place.name}.py"), place / "__init__.py"]

@@ -116,6 +116,12 @@ def test_other_edits_do_not(package: Path, edited: str) -> None:
     assert not _changed(package, f"{edited}.py")
 
 
+def test_prose_that_looks_like_an_import_names_nothing(package: Path) -> None:
+    (package / "top/a/near.py").write_text('"""Who would\n\nimport ..., or import (\nfrom that import\nimport ,\n"""\n')
+    _imported.cache_clear()
+    assert _imported(package / "top/a/near.py") == []
+
+
 def test_every_kernel_depends_on_the_kernels_it_calls() -> None:
     """The hash of a module covers the files of all compiled functions that its own can name."""
     seen = 0
