@@ -23,6 +23,4 @@ class Command(TyperCommand):
 
 
 def _say() -> None:
-    typer.echo(
-        "Compiling for this machine, once: one to three minutes (`furuta warm-up` compiles everything).", err=True
-    )
+    typer.echo("Compiling for this machine: up to three minutes (`furuta warm-up` compiles everything once).", err=True)

@@ -2,8 +2,8 @@
 
 `numba.njit(cache=True)` reuses machine code between processes, but its cache only looks at the file of the
 function itself: a kernel that calls another file's kernel keeps the old code after that file changed. Here the
-cache folder is named after a hash of that file and of all that it imports, so an edit compiles anew what it can
-change, and nothing else.
+cache folder is named after a hash of that file and of all that it imports, so an edit compiles anew the kernels whose
+files import the edited one, directly or not, and no others.
 """
 
 import hashlib
@@ -38,17 +38,26 @@ event.register("numba:compile", _Listener())
 
 @lru_cache
 def source_hash(file: Path) -> str:
-    """A digest of numba's version, of `file`, and of what it imports from its own package and furuta_gym, also through
-    others. A file that is not there, as of code typed in, counts as empty."""
+    """A digest of numba's version and of `sources(file)`."""
     digest = hashlib.sha256(numba.__version__.encode())
-    found, waiting = set[Path](), [file]
+    for source in sorted(sources(file)):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def sources(file: Path) -> set[Path]:
+    """`file`, and what it imports from its own package and furuta_gym, also through others; nothing where there is no
+    such file, as of code typed in.
+
+    A kernel sees no other file, as long as its own names what it is given: a named tuple, whose fields are numbers in
+    machine code, stands as a type in the kernel's signature.
+    """
+    found, waiting = set[Path](), [file] if file.is_file() else []
     while waiting:
         if (source := waiting.pop()) not in found:
             found.add(source)
             waiting += _imported(source)
-    for source in sorted(found):
-        digest.update(source.read_bytes() if source.is_file() else b"")
-    return digest.hexdigest()[:16]
+    return found
 
 
 _IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\.*)([\w.]*)[ \t]+)?import[ \t]+(\([^)]*\)|.*)", re.MULTILINE)
@@ -62,14 +71,15 @@ def _imported(file: Path) -> list[Path]:
         top = top.parent
     homes = {package.name: package.parent for package in (_FURUTA_GYM, top)}
     named = []
-    for dots, module, listed in _IMPORT.findall(file.read_text(encoding="utf-8") if file.is_file() else ""):
+    for dots, module, listed in _IMPORT.findall(file.read_text(encoding="utf-8", errors="replace")):
         names = [part.split()[0] for part in re.sub(r"#.*|[()]", "", listed).split(",") if part.strip()]
         for name in [module, *(f"{module}.{name}" for name in names)] if dots or module else names:
             parts = [part for part in name.split(".") if part]
-            home = file.parents[len(dots) - 1] if dots else homes.get("".join(parts[:1]))
+            folder = file.joinpath(*[".."] * len(dots)).resolve()
+            home = folder if dots else homes.get("".join(parts[:1]))
             if home is not None:
                 place = home.joinpath(*parts)
-                named += [place.with_name(f"{place.name}.py"), place / "__init__.py"]
+                named += [place.parent / f"{place.name}.py", place / "__init__.py"]
     return [source for source in named if source.is_file()]
 
 

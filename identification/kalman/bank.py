@@ -30,6 +30,7 @@ from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 from furuta_gym.plant.layout import ParameterLayout
 
+from .arguments import BankResult, Gaussian, LeaderReadings, Model, Readings
 from .leaders import packed, shaken, step_leaders
 from .rounding import counted
 
@@ -138,7 +139,18 @@ def read_pair(C, H, noise, d, quantum, K, e, S, prior, CH):
 
 
 @compiled(nogil=True)
-def innovations(readings, model, first, noise, zeros, exact, leaders, coarser, result, told):
+def innovations(
+    readings: Readings,
+    model: Model,
+    first: Gaussian,
+    noise,
+    zeros,
+    exact,
+    leaders,
+    coarser,
+    result: BankResult,
+    told: LeaderReadings,
+):
     """Run B filters over a log of N samples; fills `result`.
 
     readings: Readings. model: Model of B plants. first: Gaussian, means (n, B). noise (4, B): torque intensities on

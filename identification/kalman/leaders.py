@@ -14,6 +14,7 @@ from furuta_gym.plant.compiled import compiled, lanes_of
 from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.elementary import log
 
+from .arguments import LeaderReadings
 from .rounding import cell
 
 _WRITTEN_OUT = (4, 5, 6)  # sizes of a state: model (5), and effects with one or two memories
@@ -103,7 +104,7 @@ _step_4, _step_5, _step_6 = (_written_out(n) for n in _WRITTEN_OUT)
 
 
 @compiled(nogil=True)
-def step_leaders(C, Phi, q2, theta, T, H, direct, noise, d, quantum, told, work):
+def step_leaders(C, Phi, q2, theta, T, H, direct, noise, d, quantum, told: LeaderReadings, work):
     """T seconds on to the next pair of readings, in every lane: C ← what is known of the states after both.
 
     Phi (n, n, L): how the states are carried there, q2 (L,): the pendulums then, theta (≥ 4, L), noise (4, L):
@@ -165,7 +166,7 @@ def _add_noise(C, q2, theta, noise, T):
 
 
 @compiled(nogil=True)
-def _read_any(C, H, noise, d, quantum, told):
+def _read_any(C, H, noise, d, quantum, told: LeaderReadings):
     """A pair of readings, one after the other; noise (2, L): variances of the readings before rounding."""
     K, e, S, prior, cost, CH, work = told
     n, L = CH.shape

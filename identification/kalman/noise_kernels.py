@@ -7,9 +7,11 @@ import numpy as np
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import mass_matrix
 
+from .arguments import Assumed, Linearised
+
 
 @compiled(nogil=True)
-def run_bank(t, used, theta, kept, assumed, e, S):
+def run_bank(t, used, theta, kept: Linearised, assumed: Assumed, e, S):
     """`path_kernels.run_filter` for L filters that share the linearisation and differ in what they assume.
 
     assumed: Assumed with first (n, n, L), noise (4, L) and walk (0 or 2, L). Fills e (N, 2, L) and S (N, 3, L).

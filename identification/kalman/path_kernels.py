@@ -7,11 +7,21 @@ from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 
+from .arguments import Assumed, Filtered, Linearised, Model, Readings
 from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, sharpest, whole_registers
 
 
 @compiled(nogil=True)
-def follow_log(readings, used, model, assumed, spread, longest_step, kept, found):
+def follow_log(
+    readings: Readings,
+    used,
+    model: Model,
+    assumed: Assumed,
+    spread,
+    longest_step,
+    kept: Linearised,
+    found: Filtered,
+):
     """Linearises a log and filters it: fills `kept` (Linearised) and `found` (Filtered).
 
     model: Model of one plant. assumed: Assumed. With spread (N, 2) [rad²/s²], the variances of their velocities, the
@@ -150,7 +160,7 @@ def _update(C, H, misread, noise, used, d, K, e, S, CH):
 
 
 @compiled(nogil=True)
-def run_filter(t, used, theta, kept, assumed, found):
+def run_filter(t, used, theta, kept: Linearised, assumed: Assumed, found: Filtered):
     """The linear filter on a Linearised log; fills `found` (Filtered), means, covariances and gains only where
     `found.filtered` has N rows. theta: θ1 … θ4 (4,)."""
     about, carried, misread, Phi, H = kept.about, kept.carried, kept.misread, kept.transition, kept.reading
@@ -180,7 +190,7 @@ def run_filter(t, used, theta, kept, assumed, found):
 
 
 @compiled(nogil=True)
-def run_smoother(kept, found, used, mean, variance):
+def run_smoother(kept: Linearised, found: Filtered, used, mean, variance):
     """Backward recursion of the adjoint λ and its covariance Λ: mean = x̂ − C λ, variance = diag(C − C Λ C)."""
     filtered, Cf, gains, e, S = found.filtered, found.covariance, found.gain, found.e, found.S
     Phi, H = kept.transition, kept.reading

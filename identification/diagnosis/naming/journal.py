@@ -27,6 +27,7 @@ from ..policy import DecisionPolicy
 from .fits import Effort, Fit, Fitter, fit, known_fit
 
 _LONGEST = 64 * 2**20  # bytes that a journal may have
+_CODE = source_hash(Path(__file__))  # as it was loaded, whatever is edited while it runs
 
 
 class FitJournal:
@@ -82,7 +83,7 @@ class FitJournal:
     ) -> str:
         zeros = zeros or {}
         told = [
-            source_hash(Path(__file__)),
+            _CODE,
             _plain(plant),
             noise.packed().tolist(),
             self._digest(records),

@@ -13,8 +13,9 @@ from .suspects import RIPPLE, Ranking
 
 @dataclass(frozen=True)
 class NextEffect:
-    """The rankings of all effects, that of the newest last, and which of them only describes another law of which.
+    """The rankings of all effects, that of the newest last.
 
+    laws: effects that only describe another law of an effect found, each with the name of that effect.
     leaves_more, small: why the newest is in doubt. It leaves more than it explains, or is small beside the others.
     """
 

@@ -1,6 +1,7 @@
 """Compiled code is kept where only its user can write, and under the hash of all that it can call."""
 
-import importlib
+import ast
+import inspect
 import os
 import subprocess
 import sys
@@ -9,11 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 
 from furuta_gym.cache_folder import _not_private, cache_root
-from furuta_gym.plant.compiled import _imported, compiled, lanes_of, source_hash
+from furuta_gym.plant.compiled import _imported, compiled, lanes_of, source_hash, sources
+from identification import identify
+from tests.factories import noisy_log
+
+ROOT = Path(__file__).resolve().parents[3]
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners of files are POSIX's")
 
@@ -122,27 +128,64 @@ def test_prose_that_looks_like_an_import_names_nothing(package: Path) -> None:
     assert _imported(package / "top/a/near.py") == []
 
 
-def test_every_kernel_depends_on_the_kernels_it_calls() -> None:
-    """The hash of a module covers the files of all compiled functions that its own can name."""
-    seen = 0
-    for name in ("furuta_gym.envs.kernels", "identification.kalman.bank", "identification.kalman.path_kernels"):
-        module = importlib.import_module(name)
-        assert module.__file__
-        waiting, reached = [Path(module.__file__)], set()
-        while waiting:
-            if (file := waiting.pop()) not in reached:
-                reached.add(file)
-                waiting += _imported(file)
-        called = [thing for thing in vars(module).values() if isinstance(thing, Dispatcher)]
-        for kernel in called:
-            seen += 1
-            assert Path(kernel.py_func.__code__.co_filename) in reached
-            assert {
-                Path(inner.py_func.__code__.co_filename)
-                for inner in kernel.py_func.__globals__.values()
-                if isinstance(inner, Dispatcher)
-            } <= reached
-    assert seen > 10
+def test_an_odd_file_is_read_as_it_is(tmp_path: Path) -> None:
+    """Not of UTF-8, with more dots than folders, or not there at all."""
+    odd = tmp_path / "odd.py"
+    odd.write_bytes(b"# \xe4\nfrom " + 200 * b"." + b" import x\n")
+    assert sources(odd) == {odd}
+    assert sources(Path("<stdin>")) == set()
+
+
+PROJECT = [p for room in ("furuta_gym", "identification", "controllers") for p in sorted((ROOT / room).rglob("*.py"))]
+
+
+def test_no_import_of_the_project_is_overlooked() -> None:
+    """Against Python's own parser."""
+    for file in PROJECT:
+        top = file.relative_to(ROOT).parts[0]
+        for module in _modules_imported(file):
+            if module.split(".")[0] in ("furuta_gym", top):
+                place = ROOT.joinpath(*module.split("."))
+                for source in (place.with_suffix(".py"), place / "__init__.py"):
+                    assert not source.is_file() or source in _imported(file), (file, module)
+
+
+def _modules_imported(file: Path) -> Iterator[str]:
+    """All that may be modules among what a file imports."""
+    package = file.relative_to(ROOT).parts[:-1]
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield from (module, *(f"{module}.{alias.name}" for alias in node.names))
+
+
+def test_a_kernel_depends_on_the_kernels_it_calls_and_on_the_named_tuples_it_is_given() -> None:
+    """Whatever is compiled in a simulation and a fit. A field of a named tuple is a number in machine code."""
+    identify(noisy_log(1, duration=2.0))
+    kernels = {
+        kernel
+        for name, module in list(sys.modules.items())
+        if name.split(".")[0] in ("furuta_gym", "identification") and module is not None
+        for kernel in vars(module).values()
+        if isinstance(kernel, Dispatcher)
+    }
+    given = called = 0
+    for kernel in kernels:
+        own = sources(_file(kernel))
+        inner = [k for k in kernel.py_func.__globals__.values() if isinstance(k, Dispatcher)]
+        assert {_file(k) for k in inner} <= own, kernel
+        classes = [t.instance_class for s in kernel.signatures for t in s if isinstance(t, types.BaseNamedTuple)]
+        assert {Path(inspect.getfile(c)) for c in classes} <= own, kernel
+        called, given = called + len(inner), given + len(classes)
+    assert called > 50
+    assert given > 10
+
+
+def _file(kernel: Dispatcher) -> Path:
+    return Path(kernel.py_func.__code__.co_filename)
 
 
 @compiled(apart=True)
