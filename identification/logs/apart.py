@@ -67,7 +67,7 @@ class Apart:
         if child.returncode == BROKEN:
             raise LogError(self._unreadable(path, said))
         if child.returncode != 0:
-            why = f"its reader died of it, exit code {child.returncode}"
+            why = f"its reader died of it, exit code {child.returncode}" + (f": {said}" if said else "")
             raise LogError(f"{self._unreadable(path, why)} Save it again, or as CSV.")
         stream = io.BytesIO(child.stdout)
         facts, names = json.loads(stream.readline())

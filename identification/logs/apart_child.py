@@ -5,6 +5,7 @@ Run as a script with a reader's file, the log's file, and the most seconds and b
 format. It imports nothing of the project, so that it starts quickly.
 """
 
+import io
 import json
 import runpy
 import sys
@@ -44,7 +45,10 @@ def main(reader: str, path: str) -> int:
     out = sys.stdout.buffer
     out.write(json.dumps([facts, list(arrays)]).encode() + b"\n")
     for array in arrays.values():
-        np.lib.format.write_array(out, array, allow_pickle=False)
+        # numpy would write to the pipe's descriptor and ask for its position, which newer C libraries refuse
+        whole = io.BytesIO()
+        np.lib.format.write_array(whole, array, allow_pickle=False)
+        out.write(whole.getbuffer())
     out.flush()
     return 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import os
 import time
@@ -10,13 +11,14 @@ import zipfile
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
 
-from identification.logs import apart, bags, mat_file, opening
+from identification.logs import apart, apart_child, bags, mat_file, opening
 from identification.logs.formats import read_table
 from identification.logs.log import LogError
 from identification.logs.number_block import number_block
@@ -43,7 +45,7 @@ def test_a_mat_file_that_kills_its_reader(tmp_path: Path) -> None:
     [
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "its reader died of it, exit code -11"),
         ("import time; time.sleep(60)", "reading it took more than 1 s"),
-        ("import sys; sys.exit('x' * 2000)", "its reader died of it, exit code 1"),
+        ("import sys; sys.exit('x' * 2000)", "its reader died of it, exit code 1: x{300}"),
     ],
 )
 def test_the_child_is_watched(body: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,6 +55,34 @@ def test_the_child_is_watched(body: str, words: str, tmp_path: Path, monkeypatch
     monkeypatch.setattr(mat_file, "MAT", replace(mat_file.MAT, longest=1))
     with pytest.raises(LogError, match=rf"log\.mat: not a readable MAT file \({words}"):
         read_log(tmp_path / "log.mat")
+
+
+class _Pipe(io.RawIOBase):
+    """Takes what is written to it, and has a descriptor that nothing else can use."""
+
+    def __init__(self) -> None:
+        self.written = b""
+
+    def writable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return 10**6
+
+    def write(self, part) -> int:
+        self.written += bytes(part)
+        return len(part)
+
+
+def test_arrays_pass_through_pipes_that_have_no_position(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On some systems (glibc 2.39) numpy cannot write an array to a pipe by itself."""
+    (tmp_path / "reader.py").write_text("import numpy as np\ndef read(path): return {}, {'t': np.arange(3.0)}\n")
+    pipe = _Pipe()
+    monkeypatch.setattr("sys.stdout", SimpleNamespace(buffer=io.BufferedWriter(pipe)))
+    assert apart_child.main(str(tmp_path / "reader.py"), "log.mat") == 0
+    stream = io.BytesIO(pipe.written)
+    assert json.loads(stream.readline()) == [{}, ["t"]]
+    assert np.lib.format.read_array(stream).tolist() == [0.0, 1.0, 2.0]
 
 
 def test_a_mat_file_that_unfolds_to_more_than_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
