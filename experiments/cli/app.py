@@ -18,6 +18,7 @@ from .excite import excite_command
 from .export import export_command
 from .identify import identify_command
 from .init import init_command
+from .letters import print_any_letter
 from .logbook import keep_logbook, print_version
 from .residuals import residuals_command
 from .score import score_command
@@ -113,4 +114,5 @@ def bench_command(ctx: typer.Context) -> None:
 
 def main() -> None:
     """Entry point of the console script `furuta`."""
+    print_any_letter()
     app()

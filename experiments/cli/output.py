@@ -13,6 +13,7 @@ from typing import Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from .letters import stdout_is_utf8
 from .steps import busy as busy  # beside the other ways to print
 from .steps import errors as errors
 from .steps import short
@@ -23,7 +24,7 @@ QUIET = 3.0
 
 def print_json(data: Any) -> None:
     """Machine-readable output on stdout; infinities and NaN are refused (ValueError)."""
-    typer.echo(json.dumps(data, ensure_ascii=False, indent=2, allow_nan=False))
+    typer.echo(json.dumps(data, ensure_ascii=not stdout_is_utf8(), indent=2, allow_nan=False))
 
 
 def write_json(path: Path, data: Any) -> None:

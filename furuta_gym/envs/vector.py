@@ -12,15 +12,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
+from .batch_kernels import reset_batch, step_blocks
 from .furuta import start_state
 from .options import Options, Setup, drawn_rig
 from .registration import MAX_EPISODE_STEPS, check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
-from .threads import N_BOARD, cores, finish, share, take
+from .threads import N_BOARD, cores, share
 
 _WIDTH = 128  # lanes of a block: its work space fits the first-level cache, its loops fill the SIMD registers
 _FEWEST_TO_SHARE = 256  # envs; below it, waking another thread costs more than it saves
@@ -114,7 +114,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         if not self._ready and not mask.all():
             raise ResetNeeded("the first reset() must reset every environment")
         out = self._arrays()
-        _reset_batch(*self._shared, *self._tables, mask, state, *out)
+        reset_batch(*self._shared, *self._tables, mask, state, *out)
         self._ready = True
         self._ended[mask] = False
         return out[0], self._info(out, mask, mask)
@@ -136,7 +136,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
             )
         self._actions[:] = actions
         arguments = (self._board, self._actions, *self._shared, *self._tables, self._max_steps, *self._out)
-        share(lambda patience: _step_blocks(patience, *arguments), self._board, len(self._lanes), self._threads)
+        share(lambda patience: step_blocks(patience, *arguments), self._board, len(self._lanes), self._threads)
         copies = tuple(array.copy() for array in self._out)
         out, (rewards, terminated, truncated) = copies[:4], copies[4:]
         fresh, self._ended = self._ended, terminated | truncated
@@ -151,7 +151,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         """SAME_STEP: new episodes where one ended; what ended goes to `final_obs` and `final_info`."""
         ended = self._ended
         out = tuple(array.copy() for array in last)
-        _reset_batch(*self._shared, *self._tables, ended, np.full((self.num_envs, 4), np.nan), *out)
+        reset_batch(*self._shared, *self._tables, ended, np.full((self.num_envs, 4), np.nan), *out)
         self._ended = np.zeros_like(ended)
         info = self._info(out, np.ones_like(ended), ended)
         final_obs = np.full(self.num_envs, None, dtype=object)
@@ -298,84 +298,3 @@ def _masked(values: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
             info[key] = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, 0.0)
         info[f"_{key}"] = mask.copy()
     return info
-
-
-@compiled
-def _publish(lanes, i, k0, sizes, observation, state, measured, command):
-    first = k.first_frame_row(sizes)
-    for j in range(observation.shape[1]):
-        observation[i, j] = lanes[first + j, k0]
-    for j in range(4):
-        state[i, j] = lanes[k.N_FIXED + j, k0]
-        measured[i, j] = lanes[k.READING1 + j, k0]
-    command[i] = lanes[k.COMMAND, k0]
-
-
-@compiled
-def _reset_batch(
-    lanes,
-    streams,
-    codes,
-    sizes,
-    numbers,
-    table,
-    root,
-    switches,
-    ranges,
-    mask,
-    start,
-    observation,
-    state,
-    measured,
-    command,
-):
-    width = lanes.shape[2]
-    for i in range(mask.shape[0]):
-        block, lane = i // width, i % width
-        if mask[i]:
-            k.reset_lane(
-                lanes[block], lane, streams[block], codes, sizes, numbers, table, root, switches, ranges, start[i]
-            )
-        _publish(lanes[block], i, lane, sizes, observation, state, measured, command)
-
-
-@compiled(nogil=True)
-def _step_blocks(
-    patience, board, actions, lanes, streams, codes, sizes, numbers, table, root, switches, ranges, max_steps,
-    observation, state, measured, command, rewards, terminated, truncated,
-):  # fmt: skip
-    work = np.empty((k.work_rows(sizes), lanes.shape[2]))
-    nothing = np.full(4, np.nan)
-    n = lanes.shape[0]
-    b = take(board, n, 0)
-    while b < n:
-        _step_block(
-            b, actions, lanes[b], streams[b], codes, sizes, numbers, table, root, switches, ranges, max_steps, work,
-            nothing, observation, state, measured, command, rewards, terminated, truncated,
-        )  # fmt: skip
-        finish(board)
-        b = take(board, n, patience)
-
-
-@compiled
-def _step_block(
-    b, actions, lanes, streams, codes, sizes, numbers, table, root, switches, ranges, max_steps, work, nothing,
-    observation, state, measured, command, rewards, terminated, truncated,
-):  # fmt: skip
-    width = lanes.shape[1]
-    first = b * width
-    count = min(width, actions.shape[0] - first)
-    for lane in range(count):
-        lanes[k.COMMAND, lane] = actions[first + lane, 0]
-    k.step_lanes(lanes, streams, codes, sizes, numbers, work)
-    for lane in range(count):
-        i = first + lane
-        if lanes[k.DONE, lane] != 0.0:
-            k.reset_lane(lanes, lane, streams, codes, sizes, numbers, table, root, switches, ranges, nothing)
-            rewards[i], terminated[i], truncated[i] = 0.0, False, False
-        else:
-            rewards[i] = lanes[k.REWARD, lane]
-            terminated[i] = lanes[k.TERMINATED, lane] != 0.0
-            truncated[i] = lanes[k.STEPS, lane] >= max_steps
-            lanes[k.DONE, lane] = 1.0 if terminated[i] or truncated[i] else 0.0
-        _publish(lanes, i, lane, sizes, observation, state, measured, command)
