@@ -61,13 +61,15 @@ class Apart:
                 )
             except subprocess.TimeoutExpired:
                 raise LogError(self._unreadable(path, f"reading it took more than {longest} s")) from None
-        said = " ".join(child.stderr.decode(errors="replace").split()[-40:])[-300:]
+        spoken = child.stderr.decode(errors="replace")
+        said = " ".join(spoken.split()[-40:])[-300:]
         if child.returncode == MISSING:
             raise LogError(f"{path.name}: {self.missing.format(package=said)}")
         if child.returncode == BROKEN:
             raise LogError(self._unreadable(path, said))
         if child.returncode != 0:
-            why = f"its reader died of it, exit code {child.returncode}" + (f": {said}" if said else "")
+            last = "".join(f": {line[-300:]}" for line in spoken.strip().splitlines()[-1:])
+            why = f"its reader died of it, exit code {child.returncode}{last}"
             raise LogError(f"{self._unreadable(path, why)} Save it again, or as CSV.")
         stream = io.BytesIO(child.stdout)
         facts, names = json.loads(stream.readline())
