@@ -27,6 +27,7 @@ from .layouts import from_variables
 from .mat_file import mat_variables
 from .number_block import number_block
 from .opening import check_cells, check_file
+from .other_endings import REMEDIES
 from .table import Table, listed, number
 from .text import comment_of, dates, decoded, units_row, unpacked
 
@@ -57,7 +58,10 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         return READERS[".bag"](path)
     reader = READERS.get(ending_of(path))
     if reader is None and not os.path.isdir(path):
-        raise LogError(f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}.")
+        remedy = REMEDIES.get(path.suffix.lower(), "")
+        raise LogError(
+            f"{path.name}: unknown ending {path.suffix!r}. Expected one of {', '.join(READERS)}. {remedy}".strip()
+        )
     check_file(path)
     assert reader is not None  # a folder was refused
     table = reader(path)

@@ -1,0 +1,16 @@
+"""Files that hold logs and are not read: what their owner can do."""
+
+_SHEET = "Save the sheet as CSV; semicolons and decimal commas are read."
+_HDF5 = "Write its columns to an .npz file: numpy.savez('log.npz', t=..., q1=..., q2=..., u=...)."
+_JSON = "Write it as CSV: pandas.read_json(FILE).to_csv('log.csv', index=False)."
+_PICKLE = "To load a pickle runs whatever is in it. Who made it can write its arrays by numpy.savez."
+
+REMEDIES: dict[str, str] = {
+    **dict.fromkeys((".xlsx", ".xls", ".ods", ".numbers"), _SHEET),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".npy"), _HDF5),
+    **dict.fromkeys((".json", ".jsonl", ".ndjson"), _JSON),
+    **dict.fromkeys((".pkl", ".pickle", ".joblib"), _PICKLE),
+    **dict.fromkeys((".zip", ".7z", ".rar", ".tar", ".tgz"), "Unpack it, and give the log in it."),
+    ".db3": "Give the folder that holds it and metadata.yaml.",
+}
+"""By ending, in small letters."""
