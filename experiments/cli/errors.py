@@ -10,6 +10,8 @@ from typing import Any
 
 import typer
 
+from .letters import without_controls
+
 EXPECTED = (ValueError, OSError, FloatingPointError)
 """What bad input raises here (LogError, DesignError and JSON errors are ValueErrors). Anything else is a bug."""
 
@@ -29,7 +31,7 @@ def explained(traceback: bool = False) -> Iterator[None]:
         if issubclass(category, UserWarning) and str(message) not in shown:
             shown.add(str(message))
             logging.getLogger("furuta").warning("%s", message)
-            typer.echo(f"Warning: {message}", err=True)
+            typer.echo(without_controls(f"Warning: {message}"), err=True)
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
@@ -42,7 +44,7 @@ def explained(traceback: bool = False) -> Iterator[None]:
             if traceback:
                 raise
             logging.getLogger("furuta").debug("%s", type(error).__name__, exc_info=error)
-            typer.echo(f"Error: {sentence(error)}", err=True)
+            typer.echo(without_controls(f"Error: {sentence(error)}"), err=True)
             raise typer.Exit(2) from None
 
 

@@ -1,29 +1,37 @@
-"""Output where stdout or stderr cannot write every letter: a terminal of Latin-1, a pipe on Windows.
+"""Output where stdout or stderr cannot write every letter (a Latin-1 terminal, a pipe on Windows), and letters that a
+terminal would obey.
 
-Letters that the encoding lacks are written out ("theta6" for θ6), so that no result is lost to the letter it is
-printed with.
+What the encoding lacks of the letters of equations is written out ("theta6" for θ6), so that no result is lost to the
+letter it is printed with. Other letters, as in names of files, are escaped and stay what they are.
 """
 
 from __future__ import annotations
 
 import codecs
 import io
+import re
 import sys
 import unicodedata
 
 _HANDLER = "furuta-plain-letters"
 _SIGNS = {
     "−": "-", "–": "-", "—": "-", "·": "*", "⋅": "*", "×": "x", "±": "+-", "√": "sqrt ", "≤": "<=", "≥": ">=",
-    "→": "->", "←": "<-", "≈": "~", "∂": "d", "∫": "integral ", "∞": "inf", "°": " deg", "“": '"', "”": '"', "’": "'",
-    "●": "*", "•": "*", "\N{FRACTION SLASH}": "/", "ß": "ss", "ø": "o",
+    "≠": "!=", "→": "->", "←": "<-", "≈": "~", "∂": "d", "∫": "integral ", "∞": "inf", "°": " deg",
+    "“": '"', "”": '"', "’": "'", "●": "*", "•": "*", "\N{FRACTION SLASH}": "/",
+    "\N{COMBINING DOT ABOVE}": "_dot", "\N{COMBINING DIAERESIS}": "_ddot", "\N{COMBINING CIRCUMFLEX ACCENT}": "_hat",
+    "\N{COMBINING MACRON}": "_bar",
 }  # fmt: skip
+_CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 def print_any_letter() -> None:
-    """From now on stdout and stderr write plain letters for those that their encoding lacks."""
+    """From now on stdout and stderr write plain letters for those that their encoding lacks.
+
+    A stream with a handler that somebody chose keeps it. Where a stream says that it is ASCII, typer writes UTF-8.
+    """
     codecs.register_error(_HANDLER, _written_out)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "backslashreplace"):
             stream.reconfigure(errors=_HANDLER)
 
 
@@ -33,8 +41,13 @@ def stdout_is_utf8() -> bool:
 
 
 def plain(text: str) -> str:
-    """The text in ASCII: θ as theta, ² as ^2, é as e; a question mark for what has no plain form."""
-    return "".join(map(_plain_letter, text))
+    """The text in ASCII: θ as theta, ² as ^2, q̇ as q_dot, and \\xe9 for é, which is of no equation."""
+    return re.sub(r"(?<=\^-)\^(?=\d)", "", "".join(map(_plain_letter, text)))
+
+
+def without_controls(text: str) -> str:
+    """The text with escapes for letters that a terminal obeys; a file from elsewhere may hold them in any name."""
+    return _CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
 def _written_out(error: UnicodeError) -> tuple[str, int]:
@@ -48,14 +61,15 @@ def _plain_letter(letter: str) -> str:
         return letter
     if letter in _SIGNS:
         return _SIGNS[letter]
-    if unicodedata.combining(letter):  # the accent of the letter before it
-        return ""
-    kind, *parts = unicodedata.decomposition(letter).split() or [""]
-    if parts or kind:
-        codes = parts if kind.startswith("<") else [kind, *parts]
-        raised = "^" if kind == "<super>" else ""
-        return raised + plain("".join(chr(int(code, 16)) for code in codes))
     name = unicodedata.name(letter, "").split()
     if name[:1] == ["GREEK"] and name[2:3] == ["LETTER"]:
-        return name[3].lower() if name[1] == "SMALL" else name[3].capitalize()
-    return "?"
+        word = name[-1].replace("LAMDA", "LAMBDA")
+        return word.lower() if name[1] == "SMALL" else word.capitalize()
+    kind, *parts = unicodedata.decomposition(letter).split() or [""]
+    if kind.startswith("<"):  # a superscript, a fraction
+        return ("^" if kind == "<super>" else "") + plain("".join(chr(int(code, 16)) for code in parts))
+    if parts and (mark := chr(int(parts[0], 16))) in _SIGNS:
+        base = chr(int(kind, 16))
+        if mark == "\N{COMBINING DOT ABOVE}" or base.lower() not in "aeiou":  # ä and ü are letters of words
+            return base + _SIGNS[mark]
+    return letter.encode("ascii", "backslashreplace").decode()

@@ -100,7 +100,7 @@ def learn(script: Path, task: str, seed: int, steps: int, file: Path, env_option
         cwd=folder,
         env=os.environ | told,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
     )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:
@@ -176,7 +176,7 @@ def main(
                     file = work.absolute() / f"{name}-{seed}-{steps}.txt"
                     if not file.exists():
                         learn(script, task, seed, steps, file, changed)
-                    runs.append(measured(file.read_text(), script.stem, task, seed, steps, changed))
+                    runs.append(measured(file.read_text(encoding="utf-8"), script.stem, task, seed, steps, changed))
                     tell(len(runs), seeds)
         except KeyboardInterrupt:
             errors.print("Stopped. Trainings that ended are kept; the same command goes on from there.")

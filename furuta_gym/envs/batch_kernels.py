@@ -1,8 +1,8 @@
 """A batch of environments in compiled code: which lanes are reset, which blocks a thread takes, what goes out.
 
-lanes (blocks, rows, width), streams (blocks, width), codes, sizes and numbers are those of `kernels`; table, root,
-switches and ranges those of `Randomization.tables`; mask (N,). Filled in place, one row for each env: observation,
-state, measured, command, rewards, terminated, truncated.
+lanes (blocks, rows, width) and streams (blocks, width), without the first axis where one block is meant; codes, sizes
+and numbers are those of `kernels`; table, root, switches and ranges those of `Randomization.tables`; mask (N,). Filled
+in place, one row for each env: observation, state, measured, command, rewards, terminated, truncated.
 """
 
 import numpy as np

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from contextlib import nullcontext
@@ -68,8 +69,8 @@ class Apart:
         if child.returncode == BROKEN:
             raise LogError(self._unreadable(path, said))
         if child.returncode != 0:
-            last = "".join(f": {line[-300:]}" for line in spoken.strip().splitlines()[-1:])
-            why = f"its reader died of it, exit code {child.returncode}{last}"
+            error = re.findall(r"(?m)^[\w.]+(?:Error|Exception)\b.*$", spoken)[-1:]
+            why = f"its reader died of it, exit code {child.returncode}" + "".join(f": {line[:300]}" for line in error)
             raise LogError(f"{self._unreadable(path, why)} Save it again, or as CSV.")
         stream = io.BytesIO(child.stdout)
         facts, names = json.loads(stream.readline())

@@ -5,10 +5,10 @@ Run as a script with a reader's file, the log's file, and the most seconds and b
 format. It imports nothing of the project, so that it starts quickly.
 """
 
-import io
 import json
 import runpy
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -44,11 +44,10 @@ def main(reader: str, path: str) -> int:
         return BROKEN
     out = sys.stdout.buffer
     out.write(json.dumps([facts, list(arrays)]).encode() + b"\n")
+    # no file for numpy, which would ask the pipe for its position, and newer C libraries refuse that
+    pipe = SimpleNamespace(write=out.write)
     for array in arrays.values():
-        # numpy would write to the pipe's descriptor and ask for its position, which newer C libraries refuse
-        whole = io.BytesIO()
-        np.lib.format.write_array(whole, array, allow_pickle=False)
-        out.write(whole.getbuffer())
+        np.lib.format.write_array(pipe, array, allow_pickle=False)
     out.flush()
     return 0
 

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from experiments.cli.letters import plain
+from experiments.cli.letters import plain, without_controls
 
 
 def _furuta(encoding: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
@@ -32,24 +32,37 @@ def test_json_is_the_same_in_every_encoding() -> None:
     assert "σ0" in whole.stdout.decode()
 
 
-def test_an_error_about_a_file_whose_name_no_encoding_has_is_a_sentence(tmp_path) -> None:
-    name = os.fsdecode(bytes(tmp_path) + b"/\xfcber.csv")
-    found = _furuta("utf-8", "identify", name, "-o", str(tmp_path / "rig.json"))
-    assert found.returncode == 2
-    assert b"ber.csv" in found.stderr
-    assert b"Traceback" not in found.stderr
-    assert b"codec" not in found.stderr
+def test_a_name_that_no_encoding_has_is_escaped(tmp_path) -> None:
+    (tmp_path / "rig").mkdir()
+    name = os.fsdecode(bytes(tmp_path) + b"/rig/\xfcber.csv")
+    found = _furuta("utf-8:strict", "bench", "record", "--rig", "rig-01", "--duration", "1", "-o", name)
+    assert (found.returncode, found.stderr) == (0, b"")
+    assert rb"\udcfcber.csv" in found.stdout
+
+
+def test_a_handler_that_somebody_chose_is_kept() -> None:
+    assert b"?0" in _furuta("latin-1:replace", "effects", "arm_presliding").stdout
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
         ("θ6 ± 0.1 V·s²/rad", "theta6 +- 0.1 V*s^2/rad"),
-        ("ΔF −1 ≤ x̂ … ½", "DeltaF -1 <= x ... 1/2"),
-        ("é Å ü ß", "e A u ss"),
-        ("日 \udcfc", "? ?"),
+        ("ΔF −1 ≤ x̂ … ½ ≠ λ", "DeltaF -1 <= x_hat ... 1/2 != lambda"),
+        ("ż = q̇1 − q̈2, 10⁻³", "z_dot = q_dot1 - q_ddot2, 10^-3"),
+        ("é Å ü ß", r"\xe9 \xc5 \xfc \xdf"),
+        ("日 \udcfc", r"\u65e5 \udcfc"),
         ("plain text\t{}", "plain text\t{}"),
     ],
 )
 def test_letters_are_written_out(text: str, expected: str) -> None:
     assert plain(text) == expected
+
+
+def test_a_terminal_obeys_no_name_in_a_file(tmp_path) -> None:
+    (tmp_path / "log.csv").write_bytes(b"t,q1,q2,\x1b]0;pwned\x07\x1b[2J\n0,0,0,0\n")
+    found = _furuta("utf-8", "identify", str(tmp_path / "log.csv"), "-o", str(tmp_path / "rig.json"))
+    assert found.returncode == 2
+    assert rb"\x1b" in found.stderr
+    assert b"\x1b" not in found.stderr + found.stdout
+    assert without_controls("one\ttwo\nthree") == "one\ttwo\nthree"

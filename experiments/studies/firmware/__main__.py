@@ -83,7 +83,7 @@ def need(processor: Processor, header: str) -> Need | str:
     assert found is not None, "the header's comment shows how it is called"
     prefix = found[1]
     with tempfile.TemporaryDirectory(prefix="firmware-") as room:
-        Path(room, "law.h").write_text(header)
+        Path(room, "law.h").write_text(header, encoding="utf-8")
         names = {"HEADER": '"law.h"', "STATE": f"{prefix}_state", "RESET": f"{prefix}_reset", "STEP": f"{prefix}_step"}
         source = (*(f"-D{name}={value}" for name, value in names.items()), f"-I{room}", str(HERE / processor.source))
         program = str(Path(room, "law.elf"))

@@ -45,7 +45,8 @@ def test_a_mat_file_that_kills_its_reader(tmp_path: Path) -> None:
     [
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "its reader died of it, exit code -11"),
         ("import time; time.sleep(60)", "reading it took more than 1 s"),
-        ("import sys; sys.exit('x' * 2000)", "its reader died of it, exit code 1: x{300}"),
+        ("import sys; sys.exit('x' * 2000)", r"its reader died of it, exit code 1\)"),
+        ("raise OSError('y' * 2000)", r"its reader died of it, exit code 1: OSError: y{291}\)"),
     ],
 )
 def test_the_child_is_watched(body: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
