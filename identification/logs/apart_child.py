@@ -8,12 +8,20 @@ format. It imports nothing of the project, so that it starts quickly.
 import json
 import runpy
 import sys
-from types import SimpleNamespace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 MISSING, BROKEN = 3, 4
 """Exit codes: a package is not installed (stderr names it), and the file cannot be read (stderr says why)."""
+
+
+@dataclass
+class Pipe:
+    """No file for numpy, which would ask the pipe for its position; newer C libraries refuse that."""
+
+    write: Callable[[bytes], int]
 
 
 def limit(seconds: int, size: int) -> None:
@@ -44,8 +52,7 @@ def main(reader: str, path: str) -> int:
         return BROKEN
     out = sys.stdout.buffer
     out.write(json.dumps([facts, list(arrays)]).encode() + b"\n")
-    # no file for numpy, which would ask the pipe for its position, and newer C libraries refuse that
-    pipe = SimpleNamespace(write=out.write)
+    pipe = Pipe(out.write)
     for array in arrays.values():
         np.lib.format.write_array(pipe, array, allow_pickle=False)
     out.flush()
