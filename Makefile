@@ -52,8 +52,8 @@ docs: $(READY)  ## the site, to out/site: generated pages, the tutorials run, a 
 bench: $(READY)  ## speed against named references, as ratios
 	$(BIN)/python -m experiments.studies.speed
 
-matrix:  ## the quick tests under every Python that this machine has
-	.ci/matrix
+matrix:  ## the quick tests, and whether all extras can be had, under every Python that this machine has
+	EXTRAS=$(EXTRAS) .ci/matrix
 
 core:  ## source distribution and wheel, and the wheel alone at work outside of this tree: some minutes
 	PYTHON=$(PYTHON) .ci/core
