@@ -63,7 +63,7 @@ constraints:  ## the newest versions that pyproject.toml allows, to constraints.
 	$(PYTHON) -m venv build/constraints
 	build/constraints/bin/pip install --quiet --retries 0 --timeout 20 --no-deps --index-url $(TORCH_INDEX) torch \
 		2> /dev/null || echo "torch comes from pip's own index"
-	build/constraints/bin/pip install --quiet ".[$(EXTRAS)]"
+	build/constraints/bin/pip install --quiet ".[$(EXTRAS)]" pygame-ce  # which other Pythons take in place of pygame
 	build/constraints/bin/pip freeze --exclude furuta-gym > build/frozen.txt
 	sed 's/+[^ ]*$$//' build/frozen.txt > build/constraints.txt
 	mv build/constraints.txt constraints.txt
