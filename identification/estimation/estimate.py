@@ -195,7 +195,7 @@ class Estimate:
         width = max(len(n) for n in (*self.names, *self.fixed))
         each = zip(self.names, self.values, self.std, self.std_if_right, self._rough, strict=True)
         for n, v, s, right, rough in each:
-            relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and math.isfinite(s) else ""
+            relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and s <= _MANY_TIMES * abs(v) else ""
             remark = "at its bound" if n in self.at_bound else "likelihood too rough for an error" if rough else ""
             if n in self.identifiability.unidentified:
                 remark = "NOT IDENTIFIED"
@@ -246,6 +246,7 @@ class Estimate:
 
 
 _MUCH_WIDER = 1.5  # times the error bars of a right model, from which it is said
+_MANY_TIMES = 100.0  # a value, from which its error bar has no percentage
 _MOST_READINGS = 6  # pieces of logs whose reading noise is shown
 
 

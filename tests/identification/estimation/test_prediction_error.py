@@ -164,6 +164,10 @@ def test_the_log_alone_gives_the_start(log: Log) -> None:
     assert np.all(np.abs(estimate.values[:9] - TABLE_3.theta) < 5 * estimate.std[:9])
     assert estimate.plant.covariance is not None
     assert "theta2" in str(estimate)
+    vanished = replace(estimate, values=np.r_[estimate.values[:6], 1e-25, estimate.values[7:]])  # at its bound, nearly
+    shown = {line.split()[0]: line for line in str(vanished).splitlines()[1:]}
+    assert "%" in shown["theta6"]
+    assert "%" not in shown["theta7"]
     assert Plant.from_dict(estimate.plant.to_dict()) == estimate.plant
 
 
