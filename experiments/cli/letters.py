@@ -1,5 +1,5 @@
-"""Output where stdout or stderr cannot write every letter (a Latin-1 terminal, a pipe on Windows), and letters that a
-terminal would obey.
+"""Output where stdout or stderr cannot write every letter (a Latin-1 terminal, a pipe on Windows), and control
+characters in it.
 
 What the encoding lacks of the letters of equations is written out ("theta6" for θ6), so that no result is lost to the
 letter it is printed with. Other letters, as in names of files, are escaped and stay what they are.
@@ -46,7 +46,8 @@ def plain(text: str) -> str:
 
 
 def without_controls(text: str) -> str:
-    """The text with escapes for letters that a terminal obeys; a file from elsewhere may hold them in any name."""
+    """The text with its control characters escaped, but tabs and line ends; a name in a file from elsewhere may hold them,
+    and a terminal would carry them out."""
     return _CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 

@@ -1,17 +1,14 @@
 """Files that hold logs and are not read: what their owner can do."""
 
 _SHEET = "Save the sheet as CSV; semicolons and decimal commas are read."
-_HDF5 = "Write its columns to an .npz file: numpy.savez('log.npz', t=..., q1=..., q2=..., u=...)."
+_COLUMNS = "Write its columns to an .npz file: numpy.savez('log.npz', t=..., q1=..., q2=..., u=...)."
 _JSON = "Write it as CSV: pandas.read_json(FILE).to_csv('log.csv', index=False)."
 _LINES = "Write it as CSV: pandas.read_json(FILE, lines=True).to_csv('log.csv', index=False)."
-_PICKLE = (
-    "Loading a pickle runs whatever is in it. Whoever made it can write its columns to an .npz file: "
-    "numpy.savez('log.npz', t=..., q1=..., q2=..., u=...)."
-)
+_PICKLE = f"Loading a pickle runs whatever is in it. {_COLUMNS}"
 
 REMEDIES: dict[str, str] = {
     **dict.fromkeys((".xlsx", ".xlsm", ".xls", ".ods", ".numbers"), _SHEET),
-    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".npy"), _HDF5),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".npy"), _COLUMNS),
     ".json": _JSON,
     **dict.fromkeys((".jsonl", ".ndjson"), _LINES),
     **dict.fromkeys((".pkl", ".pickle", ".joblib"), _PICKLE),

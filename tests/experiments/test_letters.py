@@ -59,7 +59,7 @@ def test_letters_are_written_out(text: str, expected: str) -> None:
     assert plain(text) == expected
 
 
-def test_a_terminal_obeys_no_name_in_a_file(tmp_path) -> None:
+def test_control_characters_in_a_file_do_not_reach_the_terminal(tmp_path) -> None:
     (tmp_path / "log.csv").write_bytes(b"t,q1,q2,\x1b]0;pwned\x07\x1b[2J\n0,0,0,0\n")
     found = _furuta("utf-8", "identify", str(tmp_path / "log.csv"), "-o", str(tmp_path / "rig.json"))
     assert found.returncode == 2
