@@ -46,7 +46,7 @@ def plain(text: str) -> str:
 
 
 def without_controls(text: str) -> str:
-    """The text with its control characters escaped, but tabs and line ends; a name in a file from elsewhere may hold them,
+    """The text with control characters escaped, except tabs and line ends. A file from elsewhere may hold some in a name,
     and a terminal would carry them out."""
     return _CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
