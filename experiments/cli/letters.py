@@ -46,7 +46,7 @@ def plain(text: str) -> str:
 
 
 def without_controls(text: str) -> str:
-    """The text with control characters escaped, except tabs and line ends. Names in a file from elsewhere may hold some,
+    """The text with control characters escaped, not tabs and line ends. Names in a file from elsewhere may hold any,
     and a terminal would carry them out."""
     return _CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
