@@ -150,15 +150,22 @@ def _typed(logs: Sequence[Path], reading: Reading, out: Path | None) -> str:
 
 def _needed(proposal: Proposal, left: Sequence[Item], command: str) -> str:
     """What to give for the items that are not sure. command: the one that was given."""
-    from identification.logs.proposal import Confidence
+    from identification.logs.proposal import AFTER_COUNTS, Confidence
 
     rest, give = ("is", "it as an option") if len(left) == 1 else ("are", "them as options")
     count = f"{len(left)} of {len(proposal.items)} things {rest}"
+    waiting = [item.says for item in left if item.reason == AFTER_COUNTS]
+    if waiting:
+        give = "what stands here first"
     lines = [f"{', '.join(proposal.sources)}: {count} not sure. Give {give}:"]
     for item in left:
+        if item.says in waiting:
+            continue
         value = "" if "…" in item.option or item.option.startswith("--flip") else f" {_example(item)}"
         option = item.option.replace("…", _example(item)) + value
         lines.append(f"  {shlex_free(option)}   ({item.says}: {item.reason}{_by_hand(item)})")
+    if waiting:
+        lines.append(f"The motion may tell the rest then: {', '.join(waiting)}.")
     if all(item.confidence is Confidence.likely for item in left):
         lines.append(f"Or take what is proposed: {command} --yes")
     return "\n".join(lines)

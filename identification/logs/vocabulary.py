@@ -39,6 +39,9 @@ OTHER = frozenset(
 )
 """Words of columns that are none of the four: speeds, references, errors, estimates, row numbers."""
 
+_CURRENTS = frozenset(("current", "strom", "courant", "corriente", "corrente", "motorstrom", "i", "iq"))
+_COMMANDED = frozenset(("cmd", "command", "commanded", "ref", "reference", "set", "setpoint", "soll", "des", "desired"))
+
 _UNITS = {
     "s": ("s", "sec", "secs", "second", "seconds", "sekunden", "sek"),
     "ms": ("ms", "msec", "milliseconds", "millisekunden"),
@@ -96,6 +99,11 @@ def words(name: str) -> list[str]:
     return found[:-1] if len(found) > 1 and found[-1] in _STRIPPED else found
 
 
+def is_current(name: str) -> bool:
+    """Whether the name of a command says that it is a current: "i_cmd", "motorCurrent"."""
+    return not _CURRENTS.isdisjoint(words(name))
+
+
 def _letters(text: str) -> str:
     text = text.replace("θ", "theta").replace("ϑ", "theta").replace("α", "alpha").replace("τ", "tau")
     text = text.replace("φ", "phi").replace("ϕ", "phi").replace("β", "beta").lower()
@@ -109,6 +117,8 @@ def fits(name: str, role: str) -> int:
     plain, parts = core(name), words(name)
     if plain in ROLES[role]:
         return 3
+    if role == "u" and is_current(name) and not _COMMANDED.isdisjoint(parts):
+        return 1  # of a drive that controls the current
     if set(parts) & OTHER or plain in OTHER:
         return 0
     found = [w for w in parts if w in ROLES[role] and (len(w) > 1 or len(parts) == 1)]

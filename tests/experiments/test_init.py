@@ -182,6 +182,8 @@ def test_yes_does_not_take_what_nobody_knows(tmp_path: Path) -> None:
     result = furuta("init", log, "--yes")
     assert result.exit_code == 2
     assert "--encoder-counts COUNTS" in result.stderr
+    assert "The motion may tell the rest then: pendulum's zero." in result.stderr
+    assert "--pendulum-zero" not in result.stderr
     assert furuta("init", log, "--yes", "--encoder-counts", "2048").exit_code == 0
     assert load_mapping(tmp_path / "rig.toml").unit_q2 == "counts"
 

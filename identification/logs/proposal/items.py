@@ -16,6 +16,8 @@ from .units import Unit, command_unit
 from .values import Confidence, Item
 
 _AS_YOU_SAY = "as you say"
+AFTER_COUNTS = "the motion may tell it once the counts are known"
+"""The reason of an item that nothing was looked at for, as angles in counts have no scale yet."""
 
 
 def items_of(look: Look, others: Sequence[Look]) -> list[Item]:
@@ -97,7 +99,7 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
     elif stated is not None:
         rows.append(_zero_item(look, stated, Confidence.sure, "the file says so"))
     else:
-        rows.append(_zero_item(look, _usual_zero(look), Confidence.open, "the motion does not tell it"))
+        rows.append(_zero_item(look, _usual_zero(look), Confidence.open, _unseen(look)))
     known_zero = look.given.pendulum_zero or (zero if signs.gravity else stated)
     if known_zero is not None and known_zero != zero:
         # as it is said, against the motion or without its word: signs are those seen with that zero
@@ -118,7 +120,7 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
         elif axis == "q1" or clear:
             confidence = Confidence.sure
         else:
-            confidence, reason = Confidence.likely, "the motion does not tell it"
+            confidence, reason = Confidence.likely, _unseen(look)
         if turned and confidence is Confidence.sure and said is None:
             reason = reason.replace("which way is positive is yours to choose", "its turning pushes the pendulum")
             reason = f"turned: then {reason}"
@@ -137,6 +139,12 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
             )
         )
     return rows
+
+
+def _unseen(look: Look) -> str:
+    if look.factors is None and "counts" in (look.unit("q1"), look.unit("q2")):
+        return AFTER_COUNTS
+    return "the motion does not tell it"
 
 
 def _zero_item(look: Look, zero: str, confidence: Confidence, reason: str) -> Item:

@@ -35,10 +35,10 @@ class Look:
         time = self.choices["t"].column
         stamps = self.numbers[time] if time else np.arange(0.0)
         self.t = (stamps - stamps[0]) * self.factor if len(stamps) else stamps
-        self.motion = Motion(self.t, {c: v for c, v in self.numbers.items() if c != time}, policy)
+        self.known_counts = self._known_counts()
+        self.motion = Motion(self.t, {c: v for c, v in self.numbers.items() if c != time}, policy, self.known_counts)
         self._columns_by_motion()
         self.units = self._units()
-        self.known_counts = self._known_counts()
         self.factors = self._factors()
         self.signs = self._signs()
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..signs import Row, Signs, Smoothed, arm_row, longest_piece, motion_signs, pendulum_row, smoothed, smoothed_command
-from .policy import ProposalPolicy
+from ..wrapping import continuous
+from .policy import USUAL_COUNTS, ProposalPolicy
 
 RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
@@ -29,10 +30,19 @@ class Pair:
 
 
 class Motion:
-    """Columns of a table over its liveliest stretch without a gap, t in s. `short` if there is none."""
+    """Columns of a table over its liveliest stretch without a gap, t in s. `short` if there is none.
 
-    def __init__(self, t: np.ndarray, columns: Mapping[str, np.ndarray], policy: ProposalPolicy):
+    counts: of the encoders of arm and pendulum, a turn, if known. Columns of whole numbers are read in counts alone."""
+
+    def __init__(
+        self,
+        t: np.ndarray,
+        columns: Mapping[str, np.ndarray],
+        policy: ProposalPolicy,
+        counts: tuple[float, float] | None = None,
+    ):
         self.policy = policy
+        self.counts = counts
         steps = np.diff(t)
         usable = len(t) > 10 and np.isfinite(t).all() and bool((steps > 0).all())
         piece, self.window = longest_piece(t) if usable else (np.arange(0), 0)
@@ -44,10 +54,14 @@ class Motion:
         self.raw = {name: c[self.piece] for name, c in finite.items()}
         self._smooth: dict[str, Smoothed] = {}
 
+    def angle(self, name: str) -> np.ndarray:
+        """A column as it stands, but for the jumps of a wrapped angle."""
+        return continuous(self.raw[name], USUAL_COUNTS)
+
     def smooth(self, name: str) -> Smoothed:
         """A column as it stands, smoothed."""
         if name not in self._smooth:
-            self._smooth[name] = smoothed(self.raw[name], self.T, self.window)
+            self._smooth[name] = smoothed(self.angle(name), self.T, self.window)
         return self._smooth[name]
 
     def pair(self, arm: str, pendulum: str, units: tuple[str, str], factors: Sequence[float]) -> Pair:
@@ -56,9 +70,15 @@ class Motion:
         return Pair(arm, pendulum, units, row)
 
     def readings(self, arm: str, pendulum: str) -> Iterator[Pair]:
-        """The pair in every combination of rad and deg."""
-        for units in itertools.product(RADIANS, RADIANS):
-            yield self.pair(arm, pendulum, units, [RADIANS[u] for u in units])
+        """The pair in every combination of units that its columns can have."""
+        for (one, first), (other, second) in itertools.product(self._factors(arm, 0), self._factors(pendulum, 1)):
+            yield self.pair(arm, pendulum, (one, other), (first, second))
+
+    def _factors(self, name: str, axis: int) -> list[tuple[str, float]]:
+        """Units of a column that is taken for the arm (axis 0) or the pendulum (1), with rad per unit."""
+        if not np.array_equal(self.raw[name], np.round(self.raw[name])):
+            return list(RADIANS.items())
+        return [("counts", 2.0 * np.pi / self.counts[axis])] if self.counts else []
 
     def speaks(self, pair: Pair) -> bool:
         """Whether a row explains the pendulum, with numbers that a pendulum has."""
@@ -90,7 +110,7 @@ class Motion:
         if self.short or arm not in self.raw or pendulum not in self.raw:
             return Signs(0, 0, 0)
         u = self.raw[command] if command in self.raw else np.zeros(len(self.t))
-        return motion_signs(self.t, factors[0] * self.raw[arm], factors[1] * self.raw[pendulum], u)
+        return motion_signs(self.t, factors[0] * self.angle(arm), factors[1] * self.angle(pendulum), u)
 
     def zero(self, arm: str, pendulum: str, factors: Sequence[float]) -> float | None:
         """Where upright lies on the pendulum's column [degrees], in steps of 10; None where the motion does not say."""

@@ -56,7 +56,7 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found += _said(name, lambda: checks.check_command(name, finite["u"], constant_command))
         unit = command_unit(look.table, used["u"], finite["u"], look.policy)[0]
         if unit.against and not (look.given.input_unit and look.given.input_scale):
-            scale = "N·m --input-scale K, with the motor's constant K in N·m/A"
+            scale = "N·m --input-scale K, with the motor's constant K in N·m/A, or 1 if unknown"
             if "A" not in unit.reason:
                 scale = "V --input-scale K, with the volts of one unit"
             found.append(Problem(unit.against, f"Give its unit and the factor: --input-unit {scale}"))

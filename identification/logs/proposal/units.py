@@ -10,7 +10,7 @@ import numpy as np
 from ..encoders import encoder_step
 from ..mapping import SECONDS
 from ..table import Table
-from ..vocabulary import unit_in, unit_of, words
+from ..vocabulary import is_current, unit_in, unit_of, words
 from .motion import RADIANS, Motion, Pair
 from .policy import ProposalPolicy
 from .values import Confidence
@@ -202,6 +202,10 @@ def command_unit(table: Table, column: str, u: np.ndarray, policy: ProposalPolic
         return Unit(unit[1:], Confidence.sure, f"the file gives {unit}", units), 1e-3
     if unit in ("A", "mA", "%"):
         return Unit(None, Confidence.open, f"the file gives {unit}", units, f"the command {column} is in {unit}."), None
+    if is_current(column):
+        return Unit(
+            None, Confidence.open, "its name means a current, in A", units, f"the command {column} is a current."
+        ), None
     parts = set(words(column))
     if parts & {"voltage", "volts", "volt", "spannung", "motorspannung", "ankerspannung", "voltaje", "tensione", "vm"}:
         return Unit("V", Confidence.sure, "its name means a voltage", units), None
