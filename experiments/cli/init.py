@@ -45,10 +45,12 @@ def init_command(
     from identification.logs.formats import read_table
     from identification.logs.proposal import Confidence, propose
     from identification.logs.rig_file import NAME, load_mapping, save_mapping
+    from identification.logs.rig_mapping import RigMapping
 
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
-    proposal = propose(tables, reading.said)
+    kept = _by_hand_in(target) if yes else RigMapping()
+    proposal = propose(tables, reading.said.over(kept))
     talks = not as_json and not yes and _talks()
     if not as_json:
         show(proposal)
@@ -68,6 +70,8 @@ def init_command(
         raise LogError(f"{target} is there and says otherwise: {differs}. Replace it with --yes.")
     reasons = {item.name: item.reason for item in proposal.items} | {"flip": _signs(proposal)}
     about = f"How the logs of this rig are read. Written by `furuta init` from {', '.join(proposal.sources)}."
+    if yes and target.exists() and not kept.empty and mapping == mapping.over(kept):
+        typer.echo(f"Kept from {target}: {kept.options()}", err=True)
     save_mapping(target, mapping, reasons, about)
     if as_json:
         print_json(proposal.to_dict() | {"written": str(target)})
@@ -78,6 +82,23 @@ def init_command(
     typer.echo(f"Next: furuta identify {fitted}{other} -o rig.json")
     if checked:
         typer.echo(f"Then, on what was not fitted: furuta validate rig.json {' '.join(checked)}{other}")
+
+
+def _by_hand_in(target: Path) -> RigMapping:
+    """What a file that is to be replaced says that no motion tells: the command's scale, and what is left out."""
+    from dataclasses import replace
+
+    from identification.logs.checks import LogError
+    from identification.logs.rig_file import load_mapping
+    from identification.logs.rig_mapping import RigMapping
+
+    try:
+        there = load_mapping(target)
+    except (LogError, OSError):
+        return RigMapping()
+    scaled = there.input_scale is not None
+    nothing = RigMapping(input_unit=there.input_unit if scaled else None, input_scale=there.input_scale)
+    return replace(nothing, skip=there.skip, cut=there.cut)
 
 
 def _talks() -> bool:
@@ -150,11 +171,11 @@ def _typed(logs: Sequence[Path], reading: Reading, out: Path | None) -> str:
 
 def _needed(proposal: Proposal, left: Sequence[Item], command: str) -> str:
     """What to give for the items that are not sure. command: the one that was given."""
-    from identification.logs.proposal import AFTER_COUNTS, Confidence
+    from identification.logs.proposal import AFTER_UNITS, Confidence
 
     rest, give = ("is", "it as an option") if len(left) == 1 else ("are", "them as options")
     count = f"{len(left)} of {len(proposal.items)} things {rest}"
-    waiting = [item.says for item in left if item.reason == AFTER_COUNTS]
+    waiting = [item.says for item in left if item.reason == AFTER_UNITS]
     if waiting:
         give = "what stands here first"
     lines = [f"{', '.join(proposal.sources)}: {count} not sure. Give {give}:"]
@@ -162,6 +183,8 @@ def _needed(proposal: Proposal, left: Sequence[Item], command: str) -> str:
         if item.says in waiting:
             continue
         value = "" if "…" in item.option or item.option.startswith("--flip") else f" {_example(item)}"
+        if item.name == "pendulum_zero":  # nobody knows, so neither is proposed
+            value = f" {item.alternatives[0]}, or {item.option} {item.alternatives[1]}"
         option = item.option.replace("…", _example(item)) + value
         lines.append(f"  {shlex_free(option)}   ({item.says}: {item.reason}{_by_hand(item)})")
     if waiting:
@@ -173,8 +196,8 @@ def _needed(proposal: Proposal, left: Sequence[Item], command: str) -> str:
 
 def _example(item: Item) -> str:
     shown = item.shown if item.shown not in ("?", "") else "NAME"
-    if item.name == "encoder_counts" and item.value is None:
-        return "COUNTS"
+    if item.value is None and item.name in ("encoder_counts", "time_unit"):
+        return "COUNTS" if item.name == "encoder_counts" else "SECONDS"
     return shlex.quote(shown) if " " in shown else shown
 
 

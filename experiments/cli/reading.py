@@ -42,7 +42,12 @@ Flip = Annotated[list[str] | None, _option("Turn the sign of q1, q2 or u; repeat
 EncoderCounts = Annotated[str | None, _option("Counts per revolution, one number or two: 2048 or 2048,4096.")]
 InputUnit = Annotated[str | None, _option("Unit of the command: V or N·m.")]
 InputScale = Annotated[float | None, _option("What the file's command is multiplied by: 0.001 for millivolts.")]
-TimeUnit = Annotated[str | None, _option("Of the time column: s (default), ms, us, ns or d (days).")]
+TimeUnit = Annotated[
+    str | None,
+    _option(
+        "Of the time column: s (default), ms, us, ns or d (days). Of a counter: the seconds of one count, as 0.002."
+    ),
+]
 Skip = Annotated[
     float | None, _option("Seconds to leave out at the start of each log, such as the hand-over to the controller.")
 ]

@@ -175,7 +175,8 @@ def within_limits(setup: Setup, signal: Signal, limits: Limits, seed: int = 0, m
         factor = min(wanted if low < wanted < high else 0.5 * (low + min(high, 10 * factor)), most)
     if low == 0.0:
         _explain(setup, limits, seed)
-        raise ValueError("no size of this excitation keeps the limits; widen them, or excite more slowly")
+        way = "excite more slowly, or widen them if the rig allows it"
+        raise ValueError(f"no size of this excitation keeps the limits; {way}")
     return Scaled(signal, low)
 
 
@@ -193,5 +194,12 @@ def _explain(setup: Setup, limits: Limits, seed: int) -> None:
         for name, size, limit in zip(names, quiet.largest, sizes, strict=True)
         if size > MARGIN * limit
     ]
-    what = "the loop" if setup.policy else "the rig, hanging and moved by the plant file's torque noise alone,"
-    raise ValueError(f"without any excitation {what} already passes its limits ({'; '.join(broken)}); widen them")
+    if setup.policy:
+        what, way = "the loop", "widen them if the rig allows it"
+    else:
+        what = "the rig, hanging and moved by the plant file's torque noise alone,"
+        way = (
+            "that noise is what the fitted model misses: find it with `furuta diagnose`, and design on the plant.json "
+            "that it writes"
+        )
+    raise ValueError(f"without any excitation {what} already passes its limits ({'; '.join(broken)}); {way}")

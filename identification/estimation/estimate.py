@@ -203,7 +203,7 @@ class Estimate:
                 remark = "weak"
             elif n.startswith("theta") and not remark and right > WEAK * abs(v):
                 remark = "small beside the other torques"
-            elif not remark and s > WEAK * abs(v) > right:
+            elif n in self.uncertain:
                 remark = "uncertain, as this model lacks something"
             row = f"  {n:<{width}}  {rounded(v, s):<24} {unit_of(n, self.plant):<10}{relative:>9}  {remark}"
             lines.append(row.rstrip())
@@ -221,6 +221,13 @@ class Estimate:
         return "\n".join(lines)
 
     @property
+    def uncertain(self) -> list[str]:
+        """Parameters that a log of a right model would give, and that what this model lacks may have shifted much."""
+        taken = {*self.at_bound, *self.identifiability.weak, *self.identifiability.unidentified}
+        each = zip(self.names, self.values, self.std, self.std_if_right, self._rough, strict=True)
+        return [n for n, v, s, right, rough in each if s > WEAK * abs(v) > right and not rough and n not in taken]
+
+    @property
     def u_max_told(self) -> str:
         """The guessed u_max, and from what it was guessed."""
         why = "where the commands stop" if self.plant.u_max == self.largest_command else "plus margin"
@@ -232,12 +239,16 @@ class Estimate:
         """One sentence: what is good, what is not."""
         if not self.converged:
             return "did not converge; the numbers are not an optimum"
-        parts = [self.identifiability.level if self.identifiability.level != "good" else "all parameters identified"]
+        parts = [self.identifiability.level if self.identifiability.level != "good" else _ALL]
         if self.identifiability.weak or self.identifiability.unidentified:
             lost, weak = self.identifiability.unidentified, self.identifiability.weak
             said = f", not {spoken(lost)}" if lost else ""
             said += f", only weakly {spoken(weak)}" if weak else ""
             parts = [f"{len(self.names) - len(lost)} of {len(self.names)} parameters identified{said}"]
+        elif self.uncertain and parts[0] == _ALL:
+            parts = ["all parameters show in the log"]
+        if self.uncertain:
+            parts.append(f"{spoken(self.uncertain)} uncertain, as this model lacks something")
         if self.at_bound:
             parts.append(f"{spoken(self.at_bound)} at the bound")
         consistent = physical_consistency(self.plant.theta).consistent
@@ -245,6 +256,7 @@ class Estimate:
         return "; ".join(parts)
 
 
+_ALL = "all parameters identified"
 _MUCH_WIDER = 1.5  # times the error bars of a right model, from which it is said
 _MANY_TIMES = 100.0  # a value, from which its error bar has no percentage
 _MOST_READINGS = 6  # pieces of logs whose reading noise is shown

@@ -22,6 +22,7 @@ from furuta_gym.plant import Plant
 from ..kalman.coordinates import Coordinate, filled_noise, filled_plant
 from ..kalman.noise_model import Noise
 from ..kalman.record import Record
+from ..logs.checks import SHORTEST_STRETCH
 from ..logs.log import Log
 from ..logs.signs import motion_signs
 from .optimise import Optimum, minimise
@@ -30,7 +31,6 @@ from .prediction_error import PredictionError
 
 _SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
 _TRUNCATED = 8.0  # widths: cut at scipy's 4, a second derivative keeps 1e-3/width² of the angle itself
-_SHORTEST = 0.5, 40  # s and samples: a stretch that has both is long enough for `smoothed`
 _NO_COMMAND = 1e-9  # of the largest command: what rounding leaves of one that does not change
 _ROD = 0.75  # θ2/θ4 of a thin rod
 _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a palm-sized pendulum and an arm-sized one
@@ -117,9 +117,10 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
 def _why_none(m: Motion, logs: Sequence[Log]) -> str:
     """Why logs of this smoothed motion give no start, and what to do."""
     if not np.ptp(m.q, axis=0).any():
+        seconds, samples = SHORTEST_STRETCH
         return (
             "no motion is long enough to be smoothed for start values. Expected axes that move, in a stretch of at "
-            f"least {_SHORTEST[0]:g} s and {_SHORTEST[1]} samples without a gap of the clock; record a longer one"
+            f"least {seconds:g} s and {samples} samples without a gap of the clock; record a longer one"
         )
     if np.ptp(m.u) <= _NO_COMMAND * max(float(np.abs(log.u).max()) for log in logs):
         return (

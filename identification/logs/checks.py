@@ -17,6 +17,9 @@ from .encoders import encoder_step
 MIN_SAMPLES = 50
 """Shortest log that a file may hold; a tenth of a second at 500 Hz tells nothing about a pendulum."""
 
+SHORTEST_STRETCH = 0.5, 40
+"""Seconds and samples that a stretch without a gap needs, both, to give start values of a fit."""
+
 GAP = 1.5
 """A spacing beyond this many median spacings counts as dropped samples."""
 
@@ -25,6 +28,10 @@ _MIN_STEP_DEG = 0.0126  # nor above 28 600 as a rule; as radians, this is an enc
 _SLOWEST = 0.5  # s between samples; slower is no log of a swinging pendulum
 _STILL = 1e-12  # s
 _HUGE = 1e12  # of any number in a log, whatever its unit
+_HUGEST_CLOCK = 1e19  # nanoseconds of three centuries
+_FEWEST_CHANGES = 100  # of an angle, from which it may be told whether its readings are held
+_LONGEST_HOLD = 20  # rows
+_ALL_BUT = 0.98  # of the distances between changes
 _FASTEST = 1e-6  # s between samples; faster is no rig's computer
 _DAY = 86400.0  # s
 _LARGEST_COMMAND = 1e6
@@ -48,8 +55,10 @@ def warn(message: str) -> None:
     warnings.warn(message, LogWarning, stacklevel=5)
 
 
-def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[int], str]) -> None:
-    """Raise `LogError` at the first number of a column that is NaN, infinite or beyond any measurement."""
+def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[int], str], clock: bool = False) -> None:
+    """Raise `LogError` at the first number of a column that is NaN, infinite or beyond any measurement.
+
+    clock: the column is that of time, which may count from 1970 in any unit."""
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         kind = "NaN (or an empty cell)" if np.isnan(values[bad[0]]) else "infinity"
@@ -58,11 +67,12 @@ def check_numbers(name: str, column: str, values: np.ndarray, where: Callable[[i
             f"{name}: {kind} in column {column} at {where(int(bad[0]))}{more}. Expected finite numbers. Delete those "
             "rows rather than invent values: the log is cut where stamps are missing, and prediction starts anew."
         )
-    large = np.flatnonzero(np.abs(values) > _HUGE)
+    most = _HUGEST_CLOCK if clock else _HUGE
+    large = np.flatnonzero(np.abs(values) > most)
     if large.size:
         raise LogError(
             f"{name}: column {column} holds {values[large[0]]:.3g} at {where(int(large[0]))} ({large.size} such rows). "
-            f"Expected numbers up to {_HUGE:.0g}: check how the column was written, and delete rows that are damaged."
+            f"Expected numbers up to {most:.0g}: check how the column was written, and delete rows that are damaged."
         )
 
 
@@ -91,6 +101,21 @@ def check_length(name: str, n: int) -> None:
         raise LogError(
             f"{name}: {n} sample{'' if n == 1 else 's'}. Expected at least {MIN_SAMPLES}, and for a useful "
             "estimate some seconds of motion. Record longer, or check that the file was written to its end."
+        )
+
+
+def check_stretches(name: str, t: np.ndarray) -> None:
+    """Raise `LogError` where samples are missing so often that no stretch without a gap can be fitted."""
+    steps = np.diff(t)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    seconds, samples = SHORTEST_STRETCH
+    pieces = np.split(t, gaps)
+    if gaps.size and not any(len(p) >= samples and p[-1] - p[0] >= seconds for p in pieces):
+        longest = max(float(p[-1] - p[0]) for p in pieces)
+        raise LogError(
+            f"{name}: samples are missing in {gaps.size} places, and the longest stretch without a gap lasts "
+            f"{longest:.3g} s. Expected one of {seconds:g} s and {samples} samples at least. Record again with a "
+            "logger that keeps up, or with a longer sample time."
         )
 
 
@@ -128,6 +153,29 @@ def check_motion(name: str, q1: np.ndarray, q2: np.ndarray) -> None:
             )
 
 
+def warn_about_held(name: str, angles: dict[str, np.ndarray]) -> None:
+    """Warn about angles that change in every n-th row only: they are read more slowly than the rows are written."""
+    held = {column: n for column, q in angles.items() if (n := _held_for(q)) > 1}
+    if not held:
+        return
+    n = max(held.values())
+    nth = f"{n}{ {2: 'nd', 3: 'rd'}.get(n, 'th') }"
+    what = f"{' and '.join(held)} change{'s' if len(held) == 1 else ''}"
+    warn(
+        f"{name}: {what} in every {nth} row only, so the readings are "
+        f"older than their rows say. If the logger is faster than the loop, keep every {nth} row."
+    )
+
+
+def _held_for(q: np.ndarray) -> int:
+    """Rows for which each reading stands, 1 if they change as a motion does."""
+    changes = np.flatnonzero(np.diff(q))
+    distances = np.diff(changes)
+    if len(distances) < _FEWEST_CHANGES:
+        return 1
+    return next((n for n in range(_LONGEST_HOLD, 1, -1) if np.mean(distances % n == 0) > _ALL_BUT), 1)
+
+
 def warn_about_clock(name: str, t: np.ndarray) -> None:
     """Warn about dropped samples, and about stamps that look like milliseconds. `LogError` where nothing else they
     can be."""
@@ -136,7 +184,8 @@ def warn_about_clock(name: str, t: np.ndarray) -> None:
     if typical > _SLOWEST:
         raise LogError(
             f"{name}: the samples are {typical:g} s apart. Expected less than {_SLOWEST:g} s, as a pendulum swings. "
-            "If the time column is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python."
+            "If the time column is in milliseconds, say so: --time-unit ms (or us), time_unit='ms' in Python. If it "
+            "counts the samples, give the seconds from one to the next: --time-unit 0.002."
         )
     if typical < _FASTEST:
         day = f" In days, as spreadsheets keep time, it would be {1e3 * typical * _DAY:.3g} ms: --time-unit d."

@@ -31,6 +31,8 @@ from .other_endings import REMEDIES
 from .table import Table, listed, number
 from .text import comment_of, dates, decoded, units_row, unpacked
 
+_LABVIEW_HEADER = 200  # lines, at most
+
 Reader = Callable[[Path], Table]
 """Reads a file that exists. Raises LogError for one that is not of its format."""
 Writer = Callable[[Path, Mapping[str, np.ndarray], Mapping[str, str]], None]
@@ -118,8 +120,8 @@ def _read_text(name: str, raw: bytes) -> Table:
     body = [pair for pair, comment in zip(numbered, said, strict=True) if comment is None]
     if not body:
         raise LogError(f"{name}: the file holds no rows. Expected a header t,q1,q2,u and one row per sample.")
-    body = _from_header(body)
-    delimiter = max(",;\t", key=body[0][1].count)
+    delimiter = _delimiter(body)
+    body = _from_header(_below_labview(body), delimiter)
     if delimiter in body[0][1]:
         split = _csv_rows(name, [line for _, line in body], delimiter)
     else:
@@ -129,6 +131,7 @@ def _read_text(name: str, raw: bytes) -> Table:
         header, rows, lines = _commented_header(name, comments, len(header)), split, [i for i, _ in body]
     while header and not header[-1]:  # a delimiter at the end of each line
         header = header[:-1]
+    header = [cell or f"column {j}" for j, cell in enumerate(header, 1)]  # as pandas leaves that of its index
     units = units_row(header, rows[0]) if rows else {}
     if units:
         rows, lines = rows[1:], lines[1:]
@@ -138,14 +141,34 @@ def _read_text(name: str, raw: bytes) -> Table:
     return Table(name, columns, metadata, np.array(lines, dtype=int), units, notes)
 
 
-def _from_header(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
+def _bare(line: str) -> str:
+    return re.sub(r'"[^"]*"', "", line)  # a comma in a quoted cell separates nothing
+
+
+def _delimiter(body: list[tuple[int, str]]) -> str:
+    """What separates the cells: tabs or semicolons where most lines have some, as commas may be decimal ones then."""
+    lines = [_bare(line) for _, line in body[:_LABVIEW_HEADER]]
+    return next((d for d in "\t;" if 2 * sum(d in line for line in lines) > len(lines)), ",")
+
+
+def _below_labview(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """What stands below the header of a LabVIEW measurement, without its column of comments where that is empty."""
+    ends = [i for i, (_, line) in enumerate(body[:_LABVIEW_HEADER]) if line.startswith("***End_of_Header***")]
+    if not ends or ends[-1] + 2 > len(body):
+        return body
+    (at, names), *rows = body[ends[-1] + 1 :]
+    bare = re.sub(r"[,;\t]Comment\s*$", "", names)
+    wide = any(re.search(r"[,;\t]\s*[^\s,;\t]*[A-Za-z][^,;\t]*$", line) for _, line in rows)
+    return [(at, names if wide else bare), *rows]
+
+
+def _from_header(body: list[tuple[int, str]], delimiter: str) -> list[tuple[int, str]]:
     """Without a title, or Excel's `sep=;`, above the header: lines before it that have fewer separators than it.
 
     Rows of numbers are no header, though they may have a separator more, at their end."""
-    bare = [re.sub(r'"[^"]*"', "", line) for _, line in body[:10]]  # a comma in a quoted cell separates nothing
-    separators = [max(map(line.count, ",;\t")) for line in bare]
+    separators = [_bare(line).count(delimiter) for _, line in body[:10]]
     start = separators.index(max(separators))
-    cells = [cell.strip() for cell in re.split(r"[,;\t]", body[start][1])]
+    cells = [cell.strip() for cell in body[start][1].split(delimiter)]
     return body if all(number(cell) is not None for cell in cells if cell) else body[start:]
 
 
@@ -305,7 +328,7 @@ def _write_mat(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[
 
 
 READERS: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _read_csv),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".lvm"), _read_csv),
     ".parquet": _read_parquet,
     **dict.fromkeys((".feather", ".arrow"), _read_feather),
     ".npz": _read_npz,

@@ -124,10 +124,23 @@ def parse_angle_units(value: str | Mapping[str, str], both: bool = True) -> dict
 
 
 def parse_time_unit(value: str) -> str:
-    """Unit of the time column, one of `SECONDS`. Raises LogError."""
-    if value not in SECONDS:
-        raise LogArgumentError("time_unit", _short.repr(value), f"expected one of {', '.join(SECONDS)}")
-    return value
+    """Unit of the time column: one of `SECONDS`, or the seconds of one count, as "0.002". Raises LogError."""
+    if value in SECONDS:
+        return value
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError):
+        seconds = np.nan
+    if not 0.0 < seconds < np.inf:
+        expected = f"expected one of {', '.join(SECONDS)}, or the seconds of one count, as 0.002"
+        raise LogArgumentError("time_unit", _short.repr(value), expected)
+    return repr(seconds)
+
+
+def seconds_of(time_unit: str) -> float:
+    """Seconds of one unit of the time column. Raises LogError."""
+    unit = parse_time_unit(time_unit)
+    return SECONDS[unit] if unit in SECONDS else float(unit)
 
 
 def parse_scale(value: float) -> float:
@@ -192,7 +205,7 @@ def map_table(
     name = table.name
     if constant_command not in ("error", "warn", "ignore"):
         raise LogArgumentError("constant_command", repr(constant_command), "expected error, warn or ignore")
-    factor = SECONDS[parse_time_unit(time_unit)]
+    factor = seconds_of(time_unit)
     gain_of_u = parse_scale(input_scale)
     names = _find_columns(table, parse_columns(columns))
     metadata = _named(table.metadata)
@@ -208,7 +221,7 @@ def map_table(
         shown = ", ".join(f"{theirs} {n}" for theirs, n in lengths.items())
         raise LogError(f"{name}: columns of different length ({shown}). Expected one value per sample in each.")
     for ours, values in raw.items():
-        log_checks.check_numbers(name, names[ours], values, table.where)
+        log_checks.check_numbers(name, names[ours], values, table.where, clock=ours == "t")
     if table.columns[names["t"]].dtype.kind in "Mm":  # `Table.numbers` gives seconds
         factor = 1.0
     start = raw["t"][0] if len(raw["t"]) and abs(raw["t"][0]) * factor > _DATE else 0.0
@@ -248,6 +261,7 @@ def map_table(
     log_checks.warn_about_clock(name, t)
     log_checks.warn_about_command(name, names["u"], u)
     log_checks.check_motion(name, q1, q2)
+    log_checks.warn_about_held(name, {names["q1"]: q1, names["q2"]: q2})
     if not any(odd_unit):
         if counts is not None:
             log_checks.check_counts(name, names["q1"], q1, counts[0])

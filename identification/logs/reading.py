@@ -48,7 +48,7 @@ def read_log(
     encoder_counts: counts per revolution (all four edges), one number or two, for (q1, q2).
     controller_gain: K of the file's own units and signs; it is mapped as the angles and the command are.
     input_scale: what the file's command is multiplied by to be in input_unit, as 0.001 for millivolts.
-    time_unit: "s", "ms", "us", "ns" or "d" (days); dates need none.
+    time_unit: "s", "ms", "us", "ns" or "d" (days), or of a counter the seconds of one count, "0.002"; dates need none.
     constant_command: "error", "warn" or "ignore" (no word about free decays, u = 0).
     skip [s]: left out at the start, for example while a controller is handed over; plant files say so.
     cut [s]: stretches of the log's clock that are left out, each "12:14" or (12, 14); plant files say so. The log is

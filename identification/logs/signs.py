@@ -19,6 +19,7 @@ from scipy.signal import savgol_filter
 
 from .checks import GAP
 
+_BRIDGED = 0.04  # s without a sample, of which a straight line takes the place: a third of the smoother's span
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
 _MOST_ROWS = 200_000  # of the regressions: more would make a sign no surer
 TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
@@ -97,11 +98,21 @@ NO_ROW = Row((0.0, 0.0), (0, 0), 0.0)
 
 
 def longest_piece(t: np.ndarray) -> tuple[np.ndarray, int]:
-    """Indices of the longest stretch between two gaps, and the smoother's window for it; 0 if it is too short."""
+    """Indices of the longest stretch between two gaps, and the smoother's window for it; 0 if it is too short.
+
+    Single samples that are lost are no gap here (`evenly`)."""
     T = float(np.median(np.diff(t)))
-    longest = max(np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > GAP * T) + 1), key=len)
+    gap = max(GAP * T, _BRIDGED)
+    longest = max(np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > gap) + 1), key=len)
     window = int(_SPAN / T) | 1
     return longest, 0 if window < 5 or len(longest) < 4 * window else window
+
+
+def evenly(t: np.ndarray, values: np.ndarray, T: float) -> np.ndarray:
+    """Values of a stretch every T [s], with straight lines over lost samples; as they are where none is lost."""
+    if not np.any(np.diff(t) > GAP * T):
+        return values
+    return np.interp(np.arange(t[0], t[-1] + 0.5 * T, T), t, values)
 
 
 def smoothed(q: np.ndarray, T: float, window: int) -> Smoothed:
@@ -143,10 +154,11 @@ def motion_signs(t: np.ndarray, q1: np.ndarray, q2: np.ndarray, u: np.ndarray) -
     if not window:
         return Signs(0, 0, 0)
     T = float(np.median(np.diff(t)))
-    arm, pendulum = smoothed(q1[longest], T, window), smoothed(q2[longest], T, window)
+    q1, q2, u = (evenly(t[longest], x[longest], T) for x in (q1, q2, u))
+    arm, pendulum = smoothed(q1, T, window), smoothed(q2, T, window)
     row = pendulum_row(arm, pendulum)
     gravity, coupling = row.signs if row.r2 >= TRUSTED_R2 else (0, 0)
-    command = arm_row(arm, pendulum, smoothed_command(u[longest], window))
+    command = arm_row(arm, pendulum, smoothed_command(u, window))
     return Signs(gravity, -coupling, command.signs[0] if command.r2 > TRUSTED_R2_ARM else 0)
 
 

@@ -18,7 +18,11 @@ from .vocabulary import unit_of
 COMMENTS = ("#", "%", "//", "!")
 """What a line of comment starts with."""
 
+_HALF_A_DAY = np.timedelta64(12, "h")
 _LARGEST = 1 << 30  # bytes of a packed file when unpacked
+_DAY_AND_CLOCK = re.compile(
+    r"\s*(?:(\d{1,2})([./-])(\d{1,2})\2(\d{4})[T ,]\s*)?(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d+))?\s*([AaPp][Mm])?\s*"
+)
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}([.,]\d+)?)?)?\s*(Z|[+-]\d{2}:?\d{2})?\s*")
 
 
@@ -87,8 +91,13 @@ def units_row(header: Sequence[str], row: Sequence[str]) -> dict[str, str]:
 
 
 def dates(cells: Sequence[str]) -> np.ndarray | None:
-    """Cells as dates, where all are written as ISO 8601 has them; else None. A time zone is taken into account."""
-    if not cells or not all(_DATE.fullmatch(cell) for cell in (cells[0], cells[-1])):
+    """Cells as dates, where all are written as ISO 8601 has them, as 3.5.2024 14:02:03 or as 05/03/2024 02:02:03 PM, or
+    are times of the day; else None. A time zone is taken into account."""
+    if not cells:
+        return None
+    if all(_DAY_AND_CLOCK.fullmatch(cell) for cell in (cells[0], cells[-1])):
+        return _days_and_clocks(cells)
+    if not all(_DATE.fullmatch(cell) for cell in (cells[0], cells[-1])):
         return None
     import pandas as pd
 
@@ -97,3 +106,34 @@ def dates(cells: Sequence[str]) -> np.ndarray | None:
     except ValueError:
         return None
     return stamps.tz_localize(None).to_numpy().astype("datetime64[ns]")
+
+
+def _days_and_clocks(cells: Sequence[str]) -> np.ndarray | None:
+    """Dates in the order of day and month that makes them increase, or times of the day, which may pass midnight."""
+    found = [_DAY_AND_CLOCK.fullmatch(cell) for cell in cells]
+    parts = [match.groups() for match in found if match is not None]
+    if len(parts) < len(cells):
+        return None
+    seconds = [_since_midnight(*part[4:]) for part in parts]
+    clock = np.array(seconds, dtype="timedelta64[ns]")
+    if parts[0][0] is None:
+        passed = np.cumsum(np.diff(clock, prepend=clock[:1]) < -_HALF_A_DAY)
+        return np.datetime64(0, "ns") + clock + passed * np.timedelta64(1, "D")
+    orders = [(0, 2), (2, 0)]  # of day and month
+    days = [d for order in orders if (d := _days(parts, *order)) is not None]
+    stamps = [d + clock for d in days]
+    return min(stamps, key=lambda s: abs(s[-1] - s[0]), default=None)
+
+
+def _days(parts: Sequence[tuple[str, ...]], day: int, month: int) -> np.ndarray | None:
+    try:
+        return np.array([f"{p[3]}-{int(p[month]):02}-{int(p[day]):02}" for p in parts], dtype="datetime64[ns]")
+    except (ValueError, TypeError):
+        return None
+
+
+def _since_midnight(hour: str, minute: str, second: str, fraction: str | None, half: str | None) -> int:
+    """Nanoseconds."""
+    hours = int(hour) if half is None else int(hour) % 12 + 12 * (half.lower() == "pm")
+    whole = 3600 * hours + 60 * int(minute) + int(second)
+    return whole * 1_000_000_000 + int(f"{fraction or '':0<9.9}")

@@ -45,7 +45,7 @@ def unwrap(name: str, column: str, t: Array, q: Array, counts: float | None = No
     warn(
         f"{name}: {column} jumps by more than half a turn, {int(far.sum())}× (first from {q[first]:.3g} to "
         f"{q[first + 1]:.3g} rad). Taken as a wrapped {what} and unwrapped. If these are spikes, or the "
-        "angles are in degrees (--unit deg), mend that instead."
+        "angles are in another unit (--unit), mend that instead."
     )
     return unwrapped
 

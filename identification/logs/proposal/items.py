@@ -16,8 +16,8 @@ from .units import Unit, command_unit
 from .values import Confidence, Item
 
 _AS_YOU_SAY = "as you say"
-AFTER_COUNTS = "the motion may tell it once the counts are known"
-"""The reason of an item that nothing was looked at for, as angles in counts have no scale yet."""
+AFTER_UNITS = "the motion may tell it once the units are known"
+"""The reason of an item that nothing was looked at for, as angles in counts or the clock have no scale yet."""
 
 
 def items_of(look: Look, others: Sequence[Look]) -> list[Item]:
@@ -143,7 +143,9 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
 
 def _unseen(look: Look) -> str:
     if look.factors is None and "counts" in (look.unit("q1"), look.unit("q2")):
-        return AFTER_COUNTS
+        return AFTER_UNITS
+    if look.time.unit is None and look.column("t") is not None and look.said("time_unit") is None:
+        return AFTER_UNITS
     return "the motion does not tell it"
 
 

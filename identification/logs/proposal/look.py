@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .. import checks
-from ..mapping import SECONDS, parse_counts, parse_zero
+from ..mapping import SECONDS, parse_counts, parse_zero, seconds_of
 from ..rig_mapping import RigMapping
 from ..signs import Signs
 from ..table import Table
@@ -29,7 +29,7 @@ class Look:
         self.choices = named(self.numbers, given.columns)
         self.found: list[Problem] = []
         self.time = self._time()
-        self.factor = SECONDS[self.time.believed(self.said("time_unit")) or "s"]
+        self.factor = seconds_of(self.time.believed(self.said("time_unit")) or "s")
         if self.dates:
             self.factor = 1.0
         time = self.choices["t"].column
@@ -92,7 +92,7 @@ class Look:
                         "If so: " + RigMapping(**changed).options(),  # type: ignore[arg-type]
                     )
                 )
-                for ours in changed:
+                for ours in changed.keys() - said.keys():
                     alternatives = tuple(dict.fromkeys([meant[ours], *pool]))
                     self.choices[ours] = Choice(names[ours], Confidence.open, "its motion says otherwise", alternatives)
             return

@@ -8,7 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..signs import Row, Signs, Smoothed, arm_row, longest_piece, motion_signs, pendulum_row, smoothed, smoothed_command
+from ..signs import (
+    Row,
+    Signs,
+    Smoothed,
+    arm_row,
+    evenly,
+    longest_piece,
+    motion_signs,
+    pendulum_row,
+    smoothed,
+    smoothed_command,
+)
 from ..wrapping import continuous
 from .policy import USUAL_COUNTS, ProposalPolicy
 
@@ -61,7 +72,7 @@ class Motion:
     def smooth(self, name: str) -> Smoothed:
         """A column as it stands, smoothed."""
         if name not in self._smooth:
-            self._smooth[name] = smoothed(self.angle(name), self.T, self.window)
+            self._smooth[name] = smoothed(evenly(self.t, self.angle(name), self.T), self.T, self.window)
         return self._smooth[name]
 
     def pair(self, arm: str, pendulum: str, units: tuple[str, str], factors: Sequence[float]) -> Pair:
@@ -101,7 +112,7 @@ class Motion:
         """How much of a command the arm's motion explains."""
         if self.short or command not in self.raw or np.ptp(self.raw[command]) == 0:
             return 0.0
-        u = smoothed_command(self.raw[command], self.window)
+        u = smoothed_command(evenly(self.t, self.raw[command], self.T), self.window)
         row = arm_row(self.smooth(arm).scaled(factors[0]), self.smooth(pendulum).scaled(factors[1]), u)
         return row.r2
 

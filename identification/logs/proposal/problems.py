@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,11 +44,13 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
                 found += _said(name, lambda c=column: look.table.numbers(c))
     used = {ours: c for ours in COLUMNS if (c := look.column(ours)) is not None}
     for column in used.values():
-        found += _said(name, lambda c=column: checks.check_numbers(name, c, look.table.numbers(c), look.table.where))
+        check = partial(checks.check_numbers, name, column, where=look.table.where, clock=column == used.get("t"))
+        found += _said(name, lambda c=column, check=check: check(look.table.numbers(c)))
     finite = {ours: look.numbers[c] for ours, c in used.items() if np.isfinite(look.numbers[c]).all()}
     if "t" in finite:
         found += _said(name, lambda: checks.check_clock(name, look.t, look.table.where))
         found += _said(name, lambda: checks.check_length(name, len(look.t)))
+        found += _said(name, lambda: checks.check_stretches(name, look.t))
     if "t" in finite and not look.dates:
         found += _unit_problem(look, "t", look.time, "time_unit", "--time-unit ")
     for axis in ("q1", "q2"):
@@ -63,6 +66,7 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
     if {"q1", "q2"} <= set(finite) and look.factors is not None:
         q1, q2 = (finite[q] * f for q, f in zip(("q1", "q2"), look.factors, strict=True))
         found += _said(name, lambda: checks.check_motion(name, q1, q2))
+        found += _said(name, lambda: checks.warn_about_held(name, {used["q1"]: q1, used["q2"]: q2}))
     notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in look.table.notes]
     return [*found, *look.found, *_zero_problems(look), *notes]
 

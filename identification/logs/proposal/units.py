@@ -10,7 +10,7 @@ import numpy as np
 from ..encoders import encoder_step
 from ..mapping import SECONDS
 from ..table import Table
-from ..vocabulary import is_current, unit_in, unit_of, words
+from ..vocabulary import fits, is_current, unit_in, unit_of, words
 from .motion import RADIANS, Motion, Pair
 from .policy import ProposalPolicy
 from .values import Confidence
@@ -76,6 +76,12 @@ def time_unit(table: Table, column: str, t: np.ndarray, policy: ProposalPolicy) 
             f"{spaced(possible[0])}.",
             possible[0],
         )
+    if len(steps) > 1 and np.allclose(steps, 1.0, rtol=0.0, atol=1e-9):
+        if "ms" in possible and fits(column, "t") >= 2:
+            why = "1 ms between samples, if it is a clock and does not count the samples"
+            return Unit("ms", Confidence.likely, why, tuple(SECONDS))
+        why = "it counts the samples; give the seconds from one to the next, as 0.002"
+        return Unit(None, Confidence.open, why, tuple(SECONDS))
     if not possible:
         return Unit(None, Confidence.open, f"a spacing of {step:g} suits no unit", tuple(SECONDS))
     best = possible[0]
@@ -207,6 +213,9 @@ def command_unit(table: Table, column: str, u: np.ndarray, policy: ProposalPolic
             None, Confidence.open, "its name means a current, in A", units, f"the command {column} is a current."
         ), None
     parts = set(words(column))
+    if parts & {"duty", "pwm"}:
+        reason, against = "its name means a duty", f"the command {column} is a duty."
+        return Unit(None, Confidence.open, reason, units, against), None
     if parts & {"voltage", "volts", "volt", "spannung", "motorspannung", "ankerspannung", "voltaje", "tensione", "vm"}:
         return Unit("V", Confidence.sure, "its name means a voltage", units), None
     if parts & {"torque", "drehmoment", "tau"}:

@@ -98,6 +98,18 @@ def test_the_covariance_is_the_sum_of_its_parts_and_stays_one(lacking: Estimate)
     assert np.sqrt(np.diag(lacking.plant.covariance.matrix)) == pytest.approx(lacking.std)
 
 
+def test_what_the_model_lacks_is_no_parameter_identified(lacking: Estimate) -> None:
+    assert lacking.model_error is not None
+    wide = 900.0 * lacking.model_error  # thirty times the deviation
+    worse = replace(lacking, covariance=lacking.covariance + wide - lacking.model_error, model_error=wide)
+    names = {n for n, v, s in zip(worse.names, worse.values, worse.std, strict=True) if s > 0.3 * abs(v)}
+    assert "theta1" in worse.uncertain
+    assert set(worse.uncertain) <= names
+    assert "all parameters identified" not in worse.verdict
+    assert "uncertain, as this model lacks something" in worse.verdict
+    assert not replace(worse, covariance=worse.covariance - wide, model_error=0.0 * wide).uncertain
+
+
 def test_a_long_log_is_looked_at_in_part(lacking: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:
     assert lacking.problem is not None
     assert lacking.optimum is not None

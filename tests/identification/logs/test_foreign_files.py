@@ -47,6 +47,11 @@ def text(sep: str = ",", comma: bool = False, head: str = "", names=NAMES, end: 
 
 
 STAMPS = pd.Timestamp("2025-03-14T09:26:53") + pd.to_timedelta(LOG.t, unit="s")
+NEW_YEAR = pd.Timestamp("2025-12-31T23:59:58.5") + pd.to_timedelta(LOG.t, unit="s")
+LABVIEW = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nDate\t2024/05/03\n***End_of_Header***\t\n\t\nChannels\t3\n"
+    "Samples\t750\t750\t750\nX0\t0\t0\t0\n***End_of_Header***\n"
+)
 TEXTS: dict[str, bytes] = {
     "utf-8": text().encode(),
     "utf-8 with mark": text().encode("utf-8-sig"),
@@ -58,6 +63,14 @@ TEXTS: dict[str, bytes] = {
     "iso times": text(t=[s.isoformat() for s in STAMPS]).encode(),
     "iso times with a zone": text(";", True, t=[f"{s.isoformat(sep=' ')}+01:00" for s in STAMPS]).encode(),
     "windows": text(end="\r\n").encode(),
+    "german times": text(";", True, t=[s.strftime("%d.%m.%Y %H:%M:%S,%f") for s in STAMPS]).encode(),
+    "german times at new year": text(";", True, t=[s.strftime("%d.%m.%Y %H:%M:%S,%f") for s in NEW_YEAR]).encode(),
+    "american times": text(t=[s.strftime("%m/%d/%Y %I:%M:%S.%f %p") for s in STAMPS]).encode(),
+    "american times at new year": text(t=[s.strftime("%m/%d/%Y %I:%M:%S.%f %p") for s in NEW_YEAR]).encode(),
+    "times of the day over midnight": text(t=[s.strftime("%H:%M:%S.%f") for s in NEW_YEAR]).encode(),
+    "separator of Excel": text(";", True, "sep=;\n").encode(),
+    "measurement of LabVIEW": text("\t", head=LABVIEW, names=("X_Value", "Arm", "Pendulum", "Voltage")).encode(),
+    "its column of comments": text("\t", head=LABVIEW, names=("X_Value", *NAMES[1:], "Comment")).encode(),
 }
 
 
@@ -67,6 +80,22 @@ def test_text(tmp_path: Path, content: bytes, packed: bool) -> None:
     path = tmp_path / ("log.csv.gz" if packed else "log.csv")
     path.write_bytes(gzip.compress(content) if packed else content)
     assert is_log(proposed(path), 1e-8)
+
+
+def test_a_measurement_of_labview_with_comments_keeps_them(tmp_path: Path) -> None:
+    rows = text("\t", head=LABVIEW, names=("X_Value", *NAMES[1:], "Comment")).splitlines()
+    start = rows.index("***End_of_Header***") + 2
+    path = tmp_path / "log.lvm"
+    path.write_text("\n".join(rows[:start] + [f"{row}\tknock" for row in rows[start:]]))
+    assert set(read_table(path).columns["Comment"]) == {"knock"}
+    assert is_log(proposed(path), 1e-8)
+
+
+def test_dates_that_are_none_stay_text(tmp_path: Path) -> None:
+    for wrong in ("31.02.2025 10:00:00", "14/14/2025 10:00:00", "10:00"):
+        path = tmp_path / "log.csv"
+        path.write_text(text(t=[wrong] * len(LOG)))
+        assert read_table(path).columns["time"].dtype.kind == "O"
 
 
 def test_another_encoding_is_told(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.logs.proposal import AFTER_COUNTS, Confidence, propose
+from identification.logs.proposal import AFTER_UNITS, Confidence, propose
 from identification.logs.rig_mapping import RigMapping
+from identification.logs.table import Table
 from identification.logs.vocabulary import fits
 from identification.logs.wrapping import continuous
 
@@ -66,9 +67,9 @@ def test_swapped_columns_in_counts_are_a_problem() -> None:
 def test_what_waits_for_the_counts_says_so() -> None:
     log = hanging()
     whole = {q: np.round(_PER_RADIAN["counts"] * getattr(log, q)) for q in ("q1", "q2")}
-    unseen = {i.name for i in propose(table(log, **whole)).items if i.reason == AFTER_COUNTS}
+    unseen = {i.name for i in propose(table(log, **whole)).items if i.reason == AFTER_UNITS}
     assert unseen == {"pendulum_zero", "sign_q2", "sign_u"}
-    assert not [i for i in propose(table(log, **whole), _COUNTS).items if i.reason == AFTER_COUNTS]
+    assert not [i for i in propose(table(log, **whole), _COUNTS).items if i.reason == AFTER_UNITS]
 
 
 @pytest.mark.parametrize("name", ["i_cmd_A", "current_cmd", "Strom_soll", "iq_ref", "motorCurrentCommand", "i_set [A]"])
@@ -84,3 +85,78 @@ def test_a_commanded_current_is_found_and_asks_for_the_motors_constant(name: str
 def test_a_measured_current_is_no_command() -> None:
     assert fits("current", "u") == fits("i_meas", "u") == fits("motor_current", "u") == 0
     assert fits("current_cmd", "u") < fits("voltage_cmd", "u")
+
+
+@pytest.mark.parametrize("name", ["sample", "index", "k", "n", "cycle", ""])
+def test_a_column_that_counts_is_no_clock_in_milliseconds(name: str) -> None:
+    log = hanging()
+    source = table(log, (name or "column 1", "q1", "q2", "u"), time=0.004)
+    proposal = propose(source)
+    time = proposal.item("time_unit")
+    assert (time.value, time.confidence) == (None, Confidence.open)
+    assert proposal.item("pendulum_zero").reason == AFTER_UNITS
+    answered = propose(source, RigMapping(time_unit="0.004"))
+    assert [item.name for item in answered.below(Confidence.sure)] == ["input_unit"]
+    assert same_motion(read(answered, source), log)
+
+
+def test_a_clock_that_counts_milliseconds_is_asked_about() -> None:
+    log = LOGS["upright"]()
+    source = table(log, ("time", "q1", "q2", "u"), time=0.004)
+    time = propose(source).item("time_unit")
+    assert (time.value, time.confidence) == ("ms", Confidence.likely)
+    assert propose(table(log, ("time_ms", "q1", "q2", "u"), time=0.004)).item("time_unit").confidence is Confidence.sure
+
+
+@pytest.mark.parametrize("lost", [0.01, 0.05])
+@pytest.mark.parametrize("zero", ["upright", "hanging"])
+@pytest.mark.parametrize("kind", LOGS)
+def test_lost_samples_hide_neither_zero_nor_signs(kind: str, zero: str, lost: float) -> None:
+    source = table(LOGS[kind](), zero=zero, flip=("q2",), names=("t", "q1", "q2", "motor voltage"))
+    kept = np.random.default_rng(5).random(len(source.columns["t"])) > lost
+    proposal = propose(Table(source.name, {name: values[kept] for name, values in source.columns.items()}))
+    assert not proposal.below(Confidence.sure)
+    assert (proposal.mapping.pendulum_zero, proposal.mapping.flip) == (
+        propose(source).mapping.pendulum_zero,
+        propose(source).mapping.flip,
+    )
+
+
+def test_a_log_without_a_long_stretch_is_refused() -> None:
+    source = table(hanging())
+    kept = np.arange(len(source.columns["t"])) % 40 < 38
+    holey = Table(source.name, {name: values[kept] for name, values in source.columns.items()})
+    (problem,) = propose(holey).fatal
+    assert "longest stretch without a gap lasts 0.148 s" in problem.text
+
+
+def test_columns_that_are_said_stay_said() -> None:
+    log = hanging()
+    proposal = propose(table(log, q1=log.q2, q2=log.q1), RigMapping(t="t", q1="q1", q2="q2", u="u", input_unit="V"))
+    assert "swapped" in proposal.fatal[0].text
+    assert {proposal.item(ours).confidence for ours in ("q1", "q2", "u")} == {Confidence.sure}
+
+
+def test_readings_that_are_held_are_noted() -> None:
+    log = hanging()
+    fast = table(log, **{q: np.repeat(getattr(log, q)[::4], 4)[: len(log)] for q in ("q1", "q2")})
+    assert "q1 and q2 change in every 4th row only" in propose(fast).problems[0].text
+    pendulum = table(log, q2=np.repeat(log.q2[::2], 2)[: len(log)])
+    assert "q2 changes in every 2nd row only" in propose(pendulum).problems[0].text
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e-3, 1e-6, 1e-9], ids=["s", "ms", "us", "ns"])
+def test_stamps_since_1970_are_a_clock(factor: float) -> None:
+    log = hanging()
+    source = table(log, t=np.round((1_714_771_200.0 + log.t) / factor))
+    if factor == 1.0:
+        source = table(log, t=1_714_771_200.0 + log.t)
+    proposal = propose(source)
+    assert not proposal.problems
+    assert np.allclose(read(proposal, source).t, log.t, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["duty", "pwm_cmd"])
+def test_a_duty_asks_for_the_volts(name: str) -> None:
+    (problem,) = propose(table(hanging(), ("t", "q1", "q2", name))).fatal
+    assert "--input-unit V --input-scale K" in problem.mend
