@@ -1,7 +1,9 @@
 """Policies learned on `FurutaID-v0`, played from encoder readings like any controller."""
 
 import os
+import warnings
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.arguments import ArgumentError
-from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT, TASKS
+from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT, TASKS, Options
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
 from furuta_gym.simulation import period_of
@@ -179,10 +181,19 @@ def load_policy(
         )
     if env.get("scale_observation") or env.get("action_time") is not None:
         raise ValueError(
-            f"{path} was trained on scaled observations with speeds from faster samples. Only FurutaBalance-v0 and "
-            "FurutaSwingUp-v0 give them. Train a policy for other uses with `furuta train`"
+            f"{path} was trained on observations that a controller does not make: scaled ones, or with speeds from "
+            "faster samples (action_time), as FurutaBalance-v0 and FurutaSwingUp-v0 have them. Train a policy for "
+            "other uses on FurutaID-v0 without scale_observation and action_time"
         )
     shares = abs(network.limit - 1.0) < 1e-6 and abs(plant.u_max - 1.0) > 1e-6
+    _check_actions(path, network.limit, env.get("normalize_action"), rig.get("u_max", plant.u_max))
+    if from_stable_baselines3(path) and not env:
+        period = f"a period of {trained:g} s and actions in {'shares of u_max' if shares else plant.unit}"
+        warnings.warn(
+            f"{path} has no record of its environment; the task balance, {period} are assumed. Write its options into "
+            f'{path.with_suffix(".json")}, as {{"env": {{"task": "swing_up", "sample_time": 0.02}}}}',
+            stacklevel=2,
+        )
     settings = {
         "velocity_cutoff": float(env.get("velocity_cutoff") or choose_sensors(plant, sensors).velocity_cutoff),
         "arm_limit": float(env.get("arm_limit") or 2 * np.pi),
@@ -217,6 +228,19 @@ def load_to_export(
     return controller
 
 
+def _check_actions(path: Path, largest: float, normalized: bool | None, u_max: float) -> None:
+    """Raise ValueError where the record of a policy of stable-baselines3 says other actions than the policy has."""
+    if normalized is None or not from_stable_baselines3(path):
+        return
+    shares = abs(largest - 1.0) < 1e-6
+    if shares != normalized and abs(u_max - 1.0) > 1e-6:
+        raise ValueError(
+            f"{path} gives actions up to {largest:g}, and its record says normalize_action = "
+            f"{str(normalized).lower()}, so up to {1.0 if normalized else u_max:g}. Mend the record: true for actions "
+            "in [-1, 1], false for commands"
+        )
+
+
 _RANGES = {"sample_time": (1e-4, 1.0), "velocity_cutoff": (1e-3, 1e6), "arm_limit": (0.01, 1e3)}
 
 
@@ -225,6 +249,8 @@ def _settings(path: Path, record: Mapping[str, Any]) -> tuple[Mapping[str, Any],
     env, rig = record.get("env") or {}, record.get("plant") or {}
     if not isinstance(env, Mapping) or not isinstance(rig, Mapping):
         raise ValueError(f'{path}: "env" and "plant" of the training record must be mappings')
+    if strange := sorted(set(env) - {f.name for f in fields(Options)} - {"max_episode_steps", "render_mode"}):
+        raise ValueError(f"{path}: the training record names options that no env has: {', '.join(strange)}")
     wrong = [f"{n} = {env[n]!r}" for n, span in _RANGES.items() if env.get(n) is not None and not _within(env[n], span)]
     wrong += [
         f"{n} = {env[n]!r}" for n in ("observe_command", "normalize_action") if type(env.get(n, True)) is not bool

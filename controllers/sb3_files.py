@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -46,11 +47,21 @@ def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any
     if len(shape or ()) != 1 or actions != (1,):
         raise ValueError(f"{path} was made for observations of shape {shape} and actions of shape {actions}")
     env = record.get("env") or {}  # which then says it if observations were scaled
-    if _normalised(model, FRAME + bool(isinstance(env, Mapping) and env.get("observe_command"))):
+    frame = FRAME + bool(isinstance(env, Mapping) and env.get("observe_command"))
+    ours = "schema" in record or "normalized_observations" in record
+    if model.num_timesteps and getattr(model, "_last_obs", None) is None and not ours:
+        warnings.warn(
+            f"{path} was loaded and saved again, so it does not show whether it learned from VecNormalize, whose "
+            f'statistics are not played. If it did not, write "normalized_observations": false into '
+            f"{path.with_suffix('.json')}",
+            stacklevel=2,
+        )
+    if record.get("normalized_observations") or _normalised(model, frame):
         raise ValueError(
-            f"{path} was trained on normalised observations: the sine and the cosine that it saw last are those of no "
-            "angle. The running statistics of VecNormalize or NormalizeObservation are not played from readings. Train "
-            "without, and scale observations by constants inside the network, see docs/how-to/own_training_script.md"
+            f"{path} was trained on normalised observations: its record says so, or the sine and the cosine that it "
+            "saw last are those of no angle. The running statistics of VecNormalize or NormalizeObservation are not "
+            "played from readings. Train without, and scale observations by constants inside the network, see "
+            "docs/how-to/own_training_script.md"
         )
     if _scaled(model.observation_space) and isinstance(env, Mapping):
         record = record | {"env": {**env, "scale_observation": True}}
@@ -61,7 +72,7 @@ def _normalised(model: Any, frame: int) -> bool:
     """Whether the newest frame of the observations (L, n) that the model saw last is none of the env's."""
     seen = getattr(model, "_last_obs", None)
     n = model.observation_space.shape[0]
-    if seen is None or n < frame:
+    if seen is None or n % frame:
         return False
     newest = np.asarray(seen, dtype=float).reshape(-1, n)[:, n - frame :]
     return bool(np.abs(np.hypot(newest[:, 1], newest[:, 2]) - 1.0).max() > 1e-3)
@@ -76,8 +87,8 @@ def load_sb3(path: Path, algorithm: str, env: Any = None) -> Any:
     """The model in a trusted zip. Raises ValueError if it cannot be read."""
     try:
         return algorithm_class(algorithm).load(path, env=env, device="cpu")
-    except (ValueError, KeyError, AssertionError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: cannot be read as a stable-baselines3 policy: {error}") from error
+    except (ValueError, KeyError, AssertionError, AttributeError, TypeError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: cannot be read as a {algorithm} policy of stable-baselines3: {error}") from error
 
 
 def algorithm_of(path: Path) -> str:

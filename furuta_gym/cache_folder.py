@@ -3,6 +3,7 @@
 What is kept is run when it is found, so only this user may write there.
 """
 
+import logging
 import os
 import stat
 import tempfile
@@ -11,6 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+
+_logger = logging.getLogger(__name__)
 
 
 @lru_cache
@@ -73,8 +76,12 @@ def when_compiling(say: Callable[[], None]) -> Iterator[None]:
 
 
 def note_compilation() -> None:
-    """What the compiler calls before every function."""
+    """What the compiler calls before every function. Where nobody listens, a line of the log says why it takes long."""
     global _compiled
+    if not _compiled and not _listeners:
+        _logger.warning(
+            "compiling for this machine, once: some seconds to three minutes (`furuta warm-up` does it beforehand)"
+        )
     _compiled += 1
     while _listeners:
         _listeners.pop()()

@@ -72,7 +72,7 @@ class Options:
         """From keyword arguments; an unknown one is refused with the list of those that exist."""
         known = [f.name for f in fields(cls)]
         if strange := sorted(set(given) - set(known)):
-            raise TypeError(f"FurutaID-v0 has no option {', '.join(strange)}; it has: {', '.join(known)}")
+            raise TypeError(f"no option {', '.join(strange)}; there are render_mode, {', '.join(known)}")
         return cls(**given)
 
     def __post_init__(self) -> None:

@@ -1,6 +1,7 @@
 """The names under which Gymnasium knows the environments, their options, and how long an episode lasts."""
 
 import math
+import warnings
 from typing import Any
 
 from ..arguments import ArgumentError
@@ -8,6 +9,7 @@ from ..arguments import ArgumentError
 ENV_ID = "FurutaID-v0"
 MAX_EPISODE_STEPS = 1000  # 10 s at the default 100 Hz
 
+_ENTRY = "furuta_gym.envs.furuta:FurutaEnv"
 TASK_IDS = {"balance": "FurutaBalance-v0", "swing_up": "FurutaSwingUp-v0"}
 # Options of `FurutaEnv` that the two ids set, and that `gymnasium.make` may change.
 TASK_OPTIONS: dict[str, Any] = {
@@ -25,24 +27,45 @@ REWARD_THRESHOLDS = {"balance": 96.0, "swing_up": 95.0}  # of at most 100
 
 
 def options_of(env_id: str) -> dict[str, Any]:
-    """The options that a registered id sets. Raises ValueError for another id."""
+    """The options that a registered id sets, one of ours or one that was registered with our entry point. Raises
+    ValueError for another id."""
     for task, own in TASK_IDS.items():
         if env_id == own:
             return {"task": task} | TASK_OPTIONS
     if env_id == ENV_ID:
         return {}
+    from gymnasium.envs.registration import registry
+
+    own_id = registry.get(env_id)
+    if own_id is not None and own_id.entry_point == _ENTRY:
+        return dict(own_id.kwargs)
     raise ValueError(f"no environment {env_id!r} here; expected one of {', '.join((ENV_ID, *TASK_IDS.values()))}")
 
 
-def check_time_limit(spec: Any, actions: float, limit: float = MAX_EPISODE_STEPS) -> None:
-    """Raises ArgumentError where `FurutaID-v0` ends an episode before a `time_limit` of so many actions (inf: none).
+def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> None:
+    """Whether an episode ends before a `time_limit` of so many actions (inf: none).
 
-    spec: the env's, which does not say whether `gymnasium.make` was given another limit. limit: that of a batch.
+    spec: of the env. limit: of a batch, which knows it: then it raises ArgumentError. A single env does not know
+    whether `gymnasium.make` was given another limit than its id has, so it warns.
     """
-    if spec is not None and spec.id == ENV_ID and limit < actions < math.inf:
-        fault = f"{ENV_ID} ends an episode after {limit:.0f}"
+    if spec is None:
+        return
+    from gymnasium.envs.registration import registry
+
+    known = limit is not None
+    ends = limit if known else getattr(registry.get(spec.id), "max_episode_steps", None)
+    if ends is None or not ends < actions < math.inf:
+        return
+    if known:
         hint = f"; give max_episode_steps={actions:.0f} in its place"
-        raise ArgumentError("time_limit", f"of {actions:.0f} actions", fault, hint)
+        raise ArgumentError(
+            "time_limit", f"of {actions:.0f} actions", f"{spec.id} ends an episode after {ends:.0f}", hint
+        )
+    warnings.warn(
+        f"time_limit of {actions:.0f} actions: {spec.id} ends an episode after {ends:.0f}, unless gymnasium.make was "
+        f"given max_episode_steps={actions:.0f}",
+        stacklevel=3,
+    )
 
 
 def register() -> None:
@@ -53,7 +76,7 @@ def register() -> None:
     if ENV_ID not in registry:
         gymnasium_register(
             id=ENV_ID,
-            entry_point="furuta_gym.envs.furuta:FurutaEnv",
+            entry_point=_ENTRY,
             vector_entry_point="furuta_gym.envs.vector:FurutaVectorEnv",
             max_episode_steps=MAX_EPISODE_STEPS,
         )
@@ -61,7 +84,7 @@ def register() -> None:
         if env_id not in registry:
             gymnasium_register(
                 id=env_id,
-                entry_point="furuta_gym.envs.furuta:FurutaEnv",
+                entry_point=_ENTRY,
                 vector_entry_point="furuta_gym.envs.vector:FurutaVectorEnv",
                 reward_threshold=REWARD_THRESHOLDS[task],
                 kwargs=options_of(env_id),

@@ -42,6 +42,11 @@ class HeldOut:
     policy: DecisionPolicy
     _known: dict[int, tuple[Plant, Gap]] = field(default_factory=dict, repr=False)
 
+    @property
+    def same_clock(self) -> bool:
+        """Whether they are a later part of the searched logs."""
+        return not self.whole
+
     def gap(self, plant: Plant, noise: Noise | None = None, zeros: Zeros | None = None) -> Gap:
         """The gap of a plant that was fitted to the logs with this noise and these zeros.
 

@@ -40,6 +40,11 @@ class NoRest:
 class Witness(Protocol):
     """Data that no fit saw."""
 
+    @property
+    def same_clock(self) -> bool:
+        """Whether they are a later part of the fitted logs, or nothing."""
+        ...
+
     def hears(self, fits: Sequence[Fit]) -> None:
         """Fits that will be asked about: together they take less time than one by one."""
         ...
@@ -71,6 +76,8 @@ class Witness(Protocol):
 
 class NoWitness:
     """A `Witness` that never says anything."""
+
+    same_clock = True
 
     def hears(self, fits: Sequence[Fit]) -> None:
         pass

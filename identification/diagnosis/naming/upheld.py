@@ -3,6 +3,7 @@ so that a false one goes and the right ones stay."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +13,7 @@ from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, follows_a_law, of_the_angle, price
+from .suspects import Suspect, alike, follows_a_law, follows_clock, of_the_angle, price
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -24,21 +25,43 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
         final = naming.final
         names = [suspect.name for suspect in naming.accepted]
         reduced = list(mapped(shared_pool(), partial(search.reduced, final), names))
-        witness.hears([final, *reduced])
+        asked = _asked(final, reduced, names, search, witness)
+        witness.hears([final, *reduced, *(fitted for pair in asked for fitted in pair if fitted is not final)])
         idle = [
             i
             for i, fitted in enumerate(reduced)
             if _pays_nothing(naming.accepted[i], fitted, final, search) and not witness.confirms(fitted, final)
         ]
-        denied = idle or [i for i, fitted in enumerate(reduced) if witness.denies(fitted, final)]
+        denied = idle or [i for i, pair in enumerate(asked) if witness.denies(*pair)]
         for gone in sorted(denied, key=lambda i: reduced[i].value):
             in_place = None if idle else _exchanged(naming, gone, reduced[gone], search, witness)
-            if in_place or idle or not witness.excuses(reduced[gone], naming.final):
+            if in_place or idle or not witness.excuses(*asked[gone]):
                 naming = in_place or _without(naming, gone, reduced[gone], taken_back=not idle)
                 break
         else:
             break
     return naming
+
+
+def _asked(
+    final: Fit, reduced: Sequence[Fit], names: Sequence[str], search: Search, witness: Witness
+) -> list[tuple[Fit, Fit]]:
+    """Each name's fits without and with it that held-out data judge it by.
+
+    What follows the clock of the fitted log does not happen again in another one, and would spoil every prediction
+    there. The other names are then judged in fits without it."""
+    clocked = [name for name in names if follows_clock(name)]
+    if witness.same_clock or not clocked or len(clocked) == len(names):
+        return [(fitted, final) for fitted in reduced]
+    timeless = final
+    for name in clocked:
+        timeless = search.reduced(timeless, name)
+    others = [name for name in names if name not in clocked]
+    without = dict(zip(others, mapped(shared_pool(), partial(search.reduced, timeless), others), strict=True))
+    return [
+        (without[name], timeless) if name in without else (fitted, final)
+        for name, fitted in zip(names, reduced, strict=True)
+    ]
 
 
 def _without(naming: Naming, gone: int, reduced: Fit, taken_back: bool) -> Naming:

@@ -79,7 +79,7 @@ def _unit_items(look: Look) -> list[Item]:
         row = Item("input_unit", row.says, stated, stated, row.confidence, "the file says so", (), row.option)
     rows.append(row)
     scale = look.given.input_scale or scale
-    if scale is not None and scale != 1.0:
+    if scale is not None and (scale != 1.0 or look.given.input_scale):
         reason = _AS_YOU_SAY if look.given.input_scale else unit.reason
         rows.append(
             Item("input_scale", "command times", scale, f"{scale:g}", Confidence.sure, reason, (), "--input-scale")

@@ -58,7 +58,8 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
     if "u" in finite:
         found += _said(name, lambda: checks.check_command(name, finite["u"], constant_command))
         unit = command_unit(look.table, used["u"], finite["u"], look.policy)[0]
-        if unit.against and not (look.given.input_unit and look.given.input_scale):
+        by_name = unit.reason.startswith("its name")  # which may mean something else: its unit said is enough
+        if unit.against and not (look.given.input_unit and (by_name or look.given.input_scale)):
             scale = "N·m --input-scale K, with the motor's constant K in N·m/A, or 1 if unknown"
             if "A" not in unit.reason:
                 scale = "V --input-scale K, with the volts of one unit"

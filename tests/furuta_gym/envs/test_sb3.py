@@ -93,7 +93,8 @@ def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: 
     shapes = []
     try:
         for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
-            short = re.sub('"MlpPolicy", (env|batch)', r'"MlpPolicy", \1, n_steps=64', code).replace("200_000", "64")
+            short = re.sub('"MlpPolicy", (env|batch)(, n_steps=32)?', r'"MlpPolicy", \1, n_steps=64', code)
+            short = short.replace("200_000", "64")
             exec(short, names)
             shapes.append(names["envs"].observation_space.shape if "envs" in names else None)
         env = gymnasium.make("MyRig-v0")
@@ -106,6 +107,17 @@ def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: 
         assert names["observation"].shape == (18,)
         assert (4, 18) in shapes
         assert shapes[-1] == (64, 5)
+        own = gymnasium.make_vec("MyRig-v0", num_envs=2, vectorization_mode="vector_entry_point")
+        assert own.observation_space.shape == (2, 18)
+        assert FurutaVecEnv(2, "MyRig-v0").observation_space.shape == (18,)
+        rewarded = names["rewarded"]
+        rewarded.reset(seed=0, options={"state": [0.0, 0.0, 0.0, 0.0]})
+        for _ in range(5000):
+            _, reward, ended, cut, infos = rewarded.step(np.zeros((4, 1)))
+            if (ended | cut).any():
+                break
+        over = ended | cut
+        assert reward[over] == pytest.approx(np.cos(infos["final_info"]["state"][over, 1]))
         assert "plant" in names["info"]
     finally:
         for name in ("MyRig-v0", "MyRealRig-v0"):

@@ -141,9 +141,10 @@ def test_one_end_of_an_episode_for_single_vector_and_sb3():
         batch = gym.make_vec(
             "FurutaID-v0", num_envs=2, vectorization_mode="vector_entry_point", plant=plant, time_limit=20.0
         )
-        for env in (single, batch):
-            with pytest.raises(ValueError, match=f"after 1000; give max_episode_steps={actions} in its place"):
-                env.reset(seed=0)
+        with pytest.raises(ValueError, match=f"after 1000; give max_episode_steps={actions} in its place"):
+            batch.reset(seed=0)
+        with pytest.warns(UserWarning, match=f"after 1000, unless .* was given max_episode_steps={actions}"):
+            single.reset(seed=0)
     vector = {"num_envs": 2, "vectorization_mode": "vector_entry_point", "time_limit": 20.0}
     gym.make_vec("FurutaID-v0", max_episode_steps=3000, **vector).reset(seed=0)
     with pytest.raises(ValueError, match="after 1500; give max_episode_steps=2000 in its place"):

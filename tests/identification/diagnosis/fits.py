@@ -292,7 +292,7 @@ def a_change(
 class Told:
     """A `Witness` by its answers. needed: effects that held-out data ask for; false: those that they speak against.
     a_little_off: worse than an adequate plant, though not far off. by [nats]: what they gain with what they need.
-    elsewhere: effects of which they cannot judge."""
+    elsewhere: effects of which they cannot judge. spoilt: an effect with which they speak against none."""
 
     far_off: bool = True
     needed: tuple[str, ...] = ()
@@ -300,6 +300,8 @@ class Told:
     a_little_off: bool = False
     by: float = 10.0
     elsewhere: tuple[str, ...] = ()
+    same_clock: bool = True
+    spoilt: str | None = None
 
     def hears(self, fits: Any) -> None:
         pass
@@ -317,6 +319,8 @@ class Told:
         return self.confirms(fitted, other) and other.value - fitted.value < self.by
 
     def denies(self, without: Any, fitted: Any) -> bool:
+        if self.spoilt in {e.name for e in fitted.plant.effects}:
+            return False
         return self._newest(without, fitted) in self.false
 
     def excuses(self, without: Any, fitted: Any) -> bool:

@@ -79,7 +79,10 @@ def test_a_commanded_current_is_found_and_asks_for_the_motors_constant(name: str
     assert proposal.item("u").value == name
     (problem,) = proposal.fatal
     assert "--input-unit N·m --input-scale K" in problem.mend
-    assert not propose(source, RigMapping(u=name, input_unit="N·m", input_scale=0.05)).problems
+    for scale in (0.05, 1.0):
+        answered = propose(source, RigMapping(u=name, input_unit="N·m", input_scale=scale))
+        assert not answered.problems
+        assert answered.mapping.input_scale == scale
 
 
 def test_a_measured_current_is_no_command() -> None:

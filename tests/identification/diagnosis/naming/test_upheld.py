@@ -52,6 +52,28 @@ def test_of_two_that_held_out_data_speak_against_only_what_they_can_judge_goes()
     assert [s.name for s in found.accepted] == ["input_delay", "pendulum_stribeck"]
 
 
+DRIFTING = {
+    "arm_viscous_drift": -1000.0,
+    "arm_viscous_drift input_cubic_gain": -1800.0,
+    "arm_viscous_drift input_cubic_gain base_tilt": -2800.0,
+    "arm_viscous_drift base_tilt": -1900.0,
+    "input_cubic_gain": -700.0,
+    "base_tilt": -900.0,
+    "input_cubic_gain base_tilt": -1700.0,
+}
+
+
+@pytest.mark.parametrize("same_clock", [False, True])
+def test_names_are_verified_without_what_follows_the_clock_of_the_fitted_log(same_clock: bool) -> None:
+    """A drift is not repeated in another log. With it in the fit, nothing that another log says is worth anything."""
+    drift = "arm_viscous_drift"
+    witness = Told(far_off=False, false=("input_cubic_gain",), same_clock=same_clock, spoilt=drift)
+    found = verified(DRIFTING, witness, drift, "input_cubic_gain", "base_tilt")
+    kept = {drift, "base_tilt"} | ({"input_cubic_gain"} if same_clock else set())
+    assert {s.name for s in found.accepted} == kept
+    assert [s.name for s in found.taken_back] == ([] if same_clock else ["input_cubic_gain"])
+
+
 CABLES = {
     "input_delay": -2000.0,
     "input_delay arm_taut_cable": -2225.0 - 2000.0,
