@@ -131,6 +131,15 @@ def astray(ratio: float, together: float | None, far: float) -> str:
     )
 
 
+def another_clock(names: Sequence[str], before: float, after: float) -> str:
+    """That held-out data are predicted worse with what follows the clock of the searched logs."""
+    follows, it = ("follows", "it") if len(names) == 1 else ("follow", "them")
+    return (
+        f"Held-out data are predicted worse with what was found: {after:.1f} times the noise floor, {before:.1f} "
+        f"before. {capital(effects(names))} {follows} the clock of the searched logs, so other logs may lack {it}."
+    )
+
+
 def elsewhere(angles: tuple[float, float]) -> str:
     """That the arm leaves the angles of the searched logs on held-out ones."""
     low, high = angles

@@ -11,6 +11,7 @@ from ..validation.adequacy import Adequacy
 from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
+from .naming.suspects import follows_clock
 from .outcome import Diagnosis
 
 
@@ -98,13 +99,18 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     together() is the error over the noise floor of the plant fitted to all logs, None where nobody can say; it takes
     time, and is asked only if it matters.
 
-    Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat. What
+    Effects that follow a log's own clock are judged on its tail only: where that is held out, or if they repeat. Where
+    held-out logs are predicted worse with them, that is said. What
     depends on the arm's angle stays if held-out logs in which the arm is elsewhere speak against it, but one plant with
     it explains all logs.
     """
     together = cache(together)
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None:
+        if gap.likelier < 0.0 and gap.closed.value < 0.0:
+            names = [suspect.name for suspect in diagnosis.found if follows_clock(suspect.name)]
+            told = sentences.another_clock(names, gap.over_floor(gap.before), gap.after_over_floor)
+            return replace(diagnosis, summary=f"{diagnosis.summary} {told}")
         return diagnosis
     far = witness.after_over_floor > diagnosis.policy.far
     if witness.changed and speaks_against(witness, diagnosis.policy):

@@ -151,7 +151,9 @@ def test_a_deterministic_policy_in_the_command_s_unit(algorithm, tmp_path):
     env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE)
     model = getattr(sb3, algorithm)("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=1, device="cpu")
     model.save(tmp_path / "own.zip")
-    with pytest.warns(UserWarning, match=r"no record of its environment; the task balance, a period of 0.004 s .* in V"):
+    with pytest.warns(
+        UserWarning, match=r"no record of its environment; the task balance, a period of 0.004 s .* in V"
+    ):
         controller = make_controller(tmp_path / "own.zip", QUBE, trust=True)
     seen = np.float32([0.2, np.sin(0.1), np.cos(0.1), 0.0, 0.0])
     said = controller([0.2, 0.1])

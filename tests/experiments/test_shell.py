@@ -15,7 +15,8 @@ from experiments.cli import app, output
 from experiments.cli import steps as steps_module
 from experiments.cli.logbook import own_version
 from experiments.cli.steps import steps
-from furuta_gym.cache_folder import note_compilation
+from furuta_gym import cache_folder
+from furuta_gym.cache_folder import note_compilation, when_compiling
 from furuta_gym.plant import EFFECTS
 from tests.commands import furuta, refused
 
@@ -171,3 +172,18 @@ def test_work_that_fails_is_not_remembered(notebook: Path) -> None:
 @pytest.mark.parametrize(("seconds", "said"), [(8, "8 s"), (130, "2 min 10 s"), (120, "2 min"), (3900, "1 h 5 min")])
 def test_times_as_people_say_them(seconds: float, said: str) -> None:
     assert steps_module.short(seconds) == said
+
+
+def test_in_python_the_log_says_why_it_takes_long(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    heard = []
+    monkeypatch.setattr(cache_folder, "_compiled", 0)
+    with when_compiling(lambda: heard.append(1)):
+        note_compilation()
+    assert (heard, caplog.messages) == ([1], [])
+    monkeypatch.setattr(cache_folder, "_compiled", 0)
+    note_compilation()
+    note_compilation()
+    (message,) = caplog.messages
+    assert "compiling for this machine, once" in message

@@ -140,6 +140,17 @@ def test_what_follows_a_logs_own_clock_is_judged_on_its_tail_only(gap: Any, verd
     assert judged(a_diagnosis("arm_spring"), gap).verdict == ("unknown" if speaks_against(gap, POLICY) else "named")
 
 
+@pytest.mark.parametrize(
+    ("closed", "likelier", "told"), [(-0.5, -40.0, True), (-0.5, 40.0, False), (0.5, -40.0, False)]
+)
+def test_a_drift_with_which_other_logs_are_predicted_worse_says_so(closed: float, likelier: float, told: bool) -> None:
+    gap = a_change((closed - 0.3, closed + 0.3), likelier, after=6.0)
+    found = judged(a_diagnosis("arm_viscous_drift", "input_delay"), gap)
+    assert found.verdict == "named"
+    assert ("are predicted worse with what was found: 6.0 times the noise floor, 5.0 before" in found.summary) is told
+    assert ("(arm_viscous_drift) follows the clock" in found.summary) is told
+
+
 def test_what_a_tail_leaves_is_told_too() -> None:
     gap = a_change(own_tail=a_change(tail=0.3, after=2.1))
     # also where a fit to all logs would mend it: another log has another clock
