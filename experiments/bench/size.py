@@ -18,6 +18,7 @@ from .rigs import HiddenEffect, Rig
 _MASSES = ("th1", "th2", "th3", "th4", "th5", "fv1", "fv2", "fc1", "fc2")
 _STEPS = (1e-6, 1e-6, 1e-5, 1e-5)  # for differences: rad, rad, rad/s, rad/s
 _MOST_WINDOWS = 16  # spread over the record
+_FURTHEST = 4.0  # of a logarithm: friction that is stiffer still takes minutes to integrate, and no rig has it
 _PRIOR = 0.5  # sd of the logarithm of each parameter about the truth: keeps unexcited directions in place
 
 
@@ -149,8 +150,10 @@ class _Windows:
         for _ in range(rounds):
             slopes = slopes or self._slopes(x0, theta, e, with_theta)
             dx, dtheta = _solve(*slopes, e.reshape(len(e), -1), theta, damping)
-            trial = self._residual(x0 + dx, theta + dtheta)
+            beyond = np.linalg.norm(theta + dtheta, np.inf) > _FURTHEST
+            trial = e if beyond else self._residual(x0 + dx, theta + dtheta)
             total = float(np.sum(trial**2)) + float(np.sum((theta + dtheta) ** 2)) / _PRIOR**2
+            total = math.inf if beyond else total
             if total < cost:
                 # a small gain ends the fit only if the step was nearly undamped
                 done = (cost - total < 2e-3 * cost and damping < 0.05) or total < 1e-6 * e.size
