@@ -19,6 +19,8 @@ def test_the_refit_stays_among_rigs(monkeypatch: pytest.MonkeyPatch) -> None:
         return plain(self, x0, log_theta)
 
     monkeypatch.setattr(_Windows, "_residual", watched)
-    rig = Rig("desk", individual=3029149, scatter=0.1, effects=[HiddenEffect("arm_taut_cable", 1.927, "bench", 3410736)])
+    rig = Rig(
+        "desk", individual=3029149, scatter=0.1, effects=[HiddenEffect("arm_taut_cable", 1.927, "bench", 3410736)]
+    )
     assert effect_size(rig, "wide", 3880095, 20.0).ratio > 10.0
     assert 1.0 < max(reached) <= 4.0 + 1e-3  # and a step of the differences
