@@ -237,7 +237,7 @@ def _check_actions(path: Path, largest: float, normalized: bool | None, u_max: f
         raise ValueError(
             f"{path} gives actions up to {largest:g}, and its record says normalize_action = "
             f"{str(normalized).lower()}, so up to {1.0 if normalized else u_max:g}. Mend the record: true for actions "
-            "in [-1, 1], false for commands"
+            'in [-1, 1], false for commands. If it was trained on a plant with u_max = 1, add "plant": {"u_max": 1.0}'
         )
 
 

@@ -56,7 +56,7 @@ def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any
             f"{path.with_suffix('.json')}",
             stacklevel=2,
         )
-    if record.get("normalized_observations") or _normalised(model, frame):
+    if record.get("normalized_observations", False) is not False or _normalised(model, frame):
         raise ValueError(
             f"{path} was trained on normalised observations: its record says so, or the sine and the cosine that it "
             "saw last are those of no angle. The running statistics of VecNormalize or NormalizeObservation are not "

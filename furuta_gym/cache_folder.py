@@ -75,9 +75,13 @@ def when_compiling(say: Callable[[], None]) -> Iterator[None]:
             _listeners.remove(say)
 
 
-def note_compilation() -> None:
-    """What the compiler calls before every function. Where nobody listens, a line of the log says why it takes long."""
+def note_compilation(ours: bool = True) -> None:
+    """What the compiler calls before every function. Where nobody listens, a line of the log says why it takes long.
+
+    ours: whether it is a function of this project; others are not counted."""
     global _compiled
+    if not ours:
+        return
     if not _compiled and not _listeners:
         _logger.warning(
             "compiling for this machine, once: some seconds to three minutes (`furuta warm-up` does it beforehand)"

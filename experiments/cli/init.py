@@ -49,8 +49,11 @@ def init_command(
 
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
-    kept = _by_hand_in(target) if yes else RigMapping()
-    proposal = propose(tables, reading.said.over(kept))
+    proposal = propose(tables, reading.said)
+    kept = _kept(target, proposal) if yes and target.exists() else RigMapping()
+    if not kept.empty:
+        typer.echo(f"Kept from {target}: {kept.options()}", err=True)
+        proposal = propose(tables, reading.said.over(kept))
     talks = not as_json and not yes and _talks()
     if not as_json:
         show(proposal)
@@ -70,8 +73,7 @@ def init_command(
         raise LogError(f"{target} is there and says otherwise: {differs}. Replace it with --yes.")
     reasons = {item.name: item.reason for item in proposal.items} | {"flip": _signs(proposal)}
     about = f"How the logs of this rig are read. Written by `furuta init` from {', '.join(proposal.sources)}."
-    if yes and target.exists() and not kept.empty and mapping == mapping.over(kept):
-        typer.echo(f"Kept from {target}: {kept.options()}", err=True)
+    reasons |= dict.fromkeys(kept.to_dict(), "kept from the file that was here")
     save_mapping(target, mapping, reasons, about)
     if as_json:
         print_json(proposal.to_dict() | {"written": str(target)})
@@ -84,11 +86,12 @@ def init_command(
         typer.echo(f"Then, on what was not fitted: furuta validate rig.json {' '.join(checked)}{other}")
 
 
-def _by_hand_in(target: Path) -> RigMapping:
-    """What a file that is to be replaced says that no motion tells: the command's scale, and what is left out."""
-    from dataclasses import replace
-
+def _kept(target: Path, proposal: Proposal) -> RigMapping:
+    """What a file that is to be replaced says of these columns that no motion tells and nobody says otherwise now: unit
+    and scale of the command, the seconds of a counter's count, and what is left out."""
     from identification.logs.checks import LogError
+    from identification.logs.mapping import SECONDS
+    from identification.logs.proposal import Confidence
     from identification.logs.rig_file import load_mapping
     from identification.logs.rig_mapping import RigMapping
 
@@ -96,9 +99,16 @@ def _by_hand_in(target: Path) -> RigMapping:
         there = load_mapping(target)
     except (LogError, OSError):
         return RigMapping()
-    scaled = there.input_scale is not None
-    nothing = RigMapping(input_unit=there.input_unit if scaled else None, input_scale=there.input_scale)
-    return replace(nothing, skip=there.skip, cut=there.cut)
+    given, unit = proposal.given, proposal.item("input_unit") if proposal.item("u").value else None
+    kept: dict[str, Any] = {"skip": there.skip, "cut": there.cut}
+    if there.time_unit not in SECONDS:
+        kept["time_unit"] = there.time_unit
+    said = given.input_unit is not None or given.input_scale is not None
+    scaled = any(item.name == "input_scale" for item in proposal.items)  # as the file states
+    same = unit is not None and proposal.item("u").value == (there.u or "u") and not said and not scaled
+    if same and (unit.confidence is not Confidence.sure or unit.value == there.input_unit):  # type: ignore[union-attr]
+        kept |= {"input_unit": there.input_unit, "input_scale": there.input_scale}
+    return RigMapping(**{name: value for name, value in kept.items() if getattr(given, name) is None})
 
 
 def _talks() -> bool:

@@ -4,6 +4,10 @@ import math
 import warnings
 from typing import Any
 
+from gymnasium.envs.registration import register as gymnasium_register
+from gymnasium.envs.registration import registry, spec
+from gymnasium.error import UnregisteredEnv
+
 from ..arguments import ArgumentError
 
 ENV_ID = "FurutaID-v0"
@@ -27,52 +31,53 @@ REWARD_THRESHOLDS = {"balance": 96.0, "swing_up": 95.0}  # of at most 100
 
 
 def options_of(env_id: str) -> dict[str, Any]:
-    """The options that a registered id sets, one of ours or one that was registered with our entry point. Raises
-    ValueError for another id."""
+    """The options that a registered id sets. Of an id that was registered with our entry point they hold its
+    `max_episode_steps` too. Raises ValueError for another id."""
     for task, own in TASK_IDS.items():
         if env_id == own:
             return {"task": task} | TASK_OPTIONS
     if env_id == ENV_ID:
         return {}
-    from gymnasium.envs.registration import registry
-
-    own_id = registry.get(env_id)
-    if own_id is not None and own_id.entry_point == _ENTRY:
-        return dict(own_id.kwargs)
+    try:
+        own_id = spec(env_id)  # imports the module of "module:id"
+    except (UnregisteredEnv, ModuleNotFoundError):
+        own_id = None
+    if own_id is not None and _entry_of(own_id) == _ENTRY:
+        return {"max_episode_steps": own_id.max_episode_steps} | own_id.kwargs
     raise ValueError(f"no environment {env_id!r} here; expected one of {', '.join((ENV_ID, *TASK_IDS.values()))}")
 
 
+def _entry_of(own_id: Any) -> str:
+    entry = own_id.entry_point
+    return entry if isinstance(entry, str) else f"{entry.__module__}:{entry.__qualname__}"
+
+
 def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> None:
-    """Whether an episode ends before a `time_limit` of so many actions (inf: none).
+    """Say where an episode ends before a `time_limit` of so many actions (inf: none) that the id does not set itself.
 
     spec: of the env. limit: of a batch, which knows it: then it raises ArgumentError. A single env does not know
     whether `gymnasium.make` was given another limit than its id has, so it warns.
     """
-    if spec is None:
+    registered = None if spec is None else registry.get(spec.id)
+    if registered is None or registered.kwargs.get("time_limit") is not None:
         return
-    from gymnasium.envs.registration import registry
-
-    known = limit is not None
-    ends = limit if known else getattr(registry.get(spec.id), "max_episode_steps", None)
+    ends = registered.max_episode_steps if limit is None else limit
     if ends is None or not ends < actions < math.inf:
         return
-    if known:
-        hint = f"; give max_episode_steps={actions:.0f} in its place"
-        raise ArgumentError(
-            "time_limit", f"of {actions:.0f} actions", f"{spec.id} ends an episode after {ends:.0f}", hint
+    if limit is None:
+        warnings.warn(
+            f"time_limit of {actions:.0f} actions: {spec.id} ends an episode after {ends:.0f}, unless gymnasium.make "
+            f"was given max_episode_steps={actions:.0f}",
+            stacklevel=3,
         )
-    warnings.warn(
-        f"time_limit of {actions:.0f} actions: {spec.id} ends an episode after {ends:.0f}, unless gymnasium.make was "
-        f"given max_episode_steps={actions:.0f}",
-        stacklevel=3,
-    )
+        return
+    fault = f"{spec.id} ends an episode after {ends:.0f}"
+    hint = f"; give max_episode_steps={actions:.0f} in its place"
+    raise ArgumentError("time_limit", f"of {actions:.0f} actions", fault, hint)
 
 
 def register() -> None:
     """Make the three ids known to Gymnasium; calling it again changes nothing."""
-    from gymnasium.envs.registration import register as gymnasium_register
-    from gymnasium.envs.registration import registry
-
     if ENV_ID not in registry:
         gymnasium_register(
             id=ENV_ID,

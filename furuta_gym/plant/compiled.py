@@ -27,7 +27,8 @@ class _Listener(event.Listener):
     """Hears of functions that are compiled, not of those that are loaded."""
 
     def on_start(self, event: Any) -> None:
-        note_compilation()
+        code = event.data["dispatcher"].py_func.__code__
+        note_compilation(ours=_FURUTA_GYM.parent in Path(code.co_filename).parents)
 
     def on_end(self, event: Any) -> None:
         pass

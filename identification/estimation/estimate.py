@@ -16,7 +16,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.words import number
 from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
-from ..kalman.coordinates import Zeros
+from ..kalman.coordinates import SHARPNESS_NAMES, Zeros
 from .identifiability import WEAK, Identifiability, spoken
 from .informative import spans_text
 from .optimise import Optimum
@@ -245,10 +245,11 @@ class Estimate:
             said = f", not {spoken(lost)}" if lost else ""
             said += f", only weakly {spoken(weak)}" if weak else ""
             parts = [f"{len(self.names) - len(lost)} of {len(self.names)} parameters identified{said}"]
-        elif self.uncertain and parts[0] == _ALL:
+        uncertain = [name for name in self.uncertain if name not in SHARPNESS_NAMES]  # as r is never weak
+        if uncertain and parts[0] == _ALL:
             parts = ["all parameters show in the log"]
-        if self.uncertain:
-            parts.append(f"{spoken(self.uncertain)} uncertain, as this model lacks something")
+        if uncertain:
+            parts.append(f"{spoken(uncertain)} uncertain, as this model lacks something")
         if self.at_bound:
             parts.append(f"{spoken(self.at_bound)} at the bound")
         consistent = physical_consistency(self.plant.theta).consistent

@@ -30,7 +30,6 @@ _STILL = 1e-12  # s
 _HUGE = 1e12  # of any number in a log, whatever its unit
 _HUGEST_CLOCK = 1e19  # nanoseconds of three centuries
 _FEWEST_CHANGES = 100  # of an angle, from which it may be told whether its readings are held
-_LONGEST_HOLD = 20  # rows
 _ALL_BUT = 0.98  # of the distances between changes
 _FASTEST = 1e-6  # s between samples; faster is no rig's computer
 _DAY = 86400.0  # s
@@ -156,24 +155,26 @@ def check_motion(name: str, q1: np.ndarray, q2: np.ndarray) -> None:
 def warn_about_held(name: str, angles: dict[str, np.ndarray]) -> None:
     """Warn about angles that change in every n-th row only: they are read more slowly than the rows are written."""
     held = {column: n for column, q in angles.items() if (n := _held_for(q)) > 1}
-    if not held:
-        return
-    n = max(held.values())
-    nth = f"{n}{ {2: 'nd', 3: 'rd'}.get(n, 'th') }"
-    what = f"{' and '.join(held)} change{'s' if len(held) == 1 else ''}"
-    warn(
-        f"{name}: {what} in every {nth} row only, so the readings are "
-        f"older than their rows say. If the logger is faster than the loop, keep every {nth} row."
-    )
+    if held:
+        nth = {n: f"{n}{ {2: 'nd', 3: 'rd'}.get(n, 'th') }" for n in held.values()}
+        said = [f"{column} changes in every {nth[n]} row only" for column, n in held.items()]
+        warn(
+            f"{name}: {', and '.join(said)}, so the readings are older than their rows say. If the logger is faster "
+            "than the loop, keep one row of each reading."
+        )
 
 
 def _held_for(q: np.ndarray) -> int:
     """Rows for which each reading stands, 1 if they change as a motion does."""
-    changes = np.flatnonzero(np.diff(q))
+    steps = np.diff(q)
+    changes = np.flatnonzero(steps)
     distances = np.diff(changes)
     if len(distances) < _FEWEST_CHANGES:
         return 1
-    return next((n for n in range(_LONGEST_HOLD, 1, -1) if np.mean(distances % n == 0) > _ALL_BUT), 1)
+    n = int(np.median(distances))
+    sizes = np.abs(steps[changes])
+    one_speed = float(np.max(sizes)) < 2.5 * float(np.min(sizes))  # a coarse encoder that turns evenly
+    return n if n > 1 and not one_speed and np.mean(distances % n == 0) > _ALL_BUT else 1
 
 
 def warn_about_clock(name: str, t: np.ndarray) -> None:

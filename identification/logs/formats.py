@@ -1,8 +1,8 @@
 """File formats: each reader returns a `Table` of named columns and text metadata, each writer takes one.
 
-CSV (also .txt, .tsv, .dat, packed as .gz), Parquet, Feather, NPZ and MAT; with their packages installed MAT 7.3, TDMS,
-MCAP and bags of ROS. `register` adds a format by the ending of its files; every command and `read_log` then take it.
-Nothing here knows what a pendulum is.
+CSV (also .txt, .tsv, .dat, .lvm, packed as .gz), Parquet, Feather, NPZ and MAT; with their packages installed MAT
+7.3, TDMS, MCAP and bags of ROS. `register` adds a format by the ending of its files; every command and `read_log`
+then take it. Nothing here knows what a pendulum is.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .other_endings import REMEDIES
 from .table import Table, listed, number
 from .text import comment_of, dates, decoded, units_row, unpacked
 
-_LABVIEW_HEADER = 200  # lines, at most
+_LOOKED_AT = 200  # lines, of which the last tell what separates cells
 
 Reader = Callable[[Path], Table]
 """Reads a file that exists. Raises LogError for one that is not of its format."""
@@ -121,7 +121,7 @@ def _read_text(name: str, raw: bytes) -> Table:
     if not body:
         raise LogError(f"{name}: the file holds no rows. Expected a header t,q1,q2,u and one row per sample.")
     delimiter = _delimiter(body)
-    body = _from_header(_below_labview(body), delimiter)
+    body = _from_header(_below_labview(name, body, delimiter), delimiter)
     if delimiter in body[0][1]:
         split = _csv_rows(name, [line for _, line in body], delimiter)
     else:
@@ -146,20 +146,35 @@ def _bare(line: str) -> str:
 
 
 def _delimiter(body: list[tuple[int, str]]) -> str:
-    """What separates the cells: tabs or semicolons where most lines have some, as commas may be decimal ones then."""
-    lines = [_bare(line) for _, line in body[:_LABVIEW_HEADER]]
-    return next((d for d in "\t;" if 2 * sum(d in line for line in lines) > len(lines)), ",")
+    """What separates the cells: what leaves most numbers between, as commas may be decimal ones, and texts may hold
+    any; where none leaves some, what the first line has most of."""
+    lines = [_bare(line) for _, line in body[:_LOOKED_AT][-20:]]
+    numbers = {d: sum(_numbers_between(line, d) for line in lines) for d in "\t;,"}
+    best = max(numbers, key=lambda d: numbers[d])
+    return best if numbers[best] else max(",;\t", key=body[0][1].count)
 
 
-def _below_labview(body: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """What stands below the header of a LabVIEW measurement, without its column of comments where that is empty."""
-    ends = [i for i, (_, line) in enumerate(body[:_LABVIEW_HEADER]) if line.startswith("***End_of_Header***")]
+def _numbers_between(line: str, delimiter: str) -> int:
+    cells = line.split(delimiter)
+    return 0 if len(cells) < 2 else sum(number(cell.strip()) is not None for cell in cells)
+
+
+def _below_labview(name: str, body: list[tuple[int, str]], delimiter: str) -> list[tuple[int, str]]:
+    """What stands below the two headers of a LabVIEW measurement, with a cell for the comment in every row.
+
+    Raises LogError for a file that holds more than one."""
+    if not body[0][1].startswith("LabVIEW Measurement"):
+        return body
+    ends = [i for i, (_, line) in enumerate(body) if line.startswith("***End_of_Header***")]
+    if len(ends) > 2:
+        raise LogError(f"{name}: holds {len(ends) - 1} measurements. Expected one; save each as a file of its own.")
     if not ends or ends[-1] + 2 > len(body):
         return body
-    (at, names), *rows = body[ends[-1] + 1 :]
-    bare = re.sub(r"[,;\t]Comment\s*$", "", names)
-    wide = any(re.search(r"[,;\t]\s*[^\s,;\t]*[A-Za-z][^,;\t]*$", line) for _, line in rows)
-    return [(at, names if wide else bare), *rows]
+    names, *rows = body[ends[-1] + 1 :]
+    cells = names[1].count(delimiter)
+    if not names[1].rstrip().endswith(f"{delimiter}Comment"):
+        return [names, *rows]
+    return [names, *((at, row + delimiter if row.count(delimiter) == cells - 1 else row) for at, row in rows)]
 
 
 def _from_header(body: list[tuple[int, str]], delimiter: str) -> list[tuple[int, str]]:

@@ -20,6 +20,7 @@ from scipy.signal import savgol_filter
 from .checks import GAP
 
 _BRIDGED = 0.04  # s without a sample, of which a straight line takes the place: a third of the smoother's span
+_MOST_BRIDGED = 0.5  # of the samples
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
 _MOST_ROWS = 200_000  # of the regressions: more would make a sign no surer
 TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
@@ -100,10 +101,14 @@ NO_ROW = Row((0.0, 0.0), (0, 0), 0.0)
 def longest_piece(t: np.ndarray) -> tuple[np.ndarray, int]:
     """Indices of the longest stretch between two gaps, and the smoother's window for it; 0 if it is too short.
 
-    Single samples that are lost are no gap here (`evenly`)."""
-    T = float(np.median(np.diff(t)))
-    gap = max(GAP * T, _BRIDGED)
-    longest = max(np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > gap) + 1), key=len)
+    A sample that is lost, or some within 40 ms, are no gap here (`evenly`)."""
+    steps = np.diff(t)
+    T = float(np.median(steps))
+    gap = max(2.5 * T, _BRIDGED)
+    lost = steps[(steps > GAP * T) & (steps <= gap)]
+    if np.sum(np.round(lost / T)) > _MOST_BRIDGED * len(t):  # stamps that come in bursts
+        gap = GAP * T
+    longest = max(np.split(np.arange(len(t)), np.flatnonzero(steps > gap) + 1), key=len)
     window = int(_SPAN / T) | 1
     return longest, 0 if window < 5 or len(longest) < 4 * window else window
 

@@ -109,31 +109,24 @@ def dates(cells: Sequence[str]) -> np.ndarray | None:
 
 
 def _days_and_clocks(cells: Sequence[str]) -> np.ndarray | None:
-    """Dates in the order of day and month that makes them increase, or times of the day, which may pass midnight."""
-    found = [_DAY_AND_CLOCK.fullmatch(cell) for cell in cells]
-    parts = [match.groups() for match in found if match is not None]
-    if len(parts) < len(cells):
-        return None
-    seconds = [_since_midnight(*part[4:]) for part in parts]
-    clock = np.array(seconds, dtype="timedelta64[ns]")
-    if parts[0][0] is None:
-        passed = np.cumsum(np.diff(clock, prepend=clock[:1]) < -_HALF_A_DAY)
-        return np.datetime64(0, "ns") + clock + passed * np.timedelta64(1, "D")
-    orders = [(0, 2), (2, 0)]  # of day and month
-    days = [d for order in orders if (d := _days(parts, *order)) is not None]
-    stamps = [d + clock for d in days]
-    return min(stamps, key=lambda s: abs(s[-1] - s[0]), default=None)
+    """Dates, day and month in the order in which they take the least time, or times of the day, which may pass
+    midnight. None where cells are not all written as the first one."""
+    import pandas as pd
 
+    day, sign, _, _, _, _, _, fraction, half = _DAY_AND_CLOCK.fullmatch(cells[0]).groups()  # type: ignore[union-attr]
+    clock = f"{'%H' if half is None else '%I'}:%M:%S{'' if fraction is None else '.%f'}{'' if half is None else ' %p'}"
+    text = pd.Series(cells).str.strip().str.replace(r",(?=\d+\s*\D*$)", ".", regex=True)
 
-def _days(parts: Sequence[tuple[str, ...]], day: int, month: int) -> np.ndarray | None:
-    try:
-        return np.array([f"{p[3]}-{int(p[month]):02}-{int(p[day]):02}" for p in parts], dtype="datetime64[ns]")
-    except (ValueError, TypeError):
-        return None
+    def read(form: str) -> np.ndarray | None:
+        try:
+            return pd.to_datetime(text, format=form).to_numpy().astype("datetime64[ns]")
+        except ValueError:
+            return None
 
-
-def _since_midnight(hour: str, minute: str, second: str, fraction: str | None, half: str | None) -> int:
-    """Nanoseconds."""
-    hours = int(hour) if half is None else int(hour) % 12 + 12 * (half.lower() == "pm")
-    whole = 3600 * hours + 60 * int(minute) + int(second)
-    return whole * 1_000_000_000 + int(f"{fraction or '':0<9.9}")
+    if day is None:
+        times = read(clock)
+        if times is None:
+            return None
+        return times + np.cumsum(np.diff(times, prepend=times[:1]) < -_HALF_A_DAY) * np.timedelta64(1, "D")
+    orders = [read(f"%{a}{sign}%{b}{sign}%Y {clock}") for a, b in ("dm", "md")]
+    return min((s for s in orders if s is not None), key=lambda s: abs(s[-1] - s[0]), default=None)

@@ -39,8 +39,22 @@ OTHER = frozenset(
 )
 """Words of columns that are none of the four: speeds, references, errors, estimates, row numbers."""
 
-_CURRENTS = frozenset(("current", "strom", "courant", "corriente", "corrente", "motorstrom", "i", "iq"))
-_COMMANDED = frozenset(("cmd", "command", "commanded", "ref", "reference", "set", "setpoint", "soll", "des", "desired"))
+_CURRENTS = frozenset(
+    ("current", "strom", "courant", "corriente", "corrente", "motorstrom", "stromsollwert", "i", "iq")
+)
+_COMMANDED = frozenset(
+    (
+        *("cmd", "command", "commanded", "ref", "reference", "set", "setpoint", "soll", "sollwert", "des", "desired"),
+        *("target", "demand"),
+    )
+)
+_NO_CURRENT = frozenset(
+    (
+        *("u", "v", "volt", "volts", "voltage", "spannung", "tension", "tau", "torque", "drehmoment", "moment"),
+        *(word for role in ("q1", "q2") for word in ROLES[role] if word not in ("motor", "servo", "rotor")),
+        *("angle", "winkel", "position", "pos", "speed", "velocity", "omega"),
+    )
+)
 
 _UNITS = {
     "s": ("s", "sec", "secs", "second", "seconds", "sekunden", "sek"),
@@ -100,8 +114,9 @@ def words(name: str) -> list[str]:
 
 
 def is_current(name: str) -> bool:
-    """Whether the name of a command says that it is a current: "i_cmd", "motorCurrent"."""
-    return not _CURRENTS.isdisjoint(words(name))
+    """Whether the name of a command says that it is a current: "i_cmd", "motorCurrent", and not "current_voltage"."""
+    parts = set(words(name))
+    return not parts.isdisjoint(_CURRENTS) and parts.isdisjoint(_NO_CURRENT)
 
 
 def _letters(text: str) -> str:

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from identification import read_log
-from identification.logs.rig_file import load_mapping
+from identification.logs.rig_file import load_mapping, save_mapping
+from identification.logs.rig_mapping import RigMapping
 from tests.commands import furuta, refused
 from tests.experiments.test_init import rows, write
 
@@ -20,8 +21,17 @@ def test_yes_keeps_the_scale_and_what_is_left_out(tmp_path: Path) -> None:
     assert "Kept from" in again.stderr
     kept = load_mapping(rig)
     assert (kept.input_unit, kept.input_scale, kept.skip) == ("N·m", 0.5, 1.0)
-    assert furuta("init", log, "--yes", "--skip", "0", "--input-scale", "2").exit_code == 0
+    assert "# kept from the file that was here" in rig.read_text(encoding="utf-8")
+    said = furuta("init", log, "--yes", "--skip", "0", "--input-scale", "2", "--input-unit", "N·m")
+    assert said.exit_code == 0
+    assert "Kept" not in said.stderr
     assert (load_mapping(rig).input_scale, load_mapping(rig).skip or 0.0) == (2.0, 0.0)
+    assert furuta("init", log, "--yes", "--input-unit", "V").exit_code == 0
+    assert (load_mapping(rig).input_unit, load_mapping(rig).input_scale) == ("V", None)
+    other = write(tmp_path / "other.csv", {"t": rows()["t"], "q1": rows()["q1"], "q2": rows()["q2"], "Vm": rows()["u"]})
+    save_mapping(rig, RigMapping(u="u", input_unit="N·m", input_scale=0.5, time_unit="0.5"))
+    assert furuta("init", other, "--yes", "-o", str(rig), "--time-unit", "s").exit_code == 0
+    assert (load_mapping(rig).input_unit, load_mapping(rig).input_scale) == ("V", None)
     rig.write_text("no TOML [")
     assert furuta("init", log, "--yes").exit_code == 0
 

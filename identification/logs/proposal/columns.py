@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,8 +49,9 @@ def _mostly_numbers(cells: np.ndarray) -> bool:
     return sum(number(c) is not None for c in some) > 0.5 * len(some)
 
 
-def named(found: Mapping[str, np.ndarray], given: Mapping[str, str]) -> dict[str, Choice]:
-    """What was said, what the names say, and for time a column that increases; the motion is not asked."""
+def named(found: Mapping[str, np.ndarray], given: Mapping[str, str], dated: Collection[str] = ()) -> dict[str, Choice]:
+    """What was said, what the names say, and for time a column that increases; the motion is not asked. dated: columns
+    of dates, which give way to one of numbers."""
     choices = {}
     for ours, theirs in given.items():
         inside = [c for c in found if c.endswith(f".{theirs}")]
@@ -66,7 +67,8 @@ def named(found: Mapping[str, np.ndarray], given: Mapping[str, str]) -> dict[str
         best = max((s for c, s in scores[ours].items() if c not in taken), default=0)
         same = [c for c, s in scores[ours].items() if s == best and c not in taken] if best else []
         if ours == "t" and len(same) != 1:
-            choices["t"] = _clock(found, same or [c for c in free if c not in taken])
+            stamps = same or [c for c in free if c not in taken]
+            choices["t"] = _clock(found, [c for c in stamps if c not in dated] or stamps)
         elif len(same) == 1:
             sure = Confidence.sure if best >= 2 else Confidence.likely
             choices[ours] = Choice(same[0], sure, "by its name")

@@ -26,7 +26,8 @@ class Look:
     def __init__(self, table: Table, given: RigMapping, policy: ProposalPolicy, assumed: bool = False):
         self.table, self.given, self.policy, self.assumed = table, given, policy, assumed
         self.numbers = numeric(table)
-        self.choices = named(self.numbers, given.columns)
+        dated = [name for name, values in table.columns.items() if values.dtype.kind in "Mm"]
+        self.choices = named(self.numbers, given.columns, dated)
         self.found: list[Problem] = []
         self.time = self._time()
         self.factor = seconds_of(self.time.believed(self.said("time_unit")) or "s")

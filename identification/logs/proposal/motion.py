@@ -67,7 +67,7 @@ class Motion:
 
     def angle(self, name: str) -> np.ndarray:
         """A column as it stands, but for the jumps of a wrapped angle."""
-        return continuous(self.raw[name], USUAL_COUNTS)
+        return continuous(self.raw[name], (*(self.counts or ()), *USUAL_COUNTS))
 
     def smooth(self, name: str) -> Smoothed:
         """A column as it stands, smoothed."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..mapping import COLUMNS
+from ..mapping import COLUMNS, SECONDS
 from ..signs import Signs
 from ..vocabulary import fits
 from .columns import SPOKEN
@@ -51,7 +51,7 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found += _said(name, lambda: checks.check_clock(name, look.t, look.table.where))
         found += _said(name, lambda: checks.check_length(name, len(look.t)))
         found += _said(name, lambda: checks.check_stretches(name, look.t))
-    if "t" in finite and not look.dates:
+    if "t" in finite and not look.dates and look.said("time_unit") in (None, *SECONDS):  # else it is a counter's
         found += _unit_problem(look, "t", look.time, "time_unit", "--time-unit ")
     for axis in ("q1", "q2"):
         found += _unit_problem(look, axis, look.units[axis], f"unit_{axis}", f"--unit {axis}=")
@@ -59,7 +59,8 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found += _said(name, lambda: checks.check_command(name, finite["u"], constant_command))
         unit = command_unit(look.table, used["u"], finite["u"], look.policy)[0]
         by_name = unit.reason.startswith("its name")  # which may mean something else: its unit said is enough
-        if unit.against and not (look.given.input_unit and (by_name or look.given.input_scale)):
+        enough = look.assumed or look.given.input_unit if by_name else look.given.input_unit and look.given.input_scale
+        if unit.against and not enough:
             scale = "N·m --input-scale K, with the motor's constant K in N·m/A, or 1 if unknown"
             if "A" not in unit.reason:
                 scale = "V --input-scale K, with the volts of one unit"

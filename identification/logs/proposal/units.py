@@ -76,9 +76,9 @@ def time_unit(table: Table, column: str, t: np.ndarray, policy: ProposalPolicy) 
             f"{spaced(possible[0])}.",
             possible[0],
         )
-    if len(steps) > 1 and np.allclose(steps, 1.0, rtol=0.0, atol=1e-9):
+    if len(steps) > 1 and step <= 2.0 and np.allclose(steps, np.round(steps), rtol=0.0, atol=1e-9):
         if "ms" in possible and fits(column, "t") >= 2:
-            why = "1 ms between samples, if it is a clock and does not count the samples"
+            why = f"{step:g} ms between samples, if it is a clock and does not count the samples"
             return Unit("ms", Confidence.likely, why, tuple(SECONDS))
         why = "it counts the samples; give the seconds from one to the next, as 0.002"
         return Unit(None, Confidence.open, why, tuple(SECONDS))

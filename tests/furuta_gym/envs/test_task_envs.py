@@ -149,6 +149,7 @@ def test_one_end_of_an_episode_for_single_vector_and_sb3():
     gym.make_vec("FurutaID-v0", max_episode_steps=3000, **vector).reset(seed=0)
     with pytest.raises(ValueError, match="after 1500; give max_episode_steps=2000 in its place"):
         gym.make_vec("FurutaID-v0", max_episode_steps=1500, **vector).reset(seed=0)
+    gym.make_vec(IDS[0], num_envs=2, vectorization_mode="vector_entry_point", max_episode_steps=500).reset(seed=0)
     short = gym.make(IDS[0], max_episode_steps=5, action_time=0.004)  # 20 s are more than a thousand actions here
     short.reset(seed=0)
     assert [short.step(np.zeros(1, np.float32))[3] for _ in range(5)] == [False] * 4 + [True]

@@ -7,8 +7,9 @@ import pytest
 
 from identification.logs.proposal import AFTER_UNITS, Confidence, propose
 from identification.logs.rig_mapping import RigMapping
+from identification.logs.signs import longest_piece
 from identification.logs.table import Table
-from identification.logs.vocabulary import fits
+from identification.logs.vocabulary import fits, is_current
 from identification.logs.wrapping import continuous
 
 from .test_proposal import LOGS, hanging, read, same_motion, table
@@ -88,6 +89,28 @@ def test_a_commanded_current_is_found_and_asks_for_the_motors_constant(name: str
 def test_a_measured_current_is_no_command() -> None:
     assert fits("current", "u") == fits("i_meas", "u") == fits("motor_current", "u") == 0
     assert fits("current_cmd", "u") < fits("voltage_cmd", "u")
+    assert not any(map(is_current, ("current_voltage", "current_u", "set_current_angle", "i_theta_ref")))
+
+
+def test_a_clock_of_numbers_comes_before_dates() -> None:
+    log = hanging()
+    dates = np.datetime64("2025-01-01") + (1e9 * log.t).astype("timedelta64[ns]")
+    source = table(log)
+    proposal = propose(Table(source.name, source.columns | {"time": dates}))
+    assert (proposal.item("t").value, proposal.item("t").confidence) == ("t", Confidence.sure)
+
+
+def test_stamps_in_bursts_take_no_longer_than_others() -> None:
+    t = np.repeat(0.016 * np.arange(2500), 4) + np.tile(5e-5 * np.arange(4), 2500)
+    longest, window = longest_piece(t)
+    assert len(longest) <= 4
+    assert window == 0
+
+
+def test_a_coarse_encoder_that_turns_evenly_is_not_held() -> None:
+    log = hanging()
+    even = np.floor(np.arange(len(log)) / 2 + 0.25) * 2 * np.pi / 1000
+    assert not any("row only" in problem.text for problem in propose(table(log, q1=even)).problems)
 
 
 @pytest.mark.parametrize("name", ["sample", "index", "k", "n", "cycle", ""])
@@ -98,6 +121,10 @@ def test_a_column_that_counts_is_no_clock_in_milliseconds(name: str) -> None:
     time = proposal.item("time_unit")
     assert (time.value, time.confidence) == (None, Confidence.open)
     assert proposal.item("pendulum_zero").reason == AFTER_UNITS
+    kept = np.arange(len(log)) != 700
+    lossy = Table(source.name, {column: values[kept] for column, values in source.columns.items()})
+    assert propose(lossy).item("time_unit").value is None
+    assert not propose(lossy, RigMapping(time_unit="0.004"), assumed=True).fatal
     answered = propose(source, RigMapping(time_unit="0.004"))
     assert [item.name for item in answered.below(Confidence.sure)] == ["input_unit"]
     assert same_motion(read(answered, source), log)
@@ -119,6 +146,7 @@ def test_lost_samples_hide_neither_zero_nor_signs(kind: str, zero: str, lost: fl
     kept = np.random.default_rng(5).random(len(source.columns["t"])) > lost
     proposal = propose(Table(source.name, {name: values[kept] for name, values in source.columns.items()}))
     assert not proposal.below(Confidence.sure)
+    assert bool(proposal.fatal) == (lost > 0.02)  # then no stretch is long enough for a fit
     assert (proposal.mapping.pendulum_zero, proposal.mapping.flip) == (
         propose(source).mapping.pendulum_zero,
         propose(source).mapping.flip,
@@ -143,7 +171,7 @@ def test_columns_that_are_said_stay_said() -> None:
 def test_readings_that_are_held_are_noted() -> None:
     log = hanging()
     fast = table(log, **{q: np.repeat(getattr(log, q)[::4], 4)[: len(log)] for q in ("q1", "q2")})
-    assert "q1 and q2 change in every 4th row only" in propose(fast).problems[0].text
+    assert "q1 changes in every 4th row only, and q2 changes in every 4th row only" in propose(fast).problems[0].text
     pendulum = table(log, q2=np.repeat(log.q2[::2], 2)[: len(log)])
     assert "q2 changes in every 2nd row only" in propose(pendulum).problems[0].text
 
