@@ -59,7 +59,7 @@ def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> N
     whether `gymnasium.make` was given another limit than its id has, so it warns.
     """
     registered = None if spec is None else registry.get(spec.id)
-    if registered is None or registered.kwargs.get("time_limit") is not None:
+    if spec is None or registered is None or registered.kwargs.get("time_limit") is not None:
         return
     ends = registered.max_episode_steps if limit is None else limit
     if ends is None or not ends < actions < math.inf:
