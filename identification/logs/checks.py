@@ -18,7 +18,9 @@ MIN_SAMPLES = 50
 """Shortest log that a file may hold; a tenth of a second at 500 Hz tells nothing about a pendulum."""
 
 SHORTEST_STRETCH = 0.5, 40
-"""Seconds and samples that a stretch without a gap needs, both, to give start values of a fit."""
+"""Seconds and samples, both, of a stretch without a gap that certainly gives start values of a fit."""
+
+_TOO_SHORT = 0.3, 20  # seconds and samples of a stretch, below which it gives none
 
 GAP = 1.5
 """A spacing beyond this many median spacings counts as dropped samples."""
@@ -109,10 +111,11 @@ def check_stretches(name: str, t: np.ndarray) -> None:
     gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1
     seconds, samples = SHORTEST_STRETCH
     pieces = np.split(t, gaps)
-    if gaps.size and not any(len(p) >= samples and p[-1] - p[0] >= seconds for p in pieces):
+    if gaps.size and not any(len(p) >= _TOO_SHORT[1] and p[-1] - p[0] >= _TOO_SHORT[0] for p in pieces):
         longest = max(float(p[-1] - p[0]) for p in pieces)
+        places = "one place" if gaps.size == 1 else f"{gaps.size} places"
         raise LogError(
-            f"{name}: samples are missing in {gaps.size} places, and the longest stretch without a gap lasts "
+            f"{name}: samples are missing in {places}, and the longest stretch without a gap lasts "
             f"{longest:.3g} s. Expected one of {seconds:g} s and {samples} samples at least. Record again with a "
             "logger that keeps up, or with a longer sample time."
         )

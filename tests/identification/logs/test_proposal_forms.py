@@ -146,7 +146,7 @@ def test_lost_samples_hide_neither_zero_nor_signs(kind: str, zero: str, lost: fl
     kept = np.random.default_rng(5).random(len(source.columns["t"])) > lost
     proposal = propose(Table(source.name, {name: values[kept] for name, values in source.columns.items()}))
     assert not proposal.below(Confidence.sure)
-    assert bool(proposal.fatal) == (lost > 0.02)  # then no stretch is long enough for a fit
+    assert not proposal.fatal
     assert (proposal.mapping.pendulum_zero, proposal.mapping.flip) == (
         propose(source).mapping.pendulum_zero,
         propose(source).mapping.flip,
