@@ -295,7 +295,7 @@ def test_an_unknown_option_of_reset_is_refused():
 
 
 def test_an_unknown_option_lists_those_that_exist():
-    with pytest.raises(TypeError, match="no option gravity; it has: plant, task, randomize"):
+    with pytest.raises(TypeError, match="no option gravity; there are render_mode, plant, task, randomize"):
         FurutaEnv(gravity=9.81)
 
 
