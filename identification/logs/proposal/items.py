@@ -142,6 +142,7 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
 
 
 def _unseen(look: Look) -> str:
+    """Why the motion does not say a zero or a sign."""
     if look.factors is None and "counts" in (look.unit("q1"), look.unit("q2")):
         return AFTER_UNITS
     if look.time.unit is None and look.column("t") is not None and look.said("time_unit") is None:
