@@ -40,7 +40,7 @@ thorough: $(READY)  ## the longest tests, those of tests/thorough.txt and whole 
 lint: $(READY)  ## formatting, style, types, the import contracts, and how the docs read
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+	$(BIN)/pyrefly check --min-severity error
 	$(BIN)/lint-imports
 	$(BIN)/python docs/readability.py
 

@@ -194,7 +194,7 @@ def load_policy(
             f'{path.with_suffix(".json")}, as {{"env": {{"task": "swing_up", "sample_time": 0.02}}}}',
             stacklevel=2,
         )
-    settings = {
+    settings: dict[str, Any] = {
         "velocity_cutoff": float(env.get("velocity_cutoff") or choose_sensors(plant, sensors).velocity_cutoff),
         "arm_limit": float(env.get("arm_limit") or 2 * np.pi),
         "tasks": ("balance", "swing_up") if env.get("task") == "swing_up" else ("balance",),

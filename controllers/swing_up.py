@@ -195,4 +195,5 @@ def design_swing_up(
     T, seen = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
     chosen = weights or Weights.of(plant)
     region, ways = (of(plant, T, seen, chosen) for of in (catch_region, rehearsed))
-    return SwingUp(plant, T, seen, chosen, **{"region": region, "ways": ways, **options})
+    given: dict[str, Any] = {"region": region, "ways": ways, **options}
+    return SwingUp(plant, T, seen, chosen, **given)

@@ -5,6 +5,7 @@ Text is `Markup`: `Markup("<b>{}</b>").format(name)` escapes what it is given, a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -37,7 +38,7 @@ class Table:
 
     kind: ClassVar[str] = "table"
     head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
     caption: str
 
 

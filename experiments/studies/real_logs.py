@@ -110,7 +110,7 @@ def study(folder: Path, rig: Rig, look: bool = True) -> Finding:
     if diagnosis and diagnosis.after:
         everything = tuple(log for files in rig.held_out.values() for log in _read(folder, rig, files))
         held = HeldOut(tuple(logs), everything, diagnosis.policy)
-        noise = diagnosis.naming and diagnosis.naming.final.noise
+        noise = diagnosis.naming.final.noise if diagnosis.naming else None
         learned = learned_from(after, diagnosis.after.zeros, held, noise)
     more = _gaps(learned.plant, folder, rig) if learned else {}
     return Finding(rig, estimate, unbounded, diagnosis, *before_and_after, learned=learned, gaps_learned=more)

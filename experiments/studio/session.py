@@ -177,7 +177,8 @@ class Session:
         """Say one part of the mapping; an empty answer takes it back. Raises LogError, and then changes nothing."""
         name = "flip" if item.name.startswith("sign_") else item.name
         value = None if answer == "" else ("" if name == "flip" and answer == "none" else answer)
-        given = replace(self.given, **{name: value})
+        said: dict[str, Any] = {name: value}
+        given = replace(self.given, **said)
         self._proposed(given)
         self.given = given
         self.look()

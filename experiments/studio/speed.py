@@ -103,7 +103,12 @@ def drag(page: Any, moves: int = MOVES) -> list[Shown]:
         page.wait_for_timeout(50)
     page.mouse.up()
     page.wait_for_timeout(1000)
-    return [Shown(**{**shown, "seen": tuple(shown["seen"])}) for shown in page.evaluate("studio.pictures")]
+    return [_typed(shown) for shown in page.evaluate("studio.pictures")]
+
+
+def _typed(shown: dict[str, Any]) -> Shown:
+    typed: dict[str, Any] = {**shown, "seen": tuple(shown["seen"])}
+    return Shown(**typed)
 
 
 def in_browser(path: Path) -> list[Shown]:

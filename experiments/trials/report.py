@@ -159,7 +159,7 @@ def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def limits_rows(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> list[tuple[str, ...]]:
+def limits_rows(summary: Mapping[str, Any], curves: Mapping[str, PowerCurve]) -> Sequence[tuple[str, ...]]:
     """A row per curve: the effect, how many of the visible were right, and where half and 95 % are named."""
     rows = []
     for name, curve in curves.items():

@@ -35,7 +35,8 @@ def seal_plain(trial: Trial) -> dict[str, Any]:
 def write_plain(sealed: Mapping[str, Any], fit: Path, held_out: Path) -> None:
     """Record both logs of a sealed trial of this kind."""
     about = sealed["plain"]
-    rig = PlainRig(**{**about, "theta": tuple(about["theta"]), "cable": tuple(about["cable"])})
+    typed: dict[str, Any] = {**about, "theta": tuple(about["theta"]), "cable": tuple(about["cable"])}
+    rig = PlainRig(**typed)
     trial = sealed["trial"]
     for path, (experiment, seed) in ((fit, (trial["experiment"], trial["seed"])), (held_out, sealed["held_out"])):
         log = a_log(rig, experiment, seed, DURATION)

@@ -36,7 +36,7 @@ def seal(trial: Trial) -> dict[str, Any]:
     strengths = [strength for strength, _ in found]
     ratios = [ratio for _, ratio in found]
     wanted = strengths
-    sealed = {"trial": trial.to_dict(), "subject": trial.subject}
+    sealed: dict[str, Any] = {"trial": trial.to_dict(), "subject": trial.subject}
     for _ in range(_ROUNDS):
         rig = _rig(trial, strengths)
         try:
@@ -48,7 +48,7 @@ def seal(trial: Trial) -> dict[str, Any]:
         except PendulumLost:
             strengths = [_GENTLER * s for s in strengths]
             continue
-        more = {"strengths": strengths, "ratios": ratios, "held_out": held_out, "truth": rig.truth()}
+        more: dict[str, Any] = {"strengths": strengths, "ratios": ratios, "held_out": held_out, "truth": rig.truth()}
         if trial.kind == "hard":
             more["hard_ratio"] = effect_size(rig, trial.experiment, trial.seed, DURATION).ratio
         return sealed | more
@@ -70,7 +70,8 @@ def rig_of(sealed: Mapping[str, Any]) -> tuple[Trial, Rig]:
     """The trial and the rig of a sealed truth that has no `problem`."""
     about = sealed["trial"]
     zeros = tuple(about.get("zeros", (0.0, 0.0)))
-    trial = Trial(**{**about, "hidden": tuple(Hidden(**h) for h in about["hidden"]), "zeros": zeros})
+    typed: dict[str, Any] = {**about, "hidden": tuple(Hidden(**h) for h in about["hidden"]), "zeros": zeros}
+    trial = Trial(**typed)
     return trial, _rig(trial, sealed["strengths"])
 
 

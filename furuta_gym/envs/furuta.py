@@ -145,8 +145,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"render_mode must be one of {self.metadata['render_modes']} or None, got {render_mode!r}")
         self.render_mode = render_mode
         self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
-        self.observation_space: spaces.Box = setup.observation_space  # pyright: ignore
-        self.action_space: spaces.Box = setup.action_space  # pyright: ignore
+        self.observation_space: spaces.Box = setup.observation_space  # pyrefly: ignore[bad-override]
+        self.action_space: spaces.Box = setup.action_space  # pyrefly: ignore[bad-override]
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / setup.action_period)}
         self._lanes = np.zeros((k.block_rows(setup.sizes), 1))
         self._stream = np.zeros(1, dtype=np.uint64)

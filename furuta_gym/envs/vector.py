@@ -238,7 +238,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
 
     def _info(self, out: tuple[NDArray[Any], ...], mask: NDArray[np.bool_], fresh: NDArray[np.bool_]) -> dict[str, Any]:
         _, state, measured, command = out
-        info = {"state": state, "_state": mask, "measured_state": measured, "_measured_state": mask}
+        info: dict[str, Any] = {"state": state, "_state": mask, "measured_state": measured, "_measured_state": mask}
         info |= {"command": command, "_command": mask}
         if self.setup.random.active and fresh.any():
             info["plant"] = _masked(self.setup.random.describe(self._columns(self._parameter_rows)), fresh)

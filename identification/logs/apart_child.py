@@ -8,8 +8,7 @@ format. It imports nothing of the project, so that it starts quickly.
 import json
 import runpy
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import BinaryIO
 
 import numpy as np
 
@@ -17,11 +16,15 @@ MISSING, BROKEN = 3, 4
 """Exit codes: a package is not installed (stderr names it), and the file cannot be read (stderr says why)."""
 
 
-@dataclass
 class Pipe:
     """No file for numpy, which would ask the pipe for its position; newer C libraries refuse that."""
 
-    write: Callable[[bytes], int]
+    def __init__(self, out: BinaryIO) -> None:
+        self._out = out
+
+    def write(self, data: bytes, /) -> int:
+        """Number of bytes written."""
+        return self._out.write(data)
 
 
 def limit(seconds: int, size: int) -> None:
@@ -52,7 +55,7 @@ def main(reader: str, path: str) -> int:
         return BROKEN
     out = sys.stdout.buffer
     out.write(json.dumps([facts, list(arrays)]).encode() + b"\n")
-    pipe = Pipe(out.write)
+    pipe = Pipe(out)
     for array in arrays.values():
         np.lib.format.write_array(pipe, array, allow_pickle=False)
     out.flush()

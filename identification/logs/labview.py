@@ -32,7 +32,7 @@ def read_tdms(path: Path) -> Table:
             columns = {names[c]: np.asarray(c[:]) for c in channels}
             units = {names[c]: str(c.properties.get("unit_string", "")) for c in channels}
             metadata = {key: str(value) for key, value in file.properties.items()}
-            longest = max(channels, key=len, default=None)
+            longest = max(channels, key=lambda channel: len(channel), default=None)
             step = float(longest.properties.get("wf_increment", 0.0)) if longest is not None else 0.0
             if longest is not None and step > 0 and not any(_rises(values) for values in columns.values()):
                 columns = {"time": step * np.arange(len(longest))} | columns

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .checks import GAP, LogError, LogWarning
 from .encoders import encoder_step, noise_std, shortest_for_noise
@@ -30,6 +31,7 @@ from .rig_mapping import RigMapping
 
 __all__ = ["Log", "LogError", "LogWarning", "write_log"]
 
+_Index = NDArray[Any] | slice  # here: the class has a method `slice`
 _OFF_GRID = 0.01  # stamps within this fraction of a sample of an even grid count as regular
 
 
@@ -224,7 +226,7 @@ class Log:
                 "(--input-unit, input_unit in Python)"
             )
 
-    def taken(self, index: np.ndarray | slice) -> Log:
+    def taken(self, index: _Index) -> Log:
         """The samples of an index that increases."""
         return replace(self, t=self.t[index], q1=self.q1[index], q2=self.q2[index], u=self.u[index])
 

@@ -90,8 +90,8 @@ def read_log(
     for note in table.notes if said.empty else ():  # where names are given, they were found
         warn(note)
     digest = file_hash(path)
-    about = {"source": table.name, "sha256": digest, "mapping": said}
-    log = Log(**mapped.signals, **mapped.facts, **about, metadata=mapped.metadata)
+    about: dict[str, Any] = {**mapped.signals, **mapped.facts}
+    log = Log(**about, source=table.name, sha256=digest, mapping=said, metadata=mapped.metadata)
     begin = float(log.t[0])
     if cuts:
         log = _without(log, cuts)

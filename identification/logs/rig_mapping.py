@@ -83,8 +83,8 @@ class RigMapping:
     ) -> RigMapping:
         """From arguments as `read_log` takes them: names by our names, and one unit or one for each angle."""
         units = {} if unit is None else parse_angle_units(unit, both=False)
-        named = {f"unit_{axis}": value for axis, value in units.items()}
-        return cls(**parse_columns(columns), **named, **said)
+        named: dict[str, Any] = parse_columns(columns) | {f"unit_{axis}": value for axis, value in units.items()}
+        return cls(**named, **said)
 
     @property
     def empty(self) -> bool:
@@ -124,16 +124,16 @@ class RigMapping:
         """The same as options of the command line; "" where nothing is said."""
         units = self.arguments()["unit"] or {}
         same = len(set(units.values())) == 1 and len(units) == 2
-        counts = self.encoder_counts
+        counts = self.encoder_counts or ()
         said = {
             "--columns": ",".join(f"{ours}={theirs}" for ours, theirs in self.columns.items()),
             "--time-unit": self.time_unit,
             "--unit": units["q1"] if same else ",".join(f"{axis}={unit}" for axis, unit in units.items()),
             "--pendulum-zero": self.pendulum_zero,
             "--flip": "none" if self.flip == () else ",".join(self.flip or ()),  # none: not a rig.toml's either
-            "--encoder-counts": counts and ",".join(map(_exact, counts[:1] if counts[0] == counts[1] else counts)),
+            "--encoder-counts": ",".join(map(_exact, counts[:1] if len(set(counts)) == 1 else counts)),
             "--input-unit": self.input_unit,
-            "--input-scale": self.input_scale and _exact(self.input_scale),
+            "--input-scale": None if self.input_scale is None else _exact(self.input_scale),
             "--skip": None if self.skip is None else _exact(self.skip),
         }
         options = [f"{option} {shlex.quote(value)}" for option, value in said.items() if value]

@@ -96,12 +96,12 @@ def _lagrange(t, x, p):
 def _mujoco(x, p, link):
     position, velocity, bias, unit, column = link
     position[0], position[1], velocity[0], velocity[1] = x[Q1], x[Q2], x[V1], x[V2]
-    _call2(p.mj_forward, p.mj_model, p.mj_data)  # pyright: ignore[reportCallIssue]
+    _call2(p.mj_forward, p.mj_model, p.mj_data)  # pyrefly: ignore[missing-argument]
     unit[0], unit[1] = 1.0, 0.0
-    _call4(p.mj_mulm, p.mj_model, p.mj_data, column.ctypes.data, unit.ctypes.data)
+    _call4(p.mj_mulm, p.mj_model, p.mj_data, column.ctypes.data, unit.ctypes.data)  # pyrefly: ignore[missing-argument]
     m11, m12 = column[0], column[1]
     unit[0], unit[1] = 0.0, 1.0
-    _call4(p.mj_mulm, p.mj_model, p.mj_data, column.ctypes.data, unit.ctypes.data)
+    _call4(p.mj_mulm, p.mj_model, p.mj_data, column.ctypes.data, unit.ctypes.data)  # pyrefly: ignore[missing-argument]
     return m11, m12, column[1], bias[0], bias[1]
 
 

@@ -108,7 +108,7 @@ def run(kind: str, count: int, seed: int, keep: Path, first: int = 0) -> Counter
     number, end, started = first, first + count, time.monotonic()
     while number < end:
         with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as errors:
-            command = [sys.executable, "-m", __package__, "--child", kind, str(seed), str(number), str(end)]
+            command = [sys.executable, "-m", str(__package__), "--child", kind, str(seed), str(number), str(end)]
             path = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
             child = subprocess.Popen(
                 command,

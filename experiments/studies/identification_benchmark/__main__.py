@@ -47,22 +47,15 @@ def main(
 ) -> None:
     """Bias, RMSE over the Cramér–Rao bound, coverage and time of the identification methods."""
     with explained():
-        settings = {"rigs": _words(rigs), "times_ms": [float(x) for x in _words(times)]}
-        settings |= {"counts": [int(x) for x in _words(counts)], "experiments": _words(experiments)}
-        settings |= {"methods": _words(methods), "duration_s": duration}
-        todo = list(
-            cases(
-                settings["rigs"],
-                [t / 1e3 for t in settings["times_ms"]],
-                settings["counts"],
-                settings["experiments"],
-                duration,
-            )
-        )
+        times_ms, encoders = [float(x) for x in _words(times)], [int(x) for x in _words(counts)]
+        of = _words(rigs), [t / 1e3 for t in times_ms], encoders, _words(experiments)
+        todo, tried = list(cases(*of, duration)), _words(methods)
+        settings: dict[str, Any] = {"rigs": of[0], "times_ms": times_ms, "counts": encoders, "experiments": of[3]}
+        settings |= {"methods": tried, "duration_s": duration}
         found: list[Trial] = []
         output.mkdir(parents=True, exist_ok=True)
         with counted("fitting") as tell:
-            for trial in run(todo, range(first_seed, first_seed + seeds), settings["methods"], backend, jobs):
+            for trial in run(todo, range(first_seed, first_seed + seeds), tried, backend, jobs):
                 found.append(trial)
                 tell(len(found), len(todo) * seeds)
                 if len(found) % len(todo) == 0:  # every cell has this seed: what is there is a whole, smaller study
