@@ -181,11 +181,11 @@ def _typed(logs: Sequence[Path], reading: Reading, out: Path | None) -> str:
 
 def _needed(proposal: Proposal, left: Sequence[Item], command: str) -> str:
     """What to give for the items that are not sure. command: the one that was given."""
-    from identification.logs.proposal import AFTER_UNITS, Confidence
+    from identification.logs.proposal import Confidence
 
     rest, give = ("is", "it as an option") if len(left) == 1 else ("are", "them as options")
     count = f"{len(left)} of {len(proposal.items)} things {rest}"
-    waiting = [item.says for item in left if item.reason == AFTER_UNITS]
+    waiting = [item.says for item in left if item.waits]
     if waiting:
         give = "what stands here first"
     lines = [f"{', '.join(proposal.sources)}: {count} not sure. Give {give}:"]

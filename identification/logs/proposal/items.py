@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,8 +17,6 @@ from .units import Unit, command_unit
 from .values import Confidence, Item
 
 _AS_YOU_SAY = "as you say"
-AFTER_UNITS = "the motion may tell it once the units are known"
-"""The reason of an item that nothing was looked at for, as angles in counts or the clock have no scale yet."""
 
 
 def items_of(look: Look, others: Sequence[Look]) -> list[Item]:
@@ -99,7 +98,7 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
     elif stated is not None:
         rows.append(_zero_item(look, stated, Confidence.sure, "the file says so"))
     else:
-        rows.append(_zero_item(look, _usual_zero(look), Confidence.open, _unseen(look)))
+        rows.append(_unseen(look, _zero_item(look, _usual_zero(look), Confidence.open, "")))
     known_zero = look.given.pendulum_zero or (zero if signs.gravity else stated)
     if known_zero is not None and known_zero != zero:
         # as it is said, against the motion or without its word: signs are those seen with that zero
@@ -120,34 +119,25 @@ def _motion_items(look: Look, signs: Signs) -> list[Item]:
         elif axis == "q1" or clear:
             confidence = Confidence.sure
         else:
-            confidence, reason = Confidence.likely, _unseen(look)
+            confidence, reason = Confidence.likely, ""
         if turned and confidence is Confidence.sure and said is None:
             reason = reason.replace("which way is positive is yours to choose", "its turning pushes the pendulum")
             reason = f"turned: then {reason}"
         name = {"q1": "sign of the arm", "q2": "sign of the pendulum", "u": "sign of the command"}[axis]
         shown = "turned" if turned else "as it is"
-        rows.append(
-            Item(
-                f"sign_{axis}",
-                name,
-                "-" if turned else "+",
-                shown,
-                confidence,
-                reason,
-                ("none", "q1", "q2", "u"),
-                f"--flip {axis}",
-            )
-        )
+        value, alternatives = "-" if turned else "+", ("none", "q1", "q2", "u")
+        row = Item(f"sign_{axis}", name, value, shown, confidence, reason, alternatives, f"--flip {axis}")
+        rows.append(row if confidence is Confidence.sure else _unseen(look, row))
     return rows
 
 
-def _unseen(look: Look) -> str:
-    """Why the motion does not say a zero or a sign."""
-    if look.factors is None and "counts" in (look.unit("q1"), look.unit("q2")):
-        return AFTER_UNITS
-    if look.time.unit is None and look.column("t") is not None and look.said("time_unit") is None:
-        return AFTER_UNITS
-    return "the motion does not tell it"
+def _unseen(look: Look, item: Item) -> Item:
+    """A zero or a sign that the motion does not say, with the reason."""
+    no_counts = look.factors is None and "counts" in (look.unit("q1"), look.unit("q2"))
+    no_clock = look.time.unit is None and look.column("t") is not None and look.said("time_unit") is None
+    if no_counts or no_clock:
+        return replace(item, reason="the motion may tell it once the units are known", waits=True)
+    return replace(item, reason="the motion does not tell it")
 
 
 def _zero_item(look: Look, zero: str, confidence: Confidence, reason: str) -> Item:

@@ -58,11 +58,11 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
     if "u" in finite:
         found += _said(name, lambda: checks.check_command(name, finite["u"], constant_command))
         unit = command_unit(look.table, used["u"], finite["u"], look.policy)[0]
-        by_name = unit.reason.startswith("its name")  # which may mean something else: its unit said is enough
-        enough = look.assumed or look.given.input_unit if by_name else look.given.input_unit and look.given.input_scale
+        said = look.given
+        enough = look.assumed or said.input_unit if unit.by_name else said.input_unit and said.input_scale
         if unit.against and not enough:
             scale = "N·m --input-scale K, with the motor's constant K in N·m/A, or 1 if unknown"
-            if "A" not in unit.reason:
+            if not unit.current:
                 scale = "V --input-scale K, with the volts of one unit"
             found.append(Problem(unit.against, f"Give its unit and the factor: --input-unit {scale}"))
     if {"q1", "q2"} <= set(finite) and look.factors is not None:

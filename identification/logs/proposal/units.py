@@ -20,8 +20,9 @@ ANGLE_UNITS = ("rad", "deg", "counts")
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit with its reason. looks: the unit that the data show instead, where they contradict what the file states,
-    and against: that in a sentence."""
+    """A unit with its reason. against: what contradicts it or makes it unusable, in a sentence. looks: the unit that
+    the data show instead. current: whether it is one, of a current. by_name: whether only the column's name says so,
+    which may mean something else."""
 
     unit: str | None
     confidence: Confidence
@@ -29,6 +30,8 @@ class Unit:
     alternatives: tuple[str, ...] = ()
     against: str = ""
     looks: str | None = None
+    current: bool = False
+    by_name: bool = False
 
     def believed(self, said: str | None) -> str | None:
         """The unit to go on with: what the data show, else what is said."""
@@ -207,15 +210,15 @@ def command_unit(table: Table, column: str, u: np.ndarray, policy: ProposalPolic
     if unit in ("mV", "mN·m"):
         return Unit(unit[1:], Confidence.sure, f"the file gives {unit}", units), 1e-3
     if unit in ("A", "mA", "%"):
-        return Unit(None, Confidence.open, f"the file gives {unit}", units, f"the command {column} is in {unit}."), None
-    if is_current(column):
-        return Unit(
-            None, Confidence.open, "its name means a current, in A", units, f"the command {column} is a current."
-        ), None
+        reason, against = f"the file gives {unit}", f"the command {column} is in {unit}."
+        return Unit(None, Confidence.open, reason, units, against, current=unit != "%"), None
     parts = set(words(column))
+    if is_current(column):
+        reason, against = "its name means a current, in A", f"the command {column} is a current."
+        return Unit(None, Confidence.open, reason, units, against, current=True, by_name=True), None
     if parts & {"duty", "pwm"}:
         reason, against = "its name means a duty", f"the command {column} is a duty."
-        return Unit(None, Confidence.open, reason, units, against), None
+        return Unit(None, Confidence.open, reason, units, against, by_name=True), None
     if parts & {"voltage", "volts", "volt", "spannung", "motorspannung", "ankerspannung", "voltaje", "tensione", "vm"}:
         return Unit("V", Confidence.sure, "its name means a voltage", units), None
     if parts & {"torque", "drehmoment", "tau"}:

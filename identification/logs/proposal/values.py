@@ -23,7 +23,8 @@ class Item:
     """One part of the mapping. name: a field of `RigMapping`, "sign_q1", "sign_q2", "sign_u" or "sample_time".
 
     says: what it is about, in words. value: as the mapping takes it, None for its default. shown: for a table.
-    reason: one sentence. alternatives: other values, as `option` takes them. option: of the command line.
+    reason: one sentence. alternatives: other values, as `option` takes them. option: of the command line. waits:
+    whether nothing was looked at for it, as angles in counts or the clock have no scale yet.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Item:
     reason: str
     alternatives: tuple[str, ...] = ()
     option: str = ""
+    waits: bool = False
 
 
 @dataclass(frozen=True)

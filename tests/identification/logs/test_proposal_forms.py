@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.logs.proposal import AFTER_UNITS, Confidence, propose
+from identification.logs.proposal import Confidence, propose
 from identification.logs.rig_mapping import RigMapping
 from identification.logs.signs import longest_piece
 from identification.logs.table import Table
@@ -68,9 +68,9 @@ def test_swapped_columns_in_counts_are_a_problem() -> None:
 def test_what_waits_for_the_counts_says_so() -> None:
     log = hanging()
     whole = {q: np.round(_PER_RADIAN["counts"] * getattr(log, q)) for q in ("q1", "q2")}
-    unseen = {i.name for i in propose(table(log, **whole)).items if i.reason == AFTER_UNITS}
+    unseen = {i.name for i in propose(table(log, **whole)).items if i.waits}
     assert unseen == {"pendulum_zero", "sign_q2", "sign_u"}
-    assert not [i for i in propose(table(log, **whole), _COUNTS).items if i.reason == AFTER_UNITS]
+    assert not [i for i in propose(table(log, **whole), _COUNTS).items if i.waits]
 
 
 @pytest.mark.parametrize("name", ["i_cmd_A", "current_cmd", "Strom_soll", "iq_ref", "motorCurrentCommand", "i_set [A]"])
@@ -120,7 +120,7 @@ def test_a_column_that_counts_is_no_clock_in_milliseconds(name: str) -> None:
     proposal = propose(source)
     time = proposal.item("time_unit")
     assert (time.value, time.confidence) == (None, Confidence.open)
-    assert proposal.item("pendulum_zero").reason == AFTER_UNITS
+    assert proposal.item("pendulum_zero").waits
     kept = np.arange(len(log)) != 700
     lossy = Table(source.name, {column: values[kept] for column, values in source.columns.items()})
     assert propose(lossy).item("time_unit").value is None
