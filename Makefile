@@ -6,6 +6,8 @@ READY := $(VENV)/.ready
 EXTRAS := rl,report,matlab,labview,ros,mujoco,video,studio,lab,plan,docs,dev
 # torch without CUDA is 0.8 GB instead of several; where this index cannot be reached, pip's own one serves
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+# tests start Python some hundred times, and a start that compiles every module anew takes seconds
+export PYTHONDONTWRITEBYTECODE :=
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 .PHONY: setup demo test fast slow thorough lint docs bench matrix core constraints clean

@@ -71,7 +71,7 @@ def step_blocks(
         b = take(board, n, patience)
 
 
-@compiled
+@compiled(inline="always")  # compiled within `step_blocks` alone: every caller is compiled with all that it calls
 def _step_block(
     b, actions, lanes, streams, codes, sizes, numbers, table, root, switches, ranges, max_steps, work, nothing,
     observation, state, measured, command, rewards, terminated, truncated,

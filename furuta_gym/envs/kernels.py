@@ -328,7 +328,7 @@ def _slew(lanes, most):
         lanes[COMMAND, k] += min(max(lanes[WANTED, k] - lanes[COMMAND, k], -most), most)
 
 
-@compiled
+@compiled(inline="always")
 def step_lanes(lanes, streams, codes, sizes, numbers, work):
     """One action of every lane of a block, standing in row COMMAND, held for SAMPLES samples."""
     period, scale = numbers[SAMPLE_TIME], numbers[ACTION_SCALE]

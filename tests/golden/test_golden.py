@@ -19,7 +19,7 @@ from tests.golden.results import EXPECTED, LOGS, diagnose_arguments, names, run_
 pytest.importorskip("jinja2", reason="furuta diagnose needs the extra 'report'")
 
 CASES = sorted(path.stem for path in EXPECTED.glob("*.json") if path.stem != "envs")
-QUICK = ("lag-faint-desk", "none-servo", "still-pendulum", "still-rig")
+QUICK = ("none-servo", "still-pendulum", "still-rig")
 """Those that are quick. The others are of `make thorough`, or `python -m tests.golden.results`."""
 SHARE = 0.01  # of a standard deviation
 SHOT = 1e-4  # of a parameter by multiple shooting
