@@ -13,6 +13,7 @@ import numpy as np
 from furuta_gym.arguments import ArgumentError
 
 from .encoders import encoder_step
+from .gaps import gaps
 
 MIN_SAMPLES = 50
 """Shortest log that a file may hold; a tenth of a second at 500 Hz tells nothing about a pendulum."""
@@ -21,9 +22,6 @@ SHORTEST_STRETCH = 0.5, 40
 """Seconds and samples, both, of a stretch without a gap that certainly gives start values of a fit."""
 
 _TOO_SHORT = 0.3, 20  # seconds and samples of a stretch, below which it gives none
-
-GAP = 1.5
-"""A spacing beyond this many median spacings counts as dropped samples."""
 
 _MAX_STEP_RAD = 0.02  # encoders below 314 counts per revolution are not built into such rigs
 _MIN_STEP_DEG = 0.0126  # nor above 28 600 as a rule; as radians, this is an encoder of 500
@@ -107,13 +105,12 @@ def check_length(name: str, n: int) -> None:
 
 def check_stretches(name: str, t: np.ndarray) -> None:
     """Raise `LogError` where samples are missing so often that no stretch without a gap can be fitted."""
-    steps = np.diff(t)
-    gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    cuts = np.flatnonzero(gaps(t)) + 1
     seconds, samples = SHORTEST_STRETCH
-    pieces = np.split(t, gaps)
-    if gaps.size and not any(len(p) >= _TOO_SHORT[1] and p[-1] - p[0] >= _TOO_SHORT[0] for p in pieces):
+    pieces = np.split(t, cuts)
+    if cuts.size and not any(len(p) >= _TOO_SHORT[1] and p[-1] - p[0] >= _TOO_SHORT[0] for p in pieces):
         longest = max(float(p[-1] - p[0]) for p in pieces)
-        places = "one place" if gaps.size == 1 else f"{gaps.size} places"
+        places = "one place" if cuts.size == 1 else f"{cuts.size} places"
         raise LogError(
             f"{name}: samples are missing in {places}, and the longest stretch without a gap lasts "
             f"{longest:.3g} s. Expected one of {seconds:g} s and {samples} samples at least. Record again with a "
@@ -197,13 +194,13 @@ def warn_about_clock(name: str, t: np.ndarray) -> None:
             f"{name}: the samples are {typical:.3g} s apart, faster than any rig's computer. Expected seconds; check "
             f"the time column and its unit.{day if 1e-4 < typical * _DAY < _SLOWEST else ''}"
         )
-    gaps = np.flatnonzero(steps > GAP * typical)
-    if gaps.size:
-        missing = int(np.sum(np.round(steps[gaps] / typical) - 1))
-        longest = int(gaps[np.argmax(steps[gaps])])
-        plural = "s" if gaps.size > 1 else ""
+    cuts = np.flatnonzero(gaps(t))
+    if cuts.size:
+        missing = int(np.sum(np.round(steps[cuts] / typical) - 1))
+        longest = int(cuts[np.argmax(steps[cuts])])
+        plural = "s" if cuts.size > 1 else ""
         warn(
-            f"{name}: {gaps.size} gap{plural} in the clock, about {max(missing, 1)} samples dropped; the longest lasts "
+            f"{name}: {cuts.size} gap{plural} in the clock, about {max(missing, 1)} samples dropped; the longest lasts "
             f"{steps[longest]:.3g} s, after t = {t[longest]:g} s. The log is cut there, and prediction starts anew "
             "after each gap. If samples are dropped often, record with a longer sample time."
         )

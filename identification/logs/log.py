@@ -17,9 +17,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import GAP, LogError, LogWarning
+from .checks import LogError, LogWarning
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import write_table
+from .gaps import gaps
 from .mapping import (
     COLUMNS,
     KNOWN_KEYS,
@@ -194,7 +195,7 @@ class Log:
 
     def pieces(self) -> tuple[Log, ...]:
         """The log cut at gaps of its clock (dropped samples); lone samples between two gaps are left out."""
-        cuts = np.flatnonzero(np.diff(self.t) > GAP * self.sample_time) + 1
+        cuts = np.flatnonzero(gaps(self.t)) + 1
         groups = np.split(np.arange(len(self)), cuts)
         return tuple(self.taken(group) for group in groups if len(group) >= 2)
 

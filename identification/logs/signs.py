@@ -17,11 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
-from .checks import GAP
+from .gaps import gaps, longest_spacing
 
 _BRIDGED = 0.04  # s without a sample, of which a straight line takes the place: a third of the smoother's span
 _MOST_BRIDGED = 0.5  # of the samples
 _SPAN = 0.12  # s, of the smoother: long enough for 1000 counts, short against a pendulum's period
+_EVEN = 1.5  # of the usual spacing; no sample is later than that where the values stay as they are
 _MOST_ROWS = 200_000  # of the regressions: more would make a sign no surer
 TRUSTED_R2 = 0.9  # on logs from rigs and simulations the signs were right beyond 0.8 for the pendulum's row
 TRUSTED_R2_ARM = 0.5
@@ -105,17 +106,17 @@ def longest_piece(t: np.ndarray) -> tuple[np.ndarray, int]:
     steps = np.diff(t)
     T = float(np.median(steps))
     gap = max(2.5 * T, _BRIDGED)
-    lost = steps[(steps > GAP * T) & (steps <= gap)]
+    lost = steps[gaps(t) & (steps <= gap)]
     if np.sum(np.round(lost / T)) > _MOST_BRIDGED * len(t):  # stamps that come in bursts
-        gap = GAP * T
+        gap = longest_spacing(t)
     longest = max(np.split(np.arange(len(t)), np.flatnonzero(steps > gap) + 1), key=len)
     window = int(_SPAN / T) | 1
     return longest, 0 if window < 5 or len(longest) < 4 * window else window
 
 
 def evenly(t: np.ndarray, values: np.ndarray, T: float) -> np.ndarray:
-    """Values of a stretch every T [s], with straight lines over lost samples; as they are where none is lost."""
-    if not np.any(np.diff(t) > GAP * T):
+    """Values of a stretch every T [s], straight lines over lost and late samples; as they are where there are none."""
+    if np.max(np.diff(t)) <= _EVEN * T:
         return values
     return np.interp(np.arange(t[0], t[-1] + 0.5 * T, T), t, values)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import GAP, LogError, warn
+from .checks import LogError, warn
+from .gaps import gaps
 
 Array = NDArray[np.float64]
 
@@ -29,10 +30,10 @@ def unwrap(name: str, column: str, t: Array, q: Array, counts: float | None = No
         return q
     first = int(np.argmax(far))
     usual = float(np.max(np.abs(steps[~far]), initial=0.0))
-    period = _period(steps[far & ~_gaps(t)], usual, counts)
+    period = _period(steps[far & ~gaps(t)], usual, counts)
     unwrapped = np.unwrap(q, period=period)
     left = np.abs(np.diff(unwrapped))
-    odd = far & ~_gaps(t) & (np.abs(steps) > 1.5 * period) & (left > max(_PLAIN, _STANDS_OUT * usual))
+    odd = far & ~gaps(t) & (np.abs(steps) > 1.5 * period) & (left > max(_PLAIN, _STANDS_OUT * usual))
     if odd.any():
         at = int(np.argmax(odd))
         raise LogError(
@@ -65,11 +66,6 @@ def continuous(values: Array, counts: tuple[float, ...] = ()) -> Array:
             if np.max(np.abs(np.diff(unwrapped))) < turn / 4.0:
                 return unwrapped
     return values
-
-
-def _gaps(t: Array) -> NDArray[np.bool_]:
-    steps = np.diff(t)
-    return steps > GAP * np.median(steps)
 
 
 def _period(jumps: Array, usual: float, counts: float | None) -> float:

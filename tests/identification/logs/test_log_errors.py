@@ -262,6 +262,20 @@ def test_jittered_stamps_are_kept_without_a_warning(tmp_path):
     np.testing.assert_array_equal(quietly(csv(tmp_path, table)).t, table["t"])
 
 
+def test_late_samples_of_a_clock_that_jitters_are_no_gaps(tmp_path):
+    """A spacing of 5 ms that varies by 28 %: one in 28 is longer than one and a half times the usual."""
+    k = np.arange(2000)
+    t = 0.005 * k + 0.001 * np.random.default_rng(0).standard_normal(2000)
+    table = {"t": t, "q1": np.sin(3.0 * t), "q2": np.cos(5.0 * t), "u": k % 3 - 1.0}
+    assert np.sum(np.diff(t) > 1.5 * 0.005) > 20
+    path = csv(tmp_path, table)
+    assert "gap" not in warned(path)
+    assert len(quietly(path).pieces()) == 1
+
+    dropped = {name: np.delete(values, slice(1000, 1004)) for name, values in table.items()}
+    assert "1 gap in the clock, about 4 samples dropped" in warned(csv(tmp_path, dropped))
+
+
 def test_milliseconds_are_suspected(tmp_path):
     assert "time_unit='ms'" in warned(csv(tmp_path, t=rows()["t"] * 30))
     assert "time_unit" not in warned(csv(tmp_path, t=rows()["t"] * 1000), time_unit="ms")
