@@ -16,6 +16,7 @@ import numpy as np
 
 from . import checks as log_checks
 from .checks import LogArgumentError, LogError
+from .jumps import warn_about_jumps
 from .signs import motion_signs
 from .table import Table, listed
 from .vocabulary import ROLES, core, fits, unit_in
@@ -224,8 +225,7 @@ def map_table(
         log_checks.check_numbers(name, names[ours], values, table.where, clock=ours == "t")
     if table.columns[names["t"]].dtype.kind in "Mm":  # `Table.numbers` gives seconds
         factor = 1.0
-    start = raw["t"][0] if len(raw["t"]) and abs(raw["t"][0]) * factor > _DATE else 0.0
-    t = (raw["t"] - start) * factor
+    t = own_clock(raw["t"], factor)
     log_checks.check_clock(name, t, table.where)
     log_checks.check_length(name, len(t))
     log_checks.check_command(name, raw["u"], constant_command)
@@ -263,6 +263,7 @@ def map_table(
     log_checks.check_motion(name, q1, q2)
     log_checks.warn_about_held(name, {names["q1"]: q1, names["q2"]: q2})
     if not any(odd_unit):
+        warn_about_jumps(name, t, {names[q]: (y, known[q]) for q, y in (("q1", q1), ("q2", q2))})
         if counts is not None:
             log_checks.check_counts(name, names["q1"], q1, counts[0])
             log_checks.check_counts(name, names["q2"], q2, counts[1])
@@ -271,6 +272,12 @@ def map_table(
             log_checks.warn(f"{name}: zero or signs look wrong: {advice}")
     rest = {k: v for k, v in metadata.items() if k not in KNOWN_KEYS and k not in COLUMNS}
     return Mapped({"t": t, "q1": q1, "q2": q2, "u": u}, facts, rest)
+
+
+def own_clock(stamps: np.ndarray, factor: float) -> np.ndarray:
+    """Stamps in s, whose unit is `factor` s. Those that count from some date are counted from the first one."""
+    start = stamps[0] if len(stamps) and abs(stamps[0]) * factor > _DATE else 0.0
+    return (stamps - start) * factor
 
 
 def _radians(name: str, unit: str, counts: float | None) -> float:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from .. import checks
-from ..mapping import COLUMNS, SECONDS
+from ..jumps import warn_about_jumps
+from ..mapping import COLUMNS, SECONDS, own_clock
 from ..signs import Signs
 from ..vocabulary import fits
+from ..wrapping import unwrap
 from .columns import SPOKEN
 from .look import Look
 from .policy import ProposalPolicy
@@ -69,6 +71,7 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         q1, q2 = (finite[q] * f for q, f in zip(("q1", "q2"), look.factors, strict=True))
         found += _said(name, lambda: checks.check_motion(name, q1, q2))
         found += _said(name, lambda: checks.warn_about_held(name, {used["q1"]: q1, used["q2"]: q2}))
+        found += _jumps(look, used, (q1, q2))
     notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in look.table.notes]
     return [*found, *look.found, *_zero_problems(look), *notes]
 
@@ -127,6 +130,23 @@ def _zero_problems(look: Look) -> list[Problem]:
         return []
     mend = f"--pendulum-zero {zero}" + (f" --flip {','.join(flips)}" if flips else " and no --flip")
     return [Problem("; ".join(wrong) + ".", f"Unless you know better, read it with {mend}")]
+
+
+def _jumps(look: Look, used: Mapping[str, str], angles: Sequence[np.ndarray]) -> list[Problem]:
+    """What stands out of angles [rad], where the clock is one and no jump is refused in reading."""
+    name, stamps = look.table.name, look.values("t")
+    if stamps is None or len(stamps) < checks.MIN_SAMPLES or not np.all(np.diff(stamps) > 0):
+        return []
+    t = own_clock(stamps, look.factor)
+    counts = look.known_counts or (None, None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", checks.LogWarning)  # wrapped angles are in order
+        try:
+            whole = [unwrap(name, used[q], t, y, n) for q, y, n in zip(("q1", "q2"), angles, counts, strict=True)]
+        except checks.LogError:
+            return []
+    found = {used[q]: (y, n) for q, y, n in zip(("q1", "q2"), whole, counts, strict=True)}
+    return _said(name, lambda: warn_about_jumps(name, t, found))
 
 
 def _same_signs(said: Sequence[str], wanted: Sequence[str], signs: Signs) -> bool:
