@@ -39,6 +39,7 @@ from .prediction_error import PredictionError, quietest
 from .restarts import restarted
 from .start import Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
+from .zeros import bounded_zeros
 
 _COARSER = 2.0  # times the integration step, for a first look
 _R_RANGE = (3.0, 2000.0)  # s/rad
@@ -193,7 +194,7 @@ def _estimate(
         iterations=optimum.iterations,
         at_bound=at_bound,
         fixed={n: value_of(plant, n) for n in fixed},
-        warnings=tuple(_warnings(logs, plant, at_bound, noise)),
+        warnings=(*_warnings(logs, plant, at_bound, noise), *bounded_zeros(logs, problem, optimum.z)),
         zeros=problem.zeros_at(optimum.z),
         problem=problem,
         optimum=optimum,
@@ -235,9 +236,11 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
     missing = math.sqrt(noise.torque[0] / 0.1)
     command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
     if missing > 0.1 * command:
-        yield (
-            f"the model misses torques of about {missing:.2g} {plant.unit} ({100 * missing / command:.0f} % of the "
-            "command): something acts that model (5) does not hold; run `furuta diagnose`"
-        )
+        share = f"{missing:.2g} {plant.unit} ({100 * missing / command:.0f} % of the command)"
+        if missing > command:
+            advice = "more than the command itself: check its sign first (--flip u), then run `furuta diagnose`"
+        else:
+            advice = "something acts that model (5) does not hold; run `furuta diagnose`"
+        yield f"the model misses torques of about {share}: {advice}"
     if max(noise.reading_factor) > 4.0:
         yield "the readings are at least twice as noisy as their counts and smoothness say; check the encoder counts"

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
@@ -26,6 +27,7 @@ from .prediction_error import PredictionError, quietest
 _RESTLESS = 100.0  # times the least torque noise, from which the fit of the zeros starts
 _ITERATIONS, _TOLERANCE = 20, 0.05
 _PLAIN_COUNTS = 5.0  # a zero that lies further off than so many counts is worth a warning
+_AT_BOUND = 1e-9  # of a coordinate
 _NO_STEP = 1e-3  # rad, taken for a count where readings have none
 
 
@@ -76,6 +78,18 @@ def warn_about_zeros(plant: Plant, logs: Sequence[Log], zeros: Zeros) -> None:
                 "first log's. That is allowed for. To have one zero, start every recording with the arm at the same "
                 "place."
             )
+
+
+def bounded_zeros(logs: Sequence[Log], problem: PredictionError, z: NDArray[np.float64]) -> list[str]:
+    """A sentence for each log whose pendulum's zero ends at its bound, where the fit ends at z."""
+    ends = zip(problem.coordinates, z, problem.low, problem.high, strict=True)
+    return [
+        f"{logs[c.zero_of].source}: the pendulum's zero ends at its bound of {1e3 * c.to_value(at):+.3g} mrad, so the "
+        "true one may lie further off. Set it anew with the pendulum at rest, or let `furuta diagnose` look for it "
+        "(pendulum_encoder_offset)"
+        for c, at, low, high in ends
+        if c.zero_of is not None and c.row == 1 and not low + _AT_BOUND < at < high - _AT_BOUND
+    ]
 
 
 def _arm_step(log: Log) -> float | None:

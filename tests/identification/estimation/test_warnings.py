@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Plant
@@ -54,3 +55,15 @@ def test_logs_of_one_name_are_told_each(monkeypatch: pytest.MonkeyPatch) -> None
     told = "\n".join(_warnings([wrong, log], WITHOUT, ["theta8"], Noise((1e-9, 1e-9))))
     assert wrong.source == log.source
     assert "--flip" in told
+
+
+def test_a_missing_torque_above_the_command_is_first_a_question_of_its_sign() -> None:
+    log, _ = loop_log(duration=6.0)
+    command = float(np.sqrt(np.mean(log.u**2)))
+
+    def told(share: float) -> str:
+        return "\n".join(_warnings([log], TABLE_3, [], Noise((0.1 * (share * command) ** 2, 1e-9))))
+
+    assert "(300 % of the command): more than the command itself: check its sign first (--flip u)" in told(3.0)
+    assert "(50 % of the command): something acts" in told(0.5)
+    assert "flip" not in told(0.5)

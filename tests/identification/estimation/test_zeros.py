@@ -62,6 +62,16 @@ def test_the_first_log_has_one_too() -> None:
     assert "log 1 counts from" in str(identify(log.moved(0.0, -2.5 * count)))
 
 
+def test_a_zero_that_ends_at_its_bound_is_told() -> None:
+    """A pendulum that was set to zero a degree off: the fit goes three counts, as far as it may."""
+    log, _ = loop_log(duration=6.0)
+    told = "\n".join(identify(log.moved(0.0, -math.radians(1.0)), model_error=False).warnings)
+    assert "the pendulum's zero ends at its bound of +4.6 mrad" in told
+    assert "(pendulum_encoder_offset)" in told
+    right = identify(log.moved(0.0, -2 * math.pi / 4096), model_error=False)
+    assert not any("bound" in line for line in right.warnings)
+
+
 def test_beside_a_tilt_the_zero_is_free() -> None:
     """A tilt is told from a zero by its turn with the arm. With the zero held, it was off by fifteen deviations."""
     count = 2 * math.pi / 4096
