@@ -12,7 +12,7 @@ import numpy as np
 
 from furuta_gym.arguments import ArgumentError
 
-from .encoders import encoder_step
+from .encoders import encoder_step, moves_by
 from .gaps import gaps
 
 MIN_SAMPLES = 50
@@ -220,10 +220,11 @@ def check_angle_unit(
     counts; or the declared counts per revolution, if it is theirs. Angles that do not move in steps are judged by
     their speed.
     """
-    step = encoder_step(raw)
-    if step is not None and counts and abs(step * counts / (360.0 if unit == "deg" else 2 * np.pi) - 1) < 0.1:
+    step, whole = encoder_step(raw), np.array_equal(raw, np.round(raw))
+    declared = (360.0 if unit == "deg" else 2 * np.pi) / counts if counts else 0.0
+    if declared and ((step is not None and abs(step / declared - 1) < 0.1) or (not whole and moves_by(raw, declared))):
         return False
-    if step == 1.0 and np.array_equal(raw, np.round(raw)):
+    if step == 1.0 and whole:
         warn(
             f"{name}: {column} holds whole numbers, which looks like encoder counts, but {unit} was declared. If so: "
             "--unit counts with --encoder-counts."

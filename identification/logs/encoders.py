@@ -32,6 +32,13 @@ def encoder_step(q: np.ndarray) -> float | None:
     return step if judged.size >= 0.5 * steps.size and np.quantile(off, 0.95) < 0.05 else None
 
 
+def moves_by(q: np.ndarray, step: float) -> bool:
+    """Whether an angle, however fast, moves by whole multiples of a step [unit of q] that is known."""
+    moves = np.abs(np.diff(q))
+    moves = moves[moves > 0.5 * step] / step
+    return moves.size >= FEWEST_STEPS and float(np.quantile(np.abs(moves - np.round(moves)), 0.95)) < 0.05
+
+
 def shortest_for_noise(T: float) -> int:
     """Samples that `noise_std` needs at sample time T [s]."""
     return 3 * _smoothed_over(T)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..encoders import encoder_step
+from ..encoders import encoder_step, moves_by
 from ..mapping import SECONDS
 from ..table import Table
 from ..vocabulary import fits, is_current, unit_in, unit_of, words
@@ -102,10 +102,13 @@ def _short(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy) -> dict[str, str]:
-    """Units that an angle cannot be in, by the steps that it moves in or by its speed, each with the reason."""
+def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy, counts: float | None = None) -> dict[str, str]:
+    """Units that an angle cannot be in, by the steps that it moves in or by its speed, each with the reason.
+
+    counts: of its encoder a turn, if known. They tell more than a speed: an arm may spin."""
     whole = bool(np.array_equal(values, np.round(values)))
-    step = encoder_step(values)
+    declared = [turn / counts for turn in (2 * np.pi, 360.0)] if counts and not whole else []
+    step = next((d for d in declared if moves_by(values, d)), None) or encoder_step(values)
     out: dict[str, str] = {} if whole else {"counts": "its values are no whole numbers"}
     if whole and step is not None:
         out["deg"] = "its values are whole numbers"
@@ -138,7 +141,7 @@ def angle_units(
         (declared, "the file says so") if unit is None and declared in ANGLE_UNITS else (unit, why)
         for unit, why in told
     ]
-    out = [excluded(v, t, policy) for v in values]
+    out = [excluded(v, t, policy, n) for v, n in zip(values, motion.counts or (None, None), strict=True)]
     pairs = [] if motion.short or any(c not in motion.raw for c in columns) else list(motion.readings(*columns))
     speaking = sorted((p for p in pairs if motion.speaks(p)), key=lambda p: p.unexplained)
     possible = [p for p in speaking if all(u not in o for u, o in zip(p.units, out, strict=True))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.logs import checks
 from identification.logs.proposal import Confidence, propose
 from identification.logs.rig_mapping import RigMapping
 from identification.logs.signs import longest_piece
@@ -191,3 +192,16 @@ def test_stamps_since_1970_are_a_clock(factor: float) -> None:
 def test_a_duty_asks_for_the_volts(name: str) -> None:
     (problem,) = propose(table(hanging(), ("t", "q1", "q2", name))).fatal
     assert "--input-unit V --input-scale K" in problem.mend
+
+
+def test_an_arm_that_spins_is_in_radians_where_its_encoder_says_so() -> None:
+    """At 62 rad/s only the declared counts tell radians from degrees."""
+    log = hanging()
+    count = 2 * np.pi / 2048
+    spun = np.round((62.0 * log.t + 0.5 * log.t * np.sin(log.t)) / count) * count
+    for unit, column in (("rad", spun), ("deg", np.rad2deg(spun))):
+        source = table(log, q1=column)
+        assert (propose(source, _COUNTS).item("unit_q1").value == "rad") == (unit == "rad")
+        fatal = [p.text for p in propose(source, _COUNTS, assumed=True).fatal]
+        assert any("is in deg" in text for text in fatal) == (unit == "deg")
+    assert not checks.check_angle_unit("log", "q1", log.t, spun, "rad", 2048)
