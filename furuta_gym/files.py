@@ -6,8 +6,9 @@ import json
 import os
 import platform
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,19 @@ def in_short(error: Exception | str, most: int = 500) -> str:
     head = re.sub(r"\s+\S{0,60}$", "", head) if not text[most - 100].isspace() else head
     tail = re.sub(r"^\S{0,60}\s+", "", tail) if not text[-91].isspace() else tail
     return f"{head} … {tail}"
+
+
+def told_apart(paths: Sequence[Path]) -> list[str]:
+    """For each of different paths its shortest end that no other one has, `log.csv` or `run1/log.csv`."""
+
+    def end(path: Path, parts: int) -> str:
+        return "/".join(path.parts[-parts:])
+
+    def parts(path: Path) -> int:
+        others = [other for other in paths if other != path]
+        return next(n for n in count(1) if n >= len(path.parts) or all(end(o, n) != end(path, n) for o in others))
+
+    return [end(path, parts(path)) for path in paths]
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str) -> Path:

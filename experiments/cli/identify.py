@@ -127,9 +127,11 @@ def identify_command(
 
         page = render(estimate_page(estimate, read, gap, remark, str(output), f"{fitted}{again}", again))
     picture = _drawn(gap, read) if plot is not None and gap is not None else b""
-    if lost := _limits_lost(output, estimate.plant):
-        warnings.warn(lost, stacklevel=1)
+    from experiments.replaced import limits_lost
     from furuta_gym.files import write_whole
+
+    if lost := limits_lost(output, estimate.plant):
+        warnings.warn(f"{lost}, or start from a plant file that has them (--start)", stacklevel=1)
 
     estimate.save(output)  # after all else is made: Ctrl-C meanwhile leaves nothing new
     if report is not None:
@@ -151,23 +153,6 @@ def identify_command(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )
     typer.echo(f"Next: {_next(gap, fitted, output, again)}")
-
-
-def _limits_lost(output: Path, plant: Plant) -> str:
-    """What to say where the plant file that is replaced holds limits of the rig, and the new one would not."""
-    from furuta_gym.plant import Plant
-
-    try:
-        limits = Plant.load(output).limits if output.exists() and not plant.limits else None
-    except (ValueError, OSError):  # what is replaced is no plant file
-        limits = None
-    if not limits:
-        return ""
-    told = ", ".join(f"{name} {value:g}" for name, value in limits.items())
-    return (
-        f"{output}: the file that is replaced had the rig's limits ({told}); the new one has none, so controllers and "
-        "designs keep to u_max alone. Copy them into it, or start from a plant file that has them (--start)"
-    )
 
 
 def _fitted(samples: int, method: str, every_sample: bool) -> int:

@@ -41,6 +41,7 @@ def init_command(
 
     Options say what is known already. On a terminal it asks about what is not sure; elsewhere it says what to give.
     """
+    from experiments.replaced import kept_mapping
     from identification.logs.checks import LogError
     from identification.logs.formats import read_table
     from identification.logs.proposal import Confidence, propose
@@ -50,7 +51,7 @@ def init_command(
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
     proposal = propose(tables, reading.said)
-    kept = _kept(target, proposal) if yes and target.exists() else RigMapping()
+    kept = kept_mapping(target, proposal) if yes and target.exists() else RigMapping()
     if not kept.empty:
         typer.echo(f"Kept from {target}: {kept.options()}", err=True)
         proposal = propose(tables, reading.said.over(kept))
@@ -84,31 +85,6 @@ def init_command(
     typer.echo(f"Next: furuta identify {fitted}{other} -o rig.json")
     if checked:
         typer.echo(f"Then, on what was not fitted: furuta validate rig.json {' '.join(checked)}{other}")
-
-
-def _kept(target: Path, proposal: Proposal) -> RigMapping:
-    """What a file that is to be replaced says of these columns that no motion tells and nobody says otherwise now: unit
-    and scale of the command, the seconds of a counter's count, and what is left out."""
-    from identification.logs.checks import LogError
-    from identification.logs.mapping import SECONDS
-    from identification.logs.proposal import Confidence
-    from identification.logs.rig_file import load_mapping
-    from identification.logs.rig_mapping import RigMapping
-
-    try:
-        there = load_mapping(target)
-    except (LogError, OSError):
-        return RigMapping()
-    given, unit = proposal.given, proposal.item("input_unit") if proposal.item("u").value else None
-    kept: dict[str, Any] = {"skip": there.skip, "cut": there.cut}
-    if there.time_unit not in SECONDS:
-        kept["time_unit"] = there.time_unit
-    said = given.input_unit is not None or given.input_scale is not None
-    scaled = any(item.name == "input_scale" for item in proposal.items)  # as the file states
-    same = unit is not None and proposal.item("u").value == (there.u or "u") and not said and not scaled
-    if same and (unit.confidence is not Confidence.sure or unit.value == there.input_unit):  # type: ignore[union-attr]
-        kept |= {"input_unit": there.input_unit, "input_scale": there.input_scale}
-    return RigMapping(**{name: value for name, value in kept.items() if getattr(given, name) is None})
 
 
 def _talks() -> bool:

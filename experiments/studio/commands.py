@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from furuta_gym.plant import THETA_NAMES, Effect, Plant
+from furuta_gym.plant import Effect, Plant
 
 from .loop import Conditions
 from .session import Session
@@ -59,12 +59,6 @@ def effect_text(effect: Effect) -> str:
     return f"{effect.name}:" + ",".join(f"{name}={value:.6g}" for name, value in effect.parameters.items())
 
 
-def simulate(plant: Plant, base: str = "rig.json") -> str:
-    """The plant's effects on the command line; a changed θ goes by a plant file only."""
-    effects = "".join(f" --effect {shlex.quote(effect_text(e))}" for e in plant.effects)
-    return f"furuta simulate --plant {base}{effects} --excitation paper --duration 5 -o simulated.csv"
-
-
 def closed_loop(plant: str, controller: str, conditions: Conditions, trusted: bool = False) -> str:
     """The closed loop of the view Play, without the pushes of the hand."""
     late = (Effect("input_delay", {"d": conditions.delay}),) if conditions.delay > 0 else ()
@@ -78,12 +72,10 @@ def closed_loop(plant: str, controller: str, conditions: Conditions, trusted: bo
 
 
 def what_if(session: Session, plant: Plant) -> str:
-    """The kept plant on the shell, or what leads to it."""
-    base = session.estimate.plant if session.estimate else None
-    changed = [n for n, a, b in zip(THETA_NAMES, plant.theta, base.theta, strict=True) if a != b] if base else []
-    if changed or session.kept is plant:
+    """What measures the plant on the logs, where a file holds it; else "": sliders have no options of the shell."""
+    if session.kept is not None and plant == session.kept:
         return validate(session, "what_if.json")
-    return simulate(plant)
+    return validate(session) if session.estimate is not None and plant == session.estimate.plant else ""
 
 
 def script(session: Session, lines: Sequence[str]) -> str:

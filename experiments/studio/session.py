@@ -13,6 +13,7 @@ from threading import Lock, get_ident
 from typing import TYPE_CHECKING, Any
 
 from experiments.report.contents import Verdict
+from furuta_gym.files import told_apart
 from furuta_gym.plant import Plant
 from furuta_gym.processes import new_temporary_folder
 from identification import Log, LogError, LogWarning, RigMapping, load_mapping, propose, read_logs, read_table
@@ -166,6 +167,12 @@ class Session:
         with _reading:
             return propose(self.tables, given)
 
+    @property
+    def computed(self) -> list[str]:
+        """What `forget` would take, in words."""
+        there = {"the fit": self.estimate, "the kept plant": self.kept, "the diagnosis": self.found}
+        return [what for what, value in there.items() if value is not None]
+
     def forget(self) -> None:
         """What was computed from logs that are read otherwise now."""
         self.estimate = self.gap = self.kept = self.examination = self.found = None
@@ -237,19 +244,6 @@ def bare_name(name: str) -> str:
     if last in ("", ".", ".."):
         raise LogError(f"{name!r}: expected a file with a name")
     return last
-
-
-def told_apart(paths: Sequence[Path]) -> list[str]:
-    """For each of different paths its shortest end that no other one has, `log.csv` or `run1/log.csv`."""
-
-    def end(path: Path, parts: int) -> str:
-        return "/".join(path.parts[-parts:])
-
-    def parts(path: Path) -> int:
-        others = [other for other in paths if other != path]
-        return next(n for n in count(1) if n >= len(path.parts) or all(end(o, n) != end(path, n) for o in others))
-
-    return [end(path, parts(path)) for path in paths]
 
 
 def numbered(name: str, taken: Container[str]) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from typing import Any
 
 from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, EffectType, Parameter, Plant
 from identification import Log, PredictionWindow, identify
@@ -24,10 +25,12 @@ class Range:
 
 @dataclass
 class Choice:
-    """The plant that is tried. base: where it starts. theta: θ1 … θ9. effects: parameters by effect; off: those not
-    acting. ranges stay as they were when the effect was added, so that a slider does not move under the hand."""
+    """The plant that is tried. base: a fit, where it starts and which Reset goes back to. origin: what the hand moves
+    away from, the base or a plant taken since. theta: θ1 … θ9. effects: parameters by effect; off: those not acting.
+    ranges stay as they were when the effect was added, so that a slider does not move under the hand."""
 
     base: Plant
+    origin: Plant = field(init=False)
     theta: list[float] = field(default_factory=list)
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
     off: set[str] = field(default_factory=set)
@@ -37,6 +40,7 @@ class Choice:
 
     def take(self, plant: Plant) -> None:
         """Start from this plant."""
+        self.origin = plant
         self.theta = [float(v) for v in plant.theta]
         self.effects = {e.name: dict(e.parameters) for e in plant.effects}
         self.off = set()
@@ -57,8 +61,19 @@ class Choice:
         return [Effect(name, values) for name, values in self.effects.items() if name not in self.off]
 
     def plant(self) -> Plant:
-        """The plant as the sliders stand. Raises ValueError where no plant can have these numbers."""
-        return self.base.replace(theta=self.theta, effects=tuple(self.acting()), covariance=None, checks={})
+        """The plant as the sliders stand, as it was fitted where nothing is moved. Raises ValueError where no plant can
+        have these numbers."""
+        now = _numbers(self.theta, self.acting())
+        for fit in (self.origin, self.base):
+            if now == _numbers(fit.theta, fit.effects):
+                return fit
+        return self.origin.replace(
+            theta=self.theta,
+            effects=tuple(self.acting()),
+            covariance=None,
+            checks={},
+            provenance=_by_hand(self.origin, now),
+        )
 
     def theta_range(self, i: int) -> Range:
         """From a quarter to four times the start; friction from nothing."""
@@ -82,6 +97,24 @@ class Choice:
         return Range(low, high, (high - low) / 400.0)
 
 
+def _numbers(theta: Iterable[float], effects: Iterable[Effect]) -> dict[str, float]:
+    """What sliders move, by name: theta1 …, and EFFECT.PARAMETER."""
+    own = {f"{effect.name}.{name}": value for effect in effects for name, value in effect.parameters.items()}
+    return dict(zip(THETA_NAMES, map(float, theta), strict=True)) | own
+
+
+def _by_hand(origin: Plant, now: Mapping[str, float]) -> dict[str, Any]:
+    """Where a plant comes from that was moved away from `origin`: what was moved, and no likelihood of a fit."""
+    known = origin.provenance
+    before: dict[str, float | None] = {**_numbers(origin.theta, origin.effects), **known.get("moved", {})}
+    names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
+    method = str(known.get("method", "a plant given"))
+    return {name: value for name, value in known.items() if name != "log_likelihood"} | {
+        "method": method if "moved" in known else f"moved by hand from {method}",
+        "moved": {n: v if (v := before.get(n)) is not None and math.isfinite(v) else None for n in names},
+    }
+
+
 @dataclass(frozen=True)
 class Start:
     """A window and the plant that it was measured with, and the plant's own log-likelihood there."""
@@ -100,8 +133,8 @@ def prepare(plant: Plant, logs: Sequence[Log], zeros: Zeros, which: int, at: flo
 def fitted(logs: Sequence[Log], choice: Choice, pool: Executor | None = None) -> Plant:
     """θ and the effects that act, estimated together from all logs, starting where the sliders stand. pool: as for
     `identify`."""
-    start = choice.plant()
-    return identify(logs, start.replace(effects=()), effects=start.effects, pool=pool).plant
+    start = choice.plant().replace(effects=(), covariance=None, checks={}, provenance={})
+    return identify(logs, start, effects=choice.acting(), pool=pool).plant
 
 
 def moved_by_hand(kind: EffectType, values: Mapping[str, float]) -> list[Parameter]:

@@ -89,6 +89,12 @@ class ProvenanceEntry(Struct):
         Annotated[list[Annotated[float, Meta(ge=0, le=1e308)]], Meta(max_length=2)] | None,
         Meta(description="Estimated intensity on arm and pendulum, in (command unit)² s"),
     ] = None
+    moved: Annotated[
+        dict[str, float | None] | UnsetType,
+        Meta(
+            description="What was moved by hand (theta6, EFFECT.PARAMETER), with the fit's value; null if it has none"
+        ),
+    ] = UNSET
 
 
 class LimitsEntry(Struct, forbid_unknown_fields=True):

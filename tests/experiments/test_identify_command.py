@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli.app import app
-from experiments.cli.identify import _limits_lost
 from experiments.cli.reading import Reading
+from experiments.replaced import limits_lost
 from furuta_gym.plant import QUBE, Plant
 from identification.logs.log import write_log
 from identification.logs.rig_file import save_mapping
@@ -150,13 +150,12 @@ def test_ctrl_c_in_a_profile_leaves_nothing_new(file: Path, tmp_path: Path, monk
 def test_limits_of_the_rig_that_a_new_file_would_lose_are_said(tmp_path: Path) -> None:
     limited = QUBE.replace(limits={"supply": 5.0, "arm_travel": 2.0})
     rig = limited.save(tmp_path / "rig.json")
-    told = _limits_lost(rig, QUBE)
+    told = limits_lost(rig, QUBE)
     assert "supply 5, arm_travel 2" in told
-    assert "--start" in told
-    assert _limits_lost(rig, limited) == ""
-    assert _limits_lost(tmp_path / "new.json", QUBE) == ""
+    assert limits_lost(rig, limited) == ""
+    assert limits_lost(tmp_path / "new.json", QUBE) == ""
     (tmp_path / "no_plant.json").write_text("{}")
-    assert _limits_lost(tmp_path / "no_plant.json", QUBE) == ""
+    assert limits_lost(tmp_path / "no_plant.json", QUBE) == ""
 
 
 def test_an_inertia_that_cannot_be_is_refused_before_the_log_is_read(tmp_path: Path) -> None:

@@ -16,14 +16,16 @@ from experiments.report.diagnosis_page import diagnosis_page
 from experiments.report.estimate_page import estimate_page
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
-from identification import save_mapping
+from identification.estimation.identifiability import spoken
 
 from .. import commands
 from ..frame import Frame, command_line, heading, message
 from ..saved import ENDING, save_session
 from ..session import Session
+from ..written import write_mapping, write_plant
 
 Writer = Callable[[Path], object]
+"""Writes a file. A text that it gives is said on the page."""
 
 
 def show(frame: Frame) -> None:
@@ -60,6 +62,15 @@ def best(session: Session) -> Plant | None:
     return session.kept or found or (session.estimate.plant if session.estimate else None)
 
 
+def told(session: Session) -> str:
+    """What that plant is."""
+    if session.kept is not None:
+        if moved := session.kept.provenance.get("moved"):
+            return f"the plant that was moved by hand in What if ({spoken(moved)}); it is no fit and has no error bars"
+        return "the plant that was kept in What if, with its effects"
+    return "the plant of the diagnosis" if session.found and session.found.plant else "the identified plant"
+
+
 def plant_file(session: Session) -> str:
     """Where the commands of the session leave that plant."""
     return "what_if.json" if session.kept else "diagnosis/plant.json" if session.found else "rig.json"
@@ -71,9 +82,9 @@ def offers(session: Session) -> dict[str, tuple[str, Writer]]:
     found: dict[str, tuple[str, Writer]] = {}
     proposal, estimate, examination, plant = session.proposal, session.estimate, session.examination, best(session)
     if proposal is not None:
-        found["rig.toml"] = ("how the logs are read", lambda path: save_mapping(path, proposal.mapping))
+        found["rig.toml"] = ("how the logs are read", partial(write_mapping, session))
     if estimate is not None:
-        found["rig.json"] = ("the identified plant", estimate.save)
+        found["rig.json"] = ("the identified plant", partial(write_plant, estimate.plant))
         if pages:
             page = lambda: render(estimate_page(estimate, session.logs, session.gap, session.gap_remark, "rig.json"))  # noqa: E731
             found["identify.html"] = ("the report of the fit", lambda path: write_whole(path, page()))
@@ -81,9 +92,9 @@ def offers(session: Session) -> dict[str, tuple[str, Writer]]:
         text = lambda: render(diagnosis_page(examination))  # noqa: E731
         found["report.html"] = ("the report of the diagnosis", lambda path: write_whole(path, text()))
     if session.kept is not None:
-        found[plant_file(session)] = ("the plant that was kept in What if, as the script names it", session.kept.save)
+        found[plant_file(session)] = (f"{told(session)}; the script names it so", partial(write_plant, session.kept))
     if plant is not None:
-        found["plant.json"] = ("the best plant of this session, with its effects", plant.save)
+        found["plant.json"] = (told(session), partial(write_plant, plant))
         found["controller.h"] = ("an LQR for this plant as C for firmware", partial(_controller, plant))
         found["plant.xml"] = ("this plant for MuJoCo", lambda path: export_mjcf(plant, path))
         if session.policy is not None and session.policy.exists():
@@ -135,10 +146,15 @@ def _policy(session: Session, plant: Plant, path: Path) -> None:
 
 
 async def _write(frame: Frame, name: str, writer: Writer) -> None:
-    if await frame.run(f"Writing {name}", _written, frame.session, name, writer):
-        frame.note(f"Written: {frame.session.folder / name}")
+    said = await frame.run(f"Writing {name}", _written, frame.session, name, writer)
+    if said is None:
+        return
+    frame.note(f"Written: {frame.session.folder / name}")
+    if said:
+        frame.failure = said
+        frame.show()
 
 
-def _written(session: Session, name: str, writer: Writer) -> bool:
-    writer(session.target(name))
-    return True
+def _written(session: Session, name: str, writer: Writer) -> str:
+    said = writer(session.target(name))
+    return said if isinstance(said, str) else ""

@@ -17,6 +17,7 @@ from identification.validation.adequacy import Adequacy
 from .. import commands
 from ..frame import Frame, cells, command_line, heading, light, message, number_card
 from ..work import Job, sentence
+from ..written import write_plant
 
 
 def show(frame: Frame) -> None:
@@ -126,8 +127,10 @@ def _certainty(estimate: Estimate, name: str) -> None:
         light("bad", "at its bound")
     elif name in known.unidentified:
         light("bad", "not identified")
-    elif name in known.weak or (known.relative_std or {}).get(name, 0.0) >= WEAK:
+    elif name in known.weak:
         light("doubt", "weak")
+    elif name.startswith("r") and (known.relative_std or {}).get(name, 0.0) >= WEAK:
+        light("none", "not judged")  # a detail of friction near rest, no reason for alarm
     else:
         light("good", "identified")
 
@@ -171,9 +174,11 @@ def _save(frame: Frame) -> None:
     estimate = frame.session.estimate
     assert estimate is not None
     try:
-        path = estimate.save(frame.session.target("rig.json"))
+        path = frame.session.target("rig.json")
+        frame.failure = write_plant(estimate.plant, path)
     except (ValueError, OSError) as error:
         frame.failure = sentence(error)
         frame.show()
         return
+    frame.show()
     frame.note(f"Written: {shlex.quote(str(path))}")

@@ -188,7 +188,7 @@ def say(live: Live, moving: bool = False) -> None:
 
 
 def say_command(frame: Frame, live: Live) -> None:
-    """The command line that does what the sliders do."""
+    """The command line that measures what the sliders show, where there is one."""
     if live.line is None or live.line.is_deleted or live.choice is None:
         return
     try:
@@ -196,5 +196,7 @@ def say_command(frame: Frame, live: Live) -> None:
     except ValueError:
         return
     live.line.clear()
+    if not text:
+        return
     with live.line:
         command_line(text)

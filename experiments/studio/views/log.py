@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 from nicegui import events, ui
 
-from identification import save_mapping
+from experiments.report.words import joined
 from identification.logs.formats import READERS
 
 from .. import LARGEST_FILE, MOST_FILES, charts, commands
 from ..frame import Frame, command_line, drop_place, heading, light, message
 from ..saved import ENDING, open_session
 from ..work import off_loop, sentence
+from ..written import write_mapping
 
 if TYPE_CHECKING:
     from identification.logs.proposal import Item
@@ -35,6 +36,12 @@ def show(frame: Frame) -> None:
     if not session.paths or session.proposal is None:
         message("No log yet. Drop one, or start the page with it: furuta studio LOG")
         return
+    if lost := session.computed:
+        message(
+            f"With another log, session or reading, this page forgets {joined(lost, 'and')}. To keep them, write "
+            f"session{ENDING} in the view Export first.",
+            "doubt",
+        )
     heading("How it is read")
     with ui.row().classes("wrap-row"):
         for path, name in zip(session.paths, session.names, strict=True):
@@ -226,14 +233,11 @@ def _accept(frame: Frame) -> None:
 
 
 def _save(frame: Frame) -> None:
-    session = frame.session
-    assert session.proposal is not None
     try:
-        reasons = {item.name: item.reason for item in session.proposal.items}
-        path = save_mapping(
-            session.target("rig.toml"), session.proposal.mapping, reasons, "How the logs of this rig are read."
-        )
+        path = frame.session.target("rig.toml")
+        said = write_mapping(frame.session, path)
     except (ValueError, OSError) as error:
         _failed(frame, sentence(error))
         return
+    _failed(frame, said)
     frame.note(f"Written: {path}")

@@ -52,6 +52,7 @@ def show(frame: Frame) -> None:
     step()
     ui.timer(FRAME, step)
     try:
-        command_line(commands.what_if(frame.session, live.choice.plant()))
+        if text := commands.what_if(frame.session, live.choice.plant()):
+            command_line(text)
     except ValueError as error:  # the sliders stand where no plant is; what is played is the last that was one
         message(sentence(error), "bad")

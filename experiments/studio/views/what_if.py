@@ -11,8 +11,10 @@ from furuta_gym.plant import Plant
 
 from .. import charts
 from ..frame import Frame, message
+from ..session import Session
 from ..what_if import Choice, fitted, prepare
 from ..work import Job, Latest, sentence
+from ..written import write_plant
 from .live import Live, compute, moved, say, say_command
 from .sliders import Sliders
 
@@ -24,7 +26,7 @@ def show(frame: Frame) -> None:
         return
     live = frame.of(Live)
     if live.choice is None:
-        live.choice = Choice(session.kept or session.estimate.plant)
+        live.choice = choice_of(session)
     if live.start is None:
         message("The noise floor of a stretch of 5 s is measured once; then every slider answers at once.")
         ui.button("Start", icon="play_arrow", on_click=lambda: begin(frame)).set_enabled(not frame.doing)
@@ -39,6 +41,16 @@ def show(frame: Frame) -> None:
     with ui.element("div").classes("full"):
         live.line = ui.element("div")
     say_command(frame, live)
+
+
+def choice_of(session: Session) -> Choice:
+    """The plant that was kept, with a fit to go back to: the diagnosis's where that is moved, else model (5)."""
+    assert session.estimate is not None
+    found, kept = session.found.plant if session.found else None, session.kept
+    choice = Choice(found if found is not None and kept == found else session.estimate.plant)
+    if kept is not None:
+        choice.take(kept)
+    return choice
 
 
 async def begin(frame: Frame) -> None:
@@ -129,10 +141,12 @@ def _keep(frame: Frame) -> None:
     assert live.choice is not None
     try:
         frame.session.kept = live.choice.plant()
-        path = frame.session.kept.save(frame.session.target("what_if.json"))
+        path = frame.session.target("what_if.json")
+        frame.failure = write_plant(frame.session.kept, path)
     except (ValueError, OSError) as error:
         frame.failure = sentence(error)
+    else:
+        frame.note(f"Written: {path}")
+    if frame.failure:
         frame.show()
-        return
-    frame.note(f"Written: {path}")
     say_command(frame, live)

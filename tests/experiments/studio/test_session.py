@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import shlex
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -14,7 +15,9 @@ import pytest
 from experiments.studio import commands
 from experiments.studio.saved import open_session, save_session
 from experiments.studio.session import Session, bare_name
-from identification import LogError, LogWarning, read_log, read_logs, write_log
+from experiments.studio.written import write_mapping
+from furuta_gym.plant import TABLE_3
+from identification import LogError, LogWarning, load_mapping, read_log, read_logs, save_mapping, write_log
 from tests.commands import furuta
 
 
@@ -168,6 +171,30 @@ def test_the_commands_shown_are_commands(tmp_path: Path, spring_log: Path, monke
         assert furuta(*shlex.split(line)[1:], "--help").exit_code == 0  # its options are known before --help is seen
         with pytest.raises(AssertionError):
             assert furuta(*shlex.split(line)[1:], "--no-such-option").exit_code == 0
+
+
+def test_how_logs_are_read_keeps_what_the_file_before_left_out(tmp_path: Path, spring_log: Path) -> None:
+    session, path = opened(tmp_path, spring_log), tmp_path / "rig.toml"
+    assert write_mapping(session, path) == ""
+    assert write_mapping(session, path) == ""  # the same again
+    shown = load_mapping(path)
+    save_mapping(path, replace(shown, skip=1.0, cut=((2.0, 3.0),)))
+    assert write_mapping(session, path) == f"{path}: kept from the file that was replaced: --skip 1 --cut 2:3."
+    assert load_mapping(path) == replace(shown, skip=1.0, cut=((2.0, 3.0),))
+    assert "kept from the file that was here" in path.read_text(encoding="utf-8")
+    save_mapping(path, replace(shown, input_scale=0.5))
+    assert write_mapping(session, path) == f"{path}: the file that was replaced said otherwise: --input-scale 0.5."
+    path.write_text("no rig file")
+    assert write_mapping(session, path) == ""
+    assert load_mapping(path) == shown
+
+
+def test_a_moved_plant_has_a_command_line_where_a_file_holds_it(tmp_path: Path, spring_log: Path) -> None:
+    session, moved = opened(tmp_path, spring_log), TABLE_3.replace(theta=1.1 * TABLE_3.theta)
+    assert commands.what_if(session, moved) == ""
+    session.kept = moved
+    assert commands.what_if(session, TABLE_3) == ""
+    assert commands.what_if(session, moved).startswith("furuta validate what_if.json ")
 
 
 def test_the_studio_computes_by_what_others_may_import_too() -> None:
