@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -65,9 +66,9 @@ def seal_command(
         print_json({"folder": str(output), "groups": written})
         return
     typer.echo(f"Written in {output}: {', '.join(written)}. Each has its logs, data_sheet.md and {SEALED}.")
-    typer.echo(
-        f"Keep the key. Afterwards: furuta bench reveal {output}/{written[0]}/{SEALED} --diagnosis diagnosis.json"
-    )
+    key = "" if key_file is None else f" --key-file {shlex.quote(str(key_file))}"
+    sealed = shlex.quote(str(output / written[0] / SEALED))
+    typer.echo(f"Keep the key. Afterwards: furuta bench reveal {sealed}{key} --diagnosis diagnosis.json")
 
 
 @app.command("reveal")

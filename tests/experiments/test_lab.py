@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -257,3 +258,16 @@ def test_a_session_from_the_seal_to_the_mark(tmp_path: Path, monkeypatch: pytest
     assert facts["subject"] == "arm_spring"
     assert facts["says"].startswith("Right")
     assert {row["parameter"] for row in facts["parameters"]} == {"arm_spring.k", "arm_spring.q1n"}
+
+
+def test_the_next_command_can_be_pasted(
+    spring: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rigs, "draw", lambda *arguments: [spring])
+    key, folder = tmp_path / "the key.txt", tmp_path / "Tag 1 Übung"
+    key.write_text(KEY + "\n")
+    told = furuta("bench", "seal", "-o", folder, "--key-file", key, "--groups", "1").stdout
+    command = shlex.split(told.split("Afterwards: ")[1])
+    assert command[:3] == ["furuta", "bench", "reveal"]
+    result = furuta(*command[1:-1], diagnosis(tmp_path, "none"))
+    assert result.exit_code == 0, result.output
