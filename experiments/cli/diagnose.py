@@ -120,8 +120,8 @@ def diagnose_command(
     if lacking := extra_lacking():
         typer.echo(f"No page will be written: {lacking}", err=True)
     known = None if plant is None else Plant.resolve(plant)
-    read = read_logs(logs, reading, known)
-    held = read_logs(held_out, reading, known, "ignore") if held_out else ()
+    read = read_logs(logs, reading, known, beside=held_out or ())
+    held = read_logs(held_out, reading, known, "ignore", logs) if held_out else ()
     from identification.diagnosis.diagnose import diagnose
     from identification.diagnosis.policy import DecisionPolicy
 

@@ -9,7 +9,7 @@ import os
 import shlex
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -167,12 +167,18 @@ class _Source:
 
 
 def read(
-    paths: Sequence[Path], reading: Reading, plant: Plant | None = None, constant_command: str | None = None
+    paths: Sequence[Path],
+    reading: Reading,
+    plant: Plant | None = None,
+    constant_command: str | None = None,
+    beside: Sequence[Path] = (),
 ) -> tuple[Log, ...]:
     """Logs as the options say, else a rig.toml, else the plant file, and checked against what the data show.
 
-    Prints on stderr where the mapping comes from. Raises LogError with all that is wrong at once.
+    beside: other logs of the command, as logs of one file name are called by their folders too. Prints on stderr where
+    the mapping comes from. Raises LogError with all that is wrong at once.
     """
+    from furuta_gym.files import told_apart
     from identification.logs.reading import read_logs
 
     sources = sources_of(paths, reading, plant)
@@ -190,6 +196,9 @@ def read(
         refuse_wrong(sources, constant_command)
     mappings, tables = [s.mapping for s in sources], [s.table for s in sources]
     logs = read_logs(paths, mappings=mappings, tables=tables, **_severity(constant_command))
+    for path, name in zip(paths, told_apart([*paths, *beside]), strict=False):
+        if name != path.name:
+            logs = tuple(replace(log, source=name) if at == path else log for at, log in zip(paths, logs, strict=True))
     for log in logs:
         _logger.info("read %s: %d samples, %.4g s, sha256 %s", log.source, len(log), log.duration, log.sha256)
     return logs

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cli.reading import Reading
+from experiments.cli.reading import Reading, read
 from furuta_gym.plant import QUBE
 from identification.logs.rig_file import load_mapping
 from identification.logs.rig_mapping import RigMapping
-from tests.commands import furuta, refused
+from tests.commands import furuta, refused, some_log
 
 
 def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
@@ -95,3 +95,14 @@ def test_a_log_of_the_project_beside_a_rig_file_is_read_by_its_own_names(german:
     result = furuta("validate", "qube", "sim.csv")
     assert result.exit_code == 0, result.output
     assert "read by its own t, q1, q2, u" in result.stderr
+
+
+def test_logs_of_one_file_name_are_called_by_their_folders_too(tmp_path: Path) -> None:
+    paths = [tmp_path / day / "log.csv" for day in ("monday", "tuesday")]
+    for path in paths:
+        path.parent.mkdir()
+        some_log(path)
+    other, said = some_log(tmp_path / "other.csv"), Reading(RigMapping())
+    assert [log.source for log in read([*paths, other], said)] == ["monday/log.csv", "tuesday/log.csv", "other.csv"]
+    assert [log.source for log in read(paths[:1], said, beside=paths[1:])] == ["monday/log.csv"]
+    assert [log.source for log in read(paths[:1], said, beside=[other])] == ["log.csv"]
