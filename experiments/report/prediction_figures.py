@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -120,6 +121,7 @@ def horizons(compared: Sequence[Side]) -> Drawing:
     curves = [side.gap.curve for side in compared]
     floor = np.min(curves, axis=0)
     for axis, label in enumerate(AXES):
+        drawn = [*floor[:, 3 + axis], *(value for rms in curves for value in rms[:, 1 + axis])]
         for (name, gap, colour), rms in zip(compared, curves, strict=True):
             line = curve(rms[:, 0], 1e3 * rms[:, 1 + axis], name, colour, legend=axis == 0)
             line.update(mode="lines+markers", marker={"symbol": MARKER[colour], "size": 8})
@@ -127,13 +129,16 @@ def horizons(compared: Sequence[Side]) -> Drawing:
             if interval is not None:
                 rest = [None] * (len(rms) - 1)  # intervals are known at the last horizon only
                 below, above = 1e3 * np.abs(interval[axis] - last)
+                drawn += interval[axis].tolist()
                 line.update(
                     error_y={"array": [*rest, above], "arrayminus": [*rest, below], "color": colour, "width": 4}
                 )
             figure.add_trace(line, 1, axis + 1)
         figure.add_trace(curve(floor[:, 0], 1e3 * floor[:, 3 + axis], "noise floor", FLOOR, axis == 0), 1, axis + 1)
-        figure.update_yaxes(title_text=f"error {label[-2:]} [mrad]", type="log", dtick="D2", col=axis + 1)
-    figure.update_xaxes(title_text="seconds ahead", rangemode="tozero")
+        figure.update_yaxes(**_logarithmic([1e3 * value for value in drawn]), col=axis + 1)
+        # below the axis, as beside it a title needs more room than a narrow page has between the panels
+        figure.update_xaxes(title_text=f"seconds ahead, {label[-2:]}", rangemode="tozero", col=axis + 1)
+    figure.update_yaxes(title_text="error [mrad]", col=1)
     return drawing(
         "horizons",
         figure,
@@ -142,6 +147,22 @@ def horizons(compared: Sequence[Side]) -> Drawing:
         "95 % intervals over stretches of one second. A perfect plant reaches the noise floor.",
         340,
     )
+
+
+def _logarithmic(drawn: Sequence[float]) -> dict[str, Any]:
+    """An axis from a tick below what is drawn to a tick above, each with its number: Plotly writes 2 and 5 for 20 and
+    50."""
+    positive = [value for value in drawn if value > 0]
+    if not positive:
+        return {"type": "log"}
+    lowest, highest = min(positive), max(positive)
+    decades = range(math.floor(math.log10(lowest)) - 1, math.ceil(math.log10(highest)) + 2)
+    digits = (1, 2, 5) if len(decades) < 8 else (1,)
+    ticks = [float(f"{digit}e{decade}") for decade in decades for digit in digits]
+    first, last = max(t for t in ticks if t < lowest), min(t for t in ticks if t > highest)
+    shown = [t for t in ticks if first <= t <= last]
+    ends = [math.log10(first), math.log10(last * (last / first) ** 0.04)]  # the legend stands above
+    return {"type": "log", "range": ends, "tickvals": shown, "ticktext": [f"{t:g}" for t in shown]}
 
 
 def residuals(gap: Gap) -> Drawing:

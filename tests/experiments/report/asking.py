@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 pytest.importorskip("plotly", reason="the report needs the extra 'report'")
@@ -75,6 +77,11 @@ def text_of(html: str) -> str:
     """What a reader sees of a piece of a page."""
     inside = re.sub(r"<(script|style).*?</\1>", "", html, flags=re.S)
     return " ".join(unescape(re.sub(r"<[^>]+>", "", inside)).split())
+
+
+def numbers_of(data) -> list[float]:
+    """The entries of one of a trace's arrays of single precision, as Plotly writes them."""
+    return np.frombuffer(base64.b64decode(data["bdata"]), dtype=data["dtype"]).tolist()
 
 
 def size_of(data) -> int:

@@ -26,7 +26,7 @@ from identification.estimation.estimate import rounded
 from identification.logs.log import Log
 from identification.logs.rig_mapping import RigMapping
 
-from .asking import Page, build, held, size_of, text_of, with_gap
+from .asking import Page, build, held, numbers_of, size_of, text_of, with_gap
 
 
 def test_the_page_stands_alone_and_reads_from_top_to_bottom(page, checked):
@@ -64,6 +64,19 @@ def test_axes_have_titles_and_traces_are_thinned(page):
         assert any("title" in axis for key, axis in figure["layout"].items() if key.startswith("xaxis")), name
         for trace in figure["data"]:
             assert size_of(trace["x"]) <= 2 * MOST_POINTS + 2, name  # a band goes there and back
+
+
+def test_the_ticks_of_errors_have_whole_numbers_and_enclose_what_is_drawn(page):
+    figure = Page(page).figures["horizons"]
+    for suffix in ("", "2"):
+        axis = figure["layout"][f"yaxis{suffix}"]
+        assert [float(text) for text in axis["ticktext"]] == axis["tickvals"]
+        assert len(axis["tickvals"]) >= 2
+        drawn = [trace for trace in figure["data"] if trace["yaxis"] == f"y{suffix}"]
+        low, high = (10**end for end in axis["range"])
+        assert all(low <= value <= high for trace in drawn for value in numbers_of(trace["y"]))
+        assert figure["layout"][f"xaxis{suffix}"]["title"]["text"].startswith("seconds ahead, q")
+    assert "text" not in figure["layout"]["yaxis2"]["title"]  # it would lie over the panel on its left
 
 
 def test_the_page_says_what_was_found(page, examined):
