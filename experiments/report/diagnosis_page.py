@@ -218,6 +218,8 @@ def _errors(x: Examination) -> Section:
         blocks.append(Figure(prediction_figures.horizons(prediction_figures.sides(gap))))
         source = ", here the spread of repeated runs" if gap.before.repeats else ""
         floor = f"The noise floor is what readings and torque noise leave if the plant is right{source}."
+        if changed := gap.before.changed:
+            floor += f" {changed[:1].upper()}{changed[1:]}."
         inner: tuple[Block, ...] = (tables.gaps(gap), _likelier(gap))
         if len(gap.logs) > 1:
             inner += (tables.parts(gap.by_log, "log"), tables.parts(gap.by_kind, "kind of experiment"))

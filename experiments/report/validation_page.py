@@ -113,6 +113,8 @@ def gap_sections(gap: Gap, logs: Sequence[Log], parts: Parts | None = None) -> t
     side = prediction_figures.Side("predicted", gap, AFTER)
     source = "the spread of the repeated runs" if gap.repeats else "what readings and torque noise leave"
     floor = f"The noise floor is {source} if the plant is right."
+    if changed := gap.changed:
+        floor += f" {changed[:1].upper()}{changed[1:]}."
     table = tables.gap(gap)
     return (
         Section(

@@ -29,7 +29,7 @@ from ..kalman.whiteness import FEWEST, Innovations, innovations
 from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .free_run import PER_HORIZON, Windows
-from .noise_floor import repeats, spread
+from .noise_floor import ALIKE, repeats, spread
 from .predicted import SETTLE, predicted
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
@@ -51,7 +51,8 @@ class Gap:
     rms, floor (2,) [rad] and fit_percent (2,): at the horizon, for q1 and q2. reading_floor (2,): the part of the
     floor that the readings alone leave; the rest is torque noise. curve (J, 5): horizon [s], rms and floor of q1 and
     q2 at shorter horizons. counts (2,): one encoder count [rad], declared or seen in the samples, 0 where unknown.
-    repeats: whether all logs were repeated, and the floor is their spread. whiteness: largest correlation of an
+    repeats: whether all logs were repeated, and the floor is their spread. differ: how many times what their noise
+    explains the runs of one command differ, where that is too much for a floor; None else. whiteness: largest correlation of an
     innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
     floors, reading_floors (M, 2) [rad²]: of every window, whose means are the squares of the two floors.
@@ -76,6 +77,7 @@ class Gap:
     log: NDArray[np.int64] = field(repr=False)
     surprise: Array = field(repr=False)
     zeros: Zeros = field(default_factory=dict, repr=False)
+    differ: float | None = None
 
     @property
     def ratio_to_floor(self) -> float:
@@ -109,6 +111,7 @@ class Gap:
             "rms_counts_q2": float(counts[1]) if self.counts[1] > 0 else None,
             "windows": len(self.errors),
             "floor": "spread of repeated runs" if self.repeats else "reading and torque noise",
+            "repeats_differ": self.differ,
             "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
             "innovations": [test.to_dict() for test in self.tests],
         }
@@ -130,7 +133,19 @@ class Gap:
             )
         floor = "the noise floor (spread of repeated runs)" if self.repeats else "the noise floor"
         rows.append(f"  {self.ratio_to_floor:.2f} times {floor}: {self.verdict}")
+        if self.differ is not None:
+            rows.append(f"  {self.changed}")
         return "\n".join(rows)
+
+    @property
+    def changed(self) -> str:
+        """What it means that runs of one command differ by more than their noise; empty where they do not."""
+        if self.differ is None:
+            return ""
+        return (
+            f"the runs of one command differ by {self.differ:.2g} times what their noise explains, so the floor is not "
+            "taken from their spread: the rig changed between them, or they are of two rigs. Fit and validate each alone"
+        )
 
     @property
     def fits(self) -> tuple[str, str]:
@@ -179,7 +194,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
 
     plant: a `Plant`, a plant file or a known set. own_zeros: estimate the zeros of the encoders in each log first, as
     logs of one rig need not count from the same place; off for logs that the plant was fitted to. Of logs that repeat
-    one command the floor is their spread. Raises TypeError for what is no `Log`, and ValueError for logs that are too
+    one command the floor is their spread, unless they differ by more than `ALIKE` times their noise. Raises TypeError for what is no `Log`, and ValueError for logs that are too
     short or given twice, whose command is in another unit than the plant's, or that the filter cannot follow with this
     plant.
     """
@@ -207,11 +222,15 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
     by_log = {p.log: p for p in kept}
-    own = {i: p.floor for i, p in enumerate(kept)}
+    own, differ = {i: p.floor for i, p in enumerate(kept)}, None
     groups = [g for g in repeats(logs) if all(sum(p.log == i for p in kept) == 1 for i in g)]
     groups = [g for g in groups if len({by_log[i].errors.shape for i in g}) == 1]
-    for group in groups:
+    for group in list(groups):
         between = spread([by_log[i].errors for i in group])
+        noise = np.mean([by_log[i].floor.mean(axis=0) for i in group], axis=0)
+        if (apart := float(np.sqrt(np.max(between / noise, axis=1)[-1]))) > ALIKE:
+            differ, groups = max(differ or 0.0, apart), [g for g in groups if g is not group]
+            continue
         own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
     floors = np.concatenate(list(own.values()))
     only = np.concatenate([p.readings_floor for p in kept])[:, -1]
@@ -236,6 +255,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         log=log,
         surprise=np.concatenate([p.surprise for p in kept]),
         zeros=dict(zeros),
+        differ=differ,
     )
 
 

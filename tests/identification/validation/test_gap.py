@@ -329,3 +329,22 @@ def test_a_long_stretch_takes_the_memory_of_a_part():
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 0.4 * peaks[0]
+
+
+def test_the_change_of_a_rig_between_two_runs_is_no_noise_floor():
+    t = np.arange(1500) * 0.004
+    u = 0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t)
+    worn = TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(5), 1.3, 1.0, 1.3, 1.0])
+    noise = {"torque_noise": (1e-7, 1e-9)}
+    before, again = (open_loop_log(u, seed=seed, **noise) for seed in (0, 1))
+    after = open_loop_log(u, seed=2, plant=worn, **noise)
+    alone, both = validate(TABLE_3, after), validate(TABLE_3, [before, after])
+    assert not both.repeats
+    assert both.differ > 3.0
+    assert both.ratio_to_floor > 2.0
+    assert alone.ratio_to_floor > both.ratio_to_floor
+    assert "the rig changed between them, or they are of two rigs" in str(both)
+    same = validate(TABLE_3, [before, again])
+    assert same.repeats
+    assert same.differ is None
+    assert "changed" not in str(same)
