@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from furuta_gym.plant import EFFECTS
+from furuta_gym.plant.effects.words import number
 
 from ..validation.gap import HORIZON
 from .locate.location import Where
@@ -62,6 +63,25 @@ def only_sharpness(ratio: float) -> str:
         "No effect of the library is needed. Friction sets in at another sharpness than the paper's, which shows in no "
         f"prediction: without it the error on held-out data is {ratio:.2f} times the noise floor. r is "
         "fitted like the other parameters."
+    )
+
+
+def usual_sharpness(r: float, paper: float, ratio: float | None) -> str:
+    """That friction is softer or sharper than the paper has it, and model (5) with r fitted is enough. ratio: of the
+    error on held-out data to the noise floor, None where that is said elsewhere."""
+    error = "" if ratio is None else f" With it the error on held-out data is {ratio:.2f} times the noise floor."
+    return (
+        f"No effect of the library is needed. Friction sets in at r = {number(r)} s/rad; the paper has {paper:g}, "
+        f"and r is fitted like the other parameters.{error}"
+    )
+
+
+def of_no_size(names: Sequence[str], ratio: float) -> str:
+    """That what was found may as well be zero, and the error is at the noise floor without it."""
+    size, without = ("its size", "it") if len(names) == 1 else ("their sizes", "them")
+    return (
+        f"No effect of the library is needed. The searched logs are likelier with {' and '.join(names)}, but {size} "
+        f"may as well be zero. Without {without} the error on held-out data is {ratio:.2f} times the noise floor."
     )
 
 

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
-from ..validation.adequacy import Adequacy
+from ..validation.adequacy import ADEQUATE_BELOW, Adequacy
 from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
@@ -26,38 +27,74 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         gap = measure_gap(diagnosis, held)
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
-    if _sharper_to_no_effect(diagnosis, gap):
-        return _with_free_sharpness(diagnosis, held, gap)
+    if _sharpness_alone(diagnosis):
+        if gap.before.judgement.adequacy is Adequacy.ADEQUATE:
+            return _with_free_sharpness(diagnosis, held, gap, sentences.only_sharpness(gap.before.ratio_to_floor))
+        if (fitted := _with_usual_sharpness(diagnosis, held, gap)) is not None:
+            return fitted
+    if _of_no_size(diagnosis) and gap.before.judgement.adequacy is Adequacy.ADEQUATE:
+        told = sentences.of_no_size([suspect.name for suspect in diagnosis.named], gap.before.ratio_to_floor)
+        return _with_nothing(diagnosis, diagnosis.before, held.change(gap.before, gap.before), told)
     plant = (diagnosis.after if diagnosis.added else diagnosis.before).plant
     return judged(replace(diagnosis, gap=gap), gap, lambda: held.together(plant))
 
 
-def _sharper_to_no_effect(diagnosis: Diagnosis, gap: GapChange) -> bool:
-    """Whether all that was found is another sharpness r of friction, and model (5) with the paper's r predicts as well
-    as noise allows. No rig has that r, so another one is worth a name only where it shows, or leaves structure."""
-    alone = [suspect.name for suspect in diagnosis.found] == ["friction_sharpness"]
-    return alone and not diagnosis.leftover and gap.before.judgement.adequacy is Adequacy.ADEQUATE
+def _of_no_size(diagnosis: Diagnosis) -> bool:
+    """Whether something was found, and zero is inside the interval of every size. The logs are likelier with it then,
+    but what the model lacks anyway may pass for it."""
+    assert diagnosis.after is not None
+    between = []
+    for suspect in diagnosis.found:
+        if (effect := diagnosis.after.plant.effect(suspect.name)) is not None:
+            between += [effect.interval(p.name) for p in effect.type.parameters if p.role == "size"]
+    return bool(between) and all(ends is not None and ends[0] < 0.0 < ends[1] for ends in between)
 
 
-def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis:
+def _sharpness_alone(diagnosis: Diagnosis) -> bool:
+    """Whether all that was found is another sharpness r of friction. No rig has the paper's r, so another one is worth
+    a name only where it shows in predictions and is far from it, or leaves structure."""
+    return [suspect.name for suspect in diagnosis.found] == ["friction_sharpness"] and not diagnosis.leftover
+
+
+def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis | None:
+    """Model (5) with its r fitted, where both joints' sharpness is near the paper's and one r may be that of both, or
+    predicts as well: then r is the parameter that `identify` estimates, and nothing is missing. None elsewhere."""
+    assert diagnosis.after is not None
+    apart, factor = diagnosis.after.plant.effect("friction_sharpness"), diagnosis.policy.usual_sharpness
+    low, high = diagnosis.policy.sharpness / factor, diagnosis.policy.sharpness * factor
+    if apart is None or not all(low <= r <= high for r in apart.parameters.values()):
+        return None
+    fitted = _with_free_sharpness(diagnosis, held, gap, "")
+    found, change = fitted.before, fitted.gap
+    assert found is not None
+    assert change is not None
+    ratio = change.before.ratio_to_floor
+    ends = [between for name in apart.parameters if (between := apart.interval(name))]
+    differ = max((low for low, _ in ends), default=0.0) > min((high for _, high in ends), default=0.0)
+    if differ and ratio > ADEQUATE_BELOW * gap.after.ratio_to_floor:
+        return None
+    told = sentences.usual_sharpness(
+        found.plant.sharpness[0], diagnosis.policy.sharpness, ratio if ratio <= diagnosis.policy.far else None
+    )
+    return judged(replace(fitted, summary=told), change, lambda: held.together(found.plant))
+
+
+def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange, summary: str) -> Diagnosis:
     """Nothing is named; r is a parameter like the others."""
     assert diagnosis.before is not None
-    assert diagnosis.naming is not None
     try:
         fitted = identify(held.logs, diagnosis.before.plant)
         again = held.gap(fitted.plant)
     except ValueError:  # then the paper's r is as good
         fitted, again = diagnosis.before, gap.before
+    return _with_nothing(diagnosis, fitted, held.change(again, again), summary)
+
+
+def _with_nothing(diagnosis: Diagnosis, fitted: Estimate, gap: GapChange, summary: str) -> Diagnosis:
+    """The diagnosis without a name: the plant is that of `fitted`, before and after."""
+    assert diagnosis.naming is not None
     naming = replace(diagnosis.naming, accepted=(), equals=(), same=(), final=diagnosis.naming.nominal)
-    return replace(
-        diagnosis,
-        verdict="none",
-        summary=sentences.only_sharpness(gap.before.ratio_to_floor),
-        before=fitted,
-        after=fitted,
-        naming=naming,
-        gap=held.change(again, again),
-    )
+    return replace(diagnosis, verdict="none", summary=summary, before=fitted, after=fitted, naming=naming, gap=gap)
 
 
 def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:

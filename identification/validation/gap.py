@@ -52,8 +52,8 @@ class Gap:
     floor that the readings alone leave; the rest is torque noise. curve (J, 5): horizon [s], rms and floor of q1 and
     q2 at shorter horizons. counts (2,): one encoder count [rad], declared or seen in the samples, 0 where unknown.
     repeats: whether all logs were repeated, and the floor is their spread. differ: how many times what their noise
-    explains the runs of one command differ, where that is too much for a floor; None else. whiteness: largest correlation of an
-    innovation with the one before.
+    explains the runs of one command differ, where that is too much for a floor; None else. whiteness: largest
+    correlation of an innovation with the one before.
     errors (M, 2) [rad]: reading minus prediction of every window, times (M,) [s] their ends, log (M,) their log.
     floors, reading_floors (M, 2) [rad²]: of every window, whose means are the squares of the two floors.
     surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
@@ -144,7 +144,7 @@ class Gap:
             return ""
         return (
             f"the runs of one command differ by {self.differ:.2g} times what their noise explains, so the floor is not "
-            "taken from their spread: the rig changed between them, or they are of two rigs. Fit and validate each alone"
+            "their spread: the rig changed between them, or they are of two rigs. Fit and validate each alone"
         )
 
     @property
@@ -194,9 +194,9 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
 
     plant: a `Plant`, a plant file or a known set. own_zeros: estimate the zeros of the encoders in each log first, as
     logs of one rig need not count from the same place; off for logs that the plant was fitted to. Of logs that repeat
-    one command the floor is their spread, unless they differ by more than `ALIKE` times their noise. Raises TypeError for what is no `Log`, and ValueError for logs that are too
-    short or given twice, whose command is in another unit than the plant's, or that the filter cannot follow with this
-    plant.
+    one command the floor is their spread, unless they differ by more than `ALIKE` times their noise. Raises TypeError
+    for what is no `Log`, and ValueError for logs that are too short or given twice, whose command is in another unit
+    than the plant's, or that the filter cannot follow with this plant.
     """
     plant, logs = Plant.resolve(plant), list(as_logs(logs))
     if not logs:

@@ -7,19 +7,22 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import speaks_against
 from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
-from identification.diagnosis.verify import _sharper_to_no_effect, judged, measure_gap, verified
+from identification.diagnosis.verify import _of_no_size, _sharpness_alone, judged, measure_gap, verified
 from identification.kalman.record import Record
-from tests.factories import loop_log, paper_log
-from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, naming, suspect
+from identification.validation.gap import validate
+from tests.factories import loop_log, open_loop_log, paper_log
+from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, an_estimate, naming, suspect
 
 POLICY = DecisionPolicy()
 
@@ -224,6 +227,35 @@ def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
     assert found.to_dict()["effects"] == []
     assert found.rest is not None
     named = replace(found, naming=replace(found.naming, accepted=found.naming.rankings[0][:1], equals=((),)))
-    assert found.gap is not None
-    assert _sharper_to_no_effect(named, found.gap)
-    assert not _sharper_to_no_effect(replace(named, still_off=2.0), found.gap)  # something is left: the name stays
+    assert _sharpness_alone(named)
+    assert not _sharpness_alone(replace(named, still_off=2.0))  # something is left: the name stays
+
+
+def test_a_sharpness_near_the_papers_is_a_parameter_though_it_shows() -> None:
+    """Friction of r = 40 in free decays: with r = 100 the error is twice the noise floor."""
+    t = np.arange(2000) * 0.004
+    chirps = [0.2 * np.sin(2 * np.pi * (f + 0.2 * t) * t) * (t < 4.0) for f in (0.3, 0.5)]
+    rig = TABLE_3.replace(friction_sharpness=40.0)
+    logs = [open_loop_log(u, seed=seed, plant=rig, torque_noise=(1e-9, 1e-11)) for seed, u in enumerate(chirps)]
+    found = diagnose(logs[0], logs[1], only=["friction_sharpness", "arm_stribeck"])
+    assert validate(TABLE_3, logs[1]).ratio_to_floor > 1.5
+    assert (found.verdict, found.named, found.added) == ("none", (), False)
+    assert "r = 40" in found.summary
+    assert found.plant is not None
+    assert found.plant.sharpness[0] == pytest.approx(40.0, rel=0.1)
+
+
+def test_a_name_whose_size_may_be_zero_is_none_where_model_5_is_adequate() -> None:
+    held = HeldOut((loop_log(duration=6.0)[0],), (loop_log(duration=6.0, seed=1)[0],), POLICY)
+    assert not _of_no_size(_a_drift_known_within(1e-6))
+    told = verified(_a_drift_known_within(1.0), held)
+    assert (told.verdict, told.named, told.added) == ("none", (), False)
+    assert "may as well be zero" in told.summary
+    assert told.gap is not None
+    assert told.gap.before.ratio_to_floor < 1.1
+
+
+def _a_drift_known_within(std: float) -> Diagnosis:
+    drift = TABLE_3.default_effect("arm_friction_drift")
+    known = Effect(drift.name, drift.parameters, {"a": std})
+    return a_diagnosis(drift.name, after=an_estimate(TABLE_3.with_effects(known)))
