@@ -116,6 +116,12 @@ def _improvement(d: Diagnosis) -> str:
     gap, titles = judged_on(d), joined([EFFECTS[s.name].title for s in d.named], "and")
     one = len(d.named) == 1
     it = "it" if one else "them"
+    if gap is None and d.found and d.gap is not None:
+        before, after = times(d.gap.over_floor(d.gap.before)), times(d.gap.after_over_floor)
+        return (
+            f"Another log cannot judge what follows the clock of its own. The error on {data(d.gap)} is {before} times "
+            f"the noise floor without {it} and {after} times with {it}."
+        )
     if gap is None:
         return "It could not be tested on held-out data." if d.found else ""
     before, after = times(gap.over_floor(gap.before)), times(gap.after_over_floor)

@@ -25,6 +25,7 @@ from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
 from identification.logs.log import Log
 from identification.logs.rig_mapping import RigMapping
+from tests.identification.diagnosis.fits import a_change, a_diagnosis
 
 from .asking import Page, build, held, numbers_of, size_of, text_of, with_gap
 
@@ -275,3 +276,13 @@ def test_the_time_of_a_fall_is_that_of_the_axis(examined):
     fell = [replace(run, t=run.t[:-10] + 1.7e9, angles=run.angles[:-10]) for run in examined.closed_loop]
     told = closed_loop(tuple(fell), late).caption
     assert f"until it fell at {fell[0].t[-1] - late.t[0]:.1f} s" in told
+
+
+def test_what_follows_the_clock_of_its_log_is_not_called_untested_beside_its_figures() -> None:
+    change = a_change((0.9, 1.0), 100.0)
+    drift = replace(a_diagnosis("arm_viscous_drift"), gap=change)
+    headline = first_screen(drift, "").headline
+    assert "could not be tested" not in headline
+    assert "Another log cannot judge what follows the clock of its own." in headline
+    assert f"{change.after_over_floor:.1f} times with it" in headline
+    assert "could not be tested on held-out data" in first_screen(replace(drift, gap=None), "").headline
