@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import shlex
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from identification.estimation.estimate import Estimate
     from identification.logs.log import Log
     from identification.validation.gap import Gap
+    from identification.validation.one_rig import OneByOne
 
 PREDICTED = 60_000
 """Samples of long logs that the error is measured on."""
@@ -103,18 +104,10 @@ def identify_command(
         for log in read:
             typer.echo(str(log))
     with busy("fitting …", "identify", _fitted(sum(map(len, read)), method, every_sample)):
-        estimate = identify(
-            read,
-            start,
-            method,
-            fixed=fixed,
-            priors=priors,
-            effects=named,
-            physical=physical,
-            u_max=u_max,
-            every_sample=every_sample,
-        )
+        known_of_it: dict[str, Any] = {"fixed": fixed, "priors": priors, "effects": named, "physical": physical}
+        estimate = identify(read, start, method, u_max=u_max, every_sample=every_sample, **known_of_it)
     gap, remark = _adequacy(estimate, read)
+    apart = _one_by_one(estimate, gap, read, known_of_it)
     profiles = []
     for name in profiled:
         with busy(f"profiling {name} …"):
@@ -141,9 +134,12 @@ def identify_command(
     if as_json:
         found = {"profiles": {p.name: p.to_dict() for p in profiles}} if profiles else {}
         measured = gap.to_dict() if gap is not None else {"gap": None, "gap_remark": remark}
+        measured["one_by_one"] = None if apart is None else apart.to_dict()
         print_json(estimate.to_dict() | measured | found | {"plant": str(output)})
         return
     typer.echo(gap.told("on the fitted logs") if gap is not None else f"Not predicted: {remark}")
+    if apart is not None:
+        typer.echo(f"  {apart}.")
     typer.echo(str(estimate))
     for p in profiles:
         std = float(estimate.std[estimate.names.index(p.name)])
@@ -182,6 +178,17 @@ def _adequacy(estimate: Estimate, logs: Sequence[Log]) -> tuple[Gap | None, str]
             return validate(estimate.plant, logs if part is None else part.logs), ""
         except ValueError as error:
             return None, str(error)
+
+
+def _one_by_one(estimate: Estimate, gap: Gap | None, logs: Sequence[Log], known: Mapping[str, Any]) -> OneByOne | None:
+    """Fits of the single logs, where one plant does not explain several together."""
+    from identification.validation.adequacy import Adequacy
+    from identification.validation.one_rig import one_by_one
+
+    if gap is None or len(logs) < 2 or gap.judgement.adequacy is not Adequacy.INADEQUATE:
+        return None
+    with busy("fitting every log alone, as one plant does not explain them …"):
+        return one_by_one(estimate, gap, logs, **known)
 
 
 def _drawn(gap: Gap, logs: Sequence[Log]) -> bytes:

@@ -1,0 +1,44 @@
+"""Logs of two rigs, and of one."""
+
+from __future__ import annotations
+
+import pytest
+
+from furuta_gym.plant import TABLE_3
+from identification.estimation.identify import identify
+from identification.logs.log import Log
+from identification.validation.gap import validate
+from identification.validation.one_rig import OneByOne, one_by_one
+from tests.factories import loop_log, noisy_log
+
+
+def asked(*logs: Log) -> OneByOne | None:
+    estimate = identify(logs)
+    return one_by_one(estimate, validate(estimate.plant, logs), logs)
+
+
+def test_a_command_of_another_scale_in_one_log_is_one_factor_of_all_parameters() -> None:
+    first, second = (loop_log(duration=5.0, T=0.004, seed=seed)[0] for seed in (0, 1))
+    found = asked(first, Log(second.t, second.q1, second.q2, 0.8 * second.u, input_unit=second.input_unit))
+    assert found is not None
+    assert max(found.ratios) < 1.3
+    assert len(found.factors) > 4
+    assert list(found.factors.values()) == pytest.approx([0.8] * len(found.factors), rel=0.05)
+    assert "differ by one factor, 0." in str(found)
+    assert "the command's unit or scale" in str(found)
+    assert "different rigs, or the rig changed between them" in str(found)
+
+
+def test_a_heavier_pendulum_is_told_by_its_parameters() -> None:
+    heavier = TABLE_3.replace(theta=TABLE_3.theta * [1.05, 1.2, 1.2, 1.2, 1.2, 1, 1, 1, 1])
+    found = asked(noisy_log(0, T=0.004, duration=5.0), noisy_log(1, heavier, T=0.004, duration=5.0))
+    assert found is not None
+    assert found.factors["theta5"] == pytest.approx(1.2, rel=0.05)
+    assert "theta6" not in found.factors
+    assert "theta5 by a factor of 1.2" in str(found)
+
+
+def test_logs_of_one_rig_are_not_fitted_again() -> None:
+    assert asked(*(loop_log(duration=4.0, T=0.004, seed=seed)[0] for seed in (0, 1))) is None
+    late = [loop_log("input_delay", T=0.004, duration=4.0, seed=seed)[0] for seed in (0, 1)]
+    assert asked(*late) is None  # alone they are not explained either
