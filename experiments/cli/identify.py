@@ -148,6 +148,10 @@ def identify_command(
     typer.echo(
         "Written: " + ", ".join(str(p) for p in (output, report, plot if gap is not None else None) if p is not None)
     )
+    if apart is not None:
+        first = f"furuta identify {shlex.quote(str(logs[0]))}{again} -o {shlex.quote(str(output))}"
+        typer.echo(f"Next: {first}   (then the other logs, each to a plant file of its own)")
+        return
     typer.echo(f"Next: {_next(gap, fitted, output, again)}")
 
 
