@@ -60,13 +60,20 @@ def validate_command(
     from furuta_gym.files import write_whole
     from identification.validation.adequacy import Adequacy
     from identification.validation.gap import HORIZON, validate
+    from identification.validation.own_error_bars import expected_ratio, told
 
     from .whole import whole_folder
 
     with busy("predicting …", "validate", sum(map(len, read))):
         result = validate(rig, read, HORIZON if horizon is None else horizon)
         parts = parts_of(rig, result, read) if len(read) > 1 else None
+    expected = None
+    judged = result.judgement  # torques that are missing may raise a floor, and they have widened the error bars
+    if judged.adequacy in (Adequacy.SMALL, Adequacy.INADEQUATE) and not judged.floor_in_doubt and rig.covariance:
+        with busy("predicting with plants drawn from the error bars …"):
+            expected = expected_ratio(rig, read, result)
     measured = result.to_dict() | (parts.to_dict() if parts is not None else {})
+    measured["gap"]["expected_of_error_bars"] = expected
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
     if seen := [log.source for log in read if log.sha256 in fitted]:
         typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
@@ -93,6 +100,8 @@ def validate_command(
         print_json(measured)
         return
     typer.echo(result.told("on logs that this plant was fitted to, in part") if seen else str(result))
+    if expected is not None and (explained := told(result.ratio_to_floor, expected)):
+        typer.echo(f"  {explained[:1].upper()}{explained[1:]}.")
     if parts is not None:
         typer.echo(str(parts))
     if result.judgement.adequacy is not Adequacy.ADEQUATE:

@@ -1,0 +1,39 @@
+"""What the error bars of a plant alone let one expect of its predictions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furuta_gym.plant import TABLE_3, Plant
+from furuta_gym.plant.covariance import Covariance
+from identification.validation.gap import validate
+from identification.validation.own_error_bars import expected_ratio, told
+from tests.factories import open_loop_log
+
+
+def known_within(share: float) -> Plant:
+    """Table 3 whose θ5 is known within this share of it."""
+    return TABLE_3.replace(covariance=Covariance(("theta5",), np.array([[(share * TABLE_3.theta[4]) ** 2]])))
+
+
+def test_wide_error_bars_explain_an_error_and_narrow_ones_do_not() -> None:
+    t = np.arange(1500) * 0.004
+    rig = TABLE_3.replace(theta=TABLE_3.theta * [1, 1, 1, 1, 1.03, 1, 1, 1, 1])
+    log = open_loop_log(0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t), torque_noise=(1e-7, 1e-9), plant=rig)
+    gap = validate(TABLE_3, log)
+    ratio = gap.ratio_to_floor
+    assert ratio > 2.0
+    wide, narrow = (expected_ratio(known_within(share), [log], gap) for share in (0.03, 0.001))
+    assert wide is not None
+    assert narrow is not None
+    assert wide == pytest.approx(ratio, rel=0.7)
+    assert "nothing need be missing" in told(ratio, wide)
+    assert told(ratio, narrow) == ""
+    assert expected_ratio(TABLE_3, [log], gap) is None  # no error bars
+
+
+def test_what_error_bars_explain_scatters_as_one_parameter_does() -> None:
+    expected = 3.0
+    errors = np.sqrt(1.0 + (expected**2 - 1.0) * np.random.default_rng(0).standard_normal(10_000) ** 2)
+    assert np.mean([told(ratio, expected) != "" for ratio in errors]) == pytest.approx(0.95, abs=0.01)
