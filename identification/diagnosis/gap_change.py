@@ -13,7 +13,8 @@ from furuta_gym.declared import written
 
 from ..logs.kind import kind_of
 from ..logs.log import Log
-from ..validation.gap import FEWEST_BLOCKS, ClosedFraction, Gap, closed_fraction, time_blocks
+from ..validation.closed_fraction import FEWEST_BLOCKS, ClosedFraction, closed_fraction, time_blocks
+from ..validation.gap import Gap
 from .diagnosis_file import Errors, Floors, GapEntry, PartEntry
 from .policy import DecisionPolicy
 

@@ -22,7 +22,8 @@ from ..kalman.coordinates import Zeros, placed
 from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
-from ..validation.gap import ClosedFraction, Gap, closed_fraction, fit_percent, validate
+from ..validation.closed_fraction import ClosedFraction, closed_fraction
+from ..validation.gap import Gap, fit_percent, validate
 from .gap_change import GapChange, closes, speaks_against
 from .naming.fits import Fit, added, further
 from .naming.suspects import follows_clock

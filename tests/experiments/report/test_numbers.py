@@ -18,7 +18,8 @@ from experiments.report.search_figures import rankings
 from identification.diagnosis.gap_change import Part, rms_interval
 from identification.diagnosis.outcome import SecondWitness
 from identification.diagnosis.verify import measure_gap
-from identification.validation.gap import ClosedFraction, closed_fraction, validate
+from identification.validation.closed_fraction import ClosedFraction, closed_fraction
+from identification.validation.gap import validate
 
 from .asking import Page, build, held, text_of
 

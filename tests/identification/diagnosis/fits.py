@@ -23,7 +23,8 @@ from identification.kalman.coordinates import Coordinate, Zeros
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
 from identification.logs.log import Log
-from identification.validation.gap import ClosedFraction, Gap
+from identification.validation.closed_fraction import ClosedFraction
+from identification.validation.gap import Gap
 
 SAMPLES = 1000
 POLICY = DecisionPolicy()

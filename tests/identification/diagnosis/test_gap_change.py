@@ -11,7 +11,8 @@ import pytest
 from identification.diagnosis.gap_change import GapChange, closes, rms_interval, speaks_against
 from identification.diagnosis.policy import DecisionPolicy
 from identification.logs.log import Log
-from identification.validation.gap import Gap, closed_fraction
+from identification.validation.closed_fraction import closed_fraction
+from identification.validation.gap import Gap
 from tests.factories import made_log
 from tests.identification.diagnosis.fits import a_gap
 

@@ -24,7 +24,8 @@ from identification.estimation.uncertainty import (
     inverse_information,
     recommended,
 )
-from identification.validation.gap import Gap, closed_fraction
+from identification.validation.closed_fraction import closed_fraction
+from identification.validation.gap import Gap
 from tests.factories import bench_log, loop_log
 
 T, SAMPLES = 0.01, 6000

@@ -22,8 +22,9 @@ from identification.kalman.record import Record, stretches
 from identification.kalman.whiteness import Whitened, innovations
 from identification.logs.log import Log
 from identification.logs.reading import read_log
+from identification.validation.closed_fraction import closed_fraction
 from identification.validation.free_run import Windows, free_run
-from identification.validation.gap import closed_fraction, fit_percent, validate
+from identification.validation.gap import fit_percent, validate
 from identification.validation.noise_floor import repeats
 from identification.validation.predicted import predicted
 from identification.validation.resimulation import resimulate

@@ -15,7 +15,8 @@ from identification.estimation.identify import identify
 from identification.logs.checks import LogWarning
 from identification.logs.log import Log
 from identification.logs.reading import read_logs
-from identification.validation.gap import closed_fraction, validate
+from identification.validation.closed_fraction import closed_fraction
+from identification.validation.gap import validate
 from identification.validation.shooting import shooting
 
 SPRING = ("input_delay", "arm_spring")
