@@ -126,7 +126,11 @@ def identify_command(
     if lost := limits_lost(output, estimate.plant):
         warnings.warn(f"{lost}, or start from a plant file that has them (--start)", stacklevel=1)
 
-    estimate.save(output)  # after all else is made: Ctrl-C meanwhile leaves nothing new
+    try:
+        estimate.save(output)  # after all else is made: Ctrl-C meanwhile leaves nothing new
+    except OSError:  # as of a full disk: the numbers are there, and a fit may have taken minutes
+        typer.echo(str(estimate), err=as_json)
+        raise
     if report is not None:
         write_whole(report, page)
     if plot is not None and picture:

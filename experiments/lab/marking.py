@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments.trials.scoring import Outcome, score
 from furuta_gym.files import read_json
+from furuta_gym.plant import EFFECTS
 
 VERDICTS = ("named", "ambiguous", "none", "unknown", "insufficient_excitation")
 NOTHING = ("none", "torque_noise", "absorbed")
@@ -31,6 +32,10 @@ _ERRORS = ("after", "noise_floor")
 
 _NONE_THERE = "Right: nothing is hidden, and no effect is named."
 _OUTSIDE = "Right: what is hidden is outside the library, and the diagnosis reports unexplained structure."
+_OUTSIDE_NAMED = (
+    "Partly right: what is hidden is outside the library, and the diagnosis reports unexplained structure. What it "
+    "names is not there, and stands for what is hidden."
+)
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,8 @@ def read_diagnosis(file: Path) -> dict[str, Any]:
     if answer.get("verdict") not in VERDICTS:
         raise ValueError(f"{file}: verdict {answer.get('verdict')!r} given, expected one of {', '.join(VERDICTS)}")
     effects = answer.get("effects")
+    if isinstance(effects, list) and (strange := [name for e in effects if (name := _name(e)) not in (None, *EFFECTS)]):
+        raise ValueError(f"{file}: the library has no effect {', '.join(map(str, strange))}; `furuta effects` lists it")
     if not (isinstance(effects, list) and all(map(_is_effect, effects))):
         raise ValueError(
             f"{file}: every entry of effects needs a name, confused_with and parameters with a value, and A beside φ"
@@ -67,6 +74,12 @@ def read_diagnosis(file: Path) -> dict[str, Any]:
     if not _is_gap(gap):
         raise ValueError(f"{file}: gap must be null, or hold after and noise_floor with numbers or null in them")
     return answer | {"gap": None if gap is None else gap | {name: _measured(gap.get(name)) for name in _ERRORS}}
+
+
+def _name(entry: Any) -> str | None:
+    """The name of an entry of `effects`, None where it has none."""
+    name = entry.get("name") if isinstance(entry, dict) else None
+    return name if isinstance(name, str) else None
 
 
 def _is_effect(entry: Any) -> bool:
@@ -111,15 +124,15 @@ def _number(value: Any) -> bool:
 def marked(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> tuple[Outcome, str, list[Comparison]]:
     """The mark of the trials, the same in a sentence, and the parameters of effects that were hidden and named."""
     outcome = score(sealed, answer)
-    return outcome, sentence(outcome), _compared(sealed["truth"], answer, outcome.covered)
+    return outcome, sentence(outcome, bool(answer["effects"])), _compared(sealed["truth"], answer, outcome.covered)
 
 
-def sentence(outcome: Outcome) -> str:
-    """What an outcome means for the student."""
+def sentence(outcome: Outcome, named: bool = False) -> str:
+    """What an outcome means for the student. named: whether the diagnosis names an effect."""
     if outcome.result == "right" and outcome.kind in NOTHING:
         return _NONE_THERE
     if outcome.result == "right" and outcome.kind == "outside":
-        return _OUTSIDE
+        return _OUTSIDE_NAMED if named else _OUTSIDE
     return _WORDS[outcome.result]
 
 

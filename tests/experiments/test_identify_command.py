@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 from dataclasses import replace
@@ -15,6 +16,7 @@ from experiments.cli.app import app
 from experiments.cli.reading import Reading
 from experiments.replaced import limits_lost
 from furuta_gym.plant import QUBE, Plant
+from identification.estimation.estimate import Estimate
 from identification.logs.log import write_log
 from identification.logs.rig_file import save_mapping
 from identification.logs.rig_mapping import RigMapping
@@ -145,6 +147,17 @@ def test_ctrl_c_in_a_profile_leaves_nothing_new(file: Path, tmp_path: Path, monk
     assert result.exit_code == 130
     assert "Nothing was written" in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_does_not_cost_the_numbers(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Estimate, "save", full)
+    result = run(file, "-o", tmp_path / "rig.json")
+    assert result.exit_code != 0
+    assert "theta5" in result.stdout
+    assert "Written" not in result.stdout
 
 
 def test_limits_of_the_rig_that_a_new_file_would_lose_are_said(tmp_path: Path) -> None:

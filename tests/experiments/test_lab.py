@@ -168,6 +168,16 @@ def test_marks_in_words(kind: str, hidden: tuple[Hidden, ...], verdict: str, say
     assert says in marked(sealed, {"verdict": verdict, "effects": effects})[1]
 
 
+def test_a_name_on_a_rig_that_the_library_does_not_have_is_no_right_answer() -> None:
+    hidden = (Hidden("flexible_arm", "bench", 1, strength=1.0),)
+    trial = replace(TRIAL, kind="outside", hidden=hidden).to_dict()
+    sealed = {"trial": trial, "subject": "", "ratios": [], "truth": {"effects": []}}
+    effects = [{"name": "periodic_torque", "parameters": {}, "confused_with": []}]
+    said = marked(sealed, {"verdict": "named", "effects": effects, "leftover": True})[1]
+    assert said.startswith("Partly right: what is hidden is outside the library")
+    assert "What it names is not there" in said
+
+
 def test_errors_that_were_not_measured_are_no_hindrance(spring: dict[str, Any], tmp_path: Path) -> None:
     file = diagnosis(tmp_path, "none")
     plain = json.loads(file.read_text())
@@ -202,6 +212,7 @@ def test_what_cannot_be_marked_is_refused(group: Path, tmp_path: Path) -> None:
         ('{"schema": "furuta-diagnosis/1", "verdict": "named", "effects": [{"name": 1}]}', "every entry of effects"),
         ('{"schema": "furuta-diagnosis/1", "verdict": "named"}', "every entry of effects"),
         (json.dumps(sound | {"effects": [ripple]}), "and A beside φ"),
+        (json.dumps(sound | {"effects": [{"name": "banana"}]}), "the library has no effect banana"),
         (json.dumps(sound | {"gap": [1]}), "gap must be null"),
         (json.dumps(sound | {"gap": {"after": {"rms_q1": "small"}}}), "gap must be null"),
         (json.dumps(sound | {"absorbed": 1}), "absorbed 1 given"),
