@@ -35,8 +35,10 @@ def encoder_step(q: np.ndarray) -> float | None:
 def moves_by(q: np.ndarray, step: float) -> bool:
     """Whether an angle, however fast, moves by whole multiples of a step [unit of q] that is known."""
     moves = np.abs(np.diff(q))
-    moves = moves[moves > 0.5 * step] / step
-    return moves.size >= FEWEST_STEPS and float(np.quantile(np.abs(moves - np.round(moves)), 0.95)) < 0.05
+    with np.errstate(over="ignore", invalid="ignore"):  # of a step that is next to nothing
+        moves = moves[moves > 0.5 * step] / step
+        off = np.abs(moves - np.round(moves))
+    return moves.size >= FEWEST_STEPS and float(np.quantile(off, 0.95)) < 0.05
 
 
 def shortest_for_noise(T: float) -> int:
