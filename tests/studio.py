@@ -67,3 +67,13 @@ def serving(folder: Path, *logs: Path) -> Iterator[str]:
     """The studio as a process; gives its address."""
     with served(folder, *logs) as found:
         yield found.address
+
+
+def known(fitted: Any) -> Any:
+    """Accept the logs and put the fit in, as the views Log and Identify do."""
+
+    def prepare(frame: Any) -> None:
+        frame.session.accept()
+        frame.session.estimate, frame.session.gap = fitted
+
+    return prepare

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+from furuta_gym.plant import Effect
+
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..validation.adequacy import ADEQUATE_BELOW, Adequacy
@@ -69,14 +71,18 @@ def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -
     assert found is not None
     assert change is not None
     ratio = change.before.ratio_to_floor
-    ends = [between for name in apart.parameters if (between := apart.interval(name))]
-    differ = max((low for low, _ in ends), default=0.0) > min((high for _, high in ends), default=0.0)
-    if differ and ratio > ADEQUATE_BELOW * gap.after.ratio_to_floor:
+    if not _one_value(apart) and ratio > ADEQUATE_BELOW * gap.after.ratio_to_floor:
         return None
     told = sentences.usual_sharpness(
         found.plant.sharpness[0], diagnosis.policy.sharpness, ratio if ratio <= diagnosis.policy.far else None
     )
     return judged(replace(fitted, summary=told), change, lambda: held.together(found.plant))
+
+
+def _one_value(effect: Effect) -> bool:
+    """Whether the parameters of an effect may share one value: their 95 % intervals overlap."""
+    ends = [between for name in effect.parameters if (between := effect.interval(name))]
+    return max((low for low, _ in ends), default=0.0) <= min((high for _, high in ends), default=0.0)
 
 
 def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange, summary: str) -> Diagnosis:

@@ -18,7 +18,7 @@ from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
-from identification.diagnosis.verify import _of_no_size, _sharpness_alone, judged, measure_gap, verified
+from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
 from identification.kalman.record import Record
 from identification.validation.gap import validate
 from tests.factories import loop_log, open_loop_log, paper_log
@@ -243,6 +243,11 @@ def test_a_sharpness_near_the_papers_is_a_parameter_though_it_shows() -> None:
     assert "r = 40" in found.summary
     assert found.plant is not None
     assert found.plant.sharpness[0] == pytest.approx(40.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("std", "one"), [(1.0, False), (20.0, True)])
+def test_two_sharpnesses_may_be_one_where_their_intervals_overlap(std: float, one: bool) -> None:
+    assert _one_value(Effect("friction_sharpness", {"r1": 60.0, "r2": 40.0}, {"r1": std, "r2": std})) is one
 
 
 def test_a_name_whose_size_may_be_zero_is_none_where_model_5_is_adequate() -> None:
