@@ -10,7 +10,10 @@ from .layout import N_BASE
 
 _STEP_TIMES_RATE = 1.0  # of friction
 _AT_FIRST = 1.5  # the same, for a first look
-_SHORTEST = 5e-5  # s, where θ is being fitted and may go astray
+LONGEST_FITTED = 2e-3
+"""Longest step of a filter [s]. Against steps of 0.02 ms it changes a log-likelihood by 0.1 in 4000 samples."""
+SHORTEST_FITTED = 5e-5
+"""Shortest step [s] of a plant that is being fitted, as θ may go astray."""
 _SMALL = 1e-7  # rad/s: far below the speed 1/r at which any friction turns over
 
 
@@ -51,19 +54,19 @@ def substep(r, rate, longest):
     `longest`.
 
     The friction's sign changes within |q̇| < 1/r; a step that jumps it is an error which looks like a missing
-    effect. The rule 1 ms · (100/r)^0.6 keeps that error below a tenth of a 4096-count encoder's noise over 0.4 s. From
-    the usual r = 100 to 130 the step stays as it is: one more in a sample changes a likelihood by tens of nats, and an
-    estimate of r near 100 would take that for evidence.
+    effect. The rule 1 ms · (100/r)^0.6 keeps that error below a tenth of a 4096-count encoder's noise over 0.4 s.
+    Filters take such a change in steps of its own instead, see `sign_changes`.
 
     Where the arm is light for its friction, the rate bounds the step further: h λ ≤ 1. At h λ = 5 the error of a
     prediction 0.3 s ahead is a count of an 8192-count encoder, at 1 a hundredth or less.
     """
-    resolved = r if r < 100.0 else max(100.0, r / 1.3)
-    return min(longest, 1e-3 * (100.0 / max(resolved, 1.0)) ** 0.6, _STEP_TIMES_RATE / max(rate, 1e-9))
+    return min(longest, 1e-3 * (100.0 / max(r, 1.0)) ** 0.6, _STEP_TIMES_RATE / max(rate, 1e-9))
 
 
 @compiled
-def fitted_step(sharpest, rate, longest, coarser):
-    """`substep` [s] for a plant that is being fitted. coarser: factor on it for a first look, as far as h λ ≤ 1.5."""
-    step = max(_SHORTEST, substep(sharpest, rate, longest))
-    return max(step, min(coarser * step, _AT_FIRST / max(rate, 1e-9)))
+def fitted_step(rate, coarser):
+    """Longest Runge–Kutta step [s] of a filter, whose plant is being fitted, between changes of friction's sign.
+
+    rate [1/s]: of friction, λ. coarser: factor on the step for a first look, as far as h λ ≤ 1.5."""
+    product = _STEP_TIMES_RATE if coarser <= 1.0 else _AT_FIRST
+    return max(SHORTEST_FITTED, min(coarser * LONGEST_FITTED, product / max(rate, 1e-9)))

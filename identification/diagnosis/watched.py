@@ -43,5 +43,5 @@ class Watched:
         if self._samples is None:
             self._samples = samples
         if samples == self._samples:
-            self._watch(Tried(found.plant, -found.value, asked.get("effort") in ("screen", "coarse", "quick")))
+            self._watch(Tried(found.plant, -found.value, asked.get("effort") in ("coarse", "quick")))
         return found

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import shared_steps
+from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 from furuta_gym.plant.layout import N_BASE, R1, R2
+from furuta_gym.plant.sign_changes import advance_alike
 
 from ..kalman.arguments import Gaussian, Readings
 from ..kalman.bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, read_pair
@@ -144,6 +145,7 @@ def _track(readings, state, scaling, noise, wander, age, history):
     x, C, scale, r = state.mean, state.covariance, scaling.friction, scaling.sharpness
     n, lanes = 13, 14  # lane 0, then each state and parameter shifted
     P, X = np.empty((N_BASE, lanes)), np.empty((4, lanes))
+    W, before, space = np.zeros((2, lanes)), np.empty((4, lanes)), workspace(4, lanes)
     Phi, work, H = np.eye(n), np.empty((n, n)), np.zeros((2, n))
     K, CH, d, e, S, prior = np.empty((n, 2)), np.empty(n), np.empty(2), np.empty(2), np.empty(3), np.empty(2)
     torques, no_effects = np.empty(4), np.empty((0, 3), dtype=np.int64)
@@ -161,9 +163,10 @@ def _track(readings, state, scaling, noise, wander, age, history):
                 P[R1, lane] = effective_sharpness(r[0], C[2, 2])
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
             slopes = rest_slopes(P[:, 0].copy(), no_effects, 4)
-            longest = fitted_step(max(P[R1, 0], P[R2, 0]), friction_rate(slopes, 1.0, 1.0), 1e-3, 1.0)
-            steps = max(1, math.ceil(T / longest - 1e-6))
-            shared_steps(X, u[k - 1, 0], T / steps, steps, P)
+            longest = fitted_step(friction_rate(slopes, 1.0, 1.0), 1.0)
+            advance_alike(
+                X, t[k - 1], t[k], t, u, k - 1, W, P, no_effects, longest, P[R1, 0], P[R2, 0], True, before, *space
+            )  # fmt: skip
             for i in range(4):
                 for m in range(n):
                     Phi[i, m] = (X[i, 1 + m] - X[i, 0]) / (STATE_STEP if m < 4 else _PARAMETER_STEP)

@@ -25,10 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance_within, shared_steps, workspace
+from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
 from furuta_gym.plant.layout import ParameterLayout
+from furuta_gym.plant.sign_changes import advance_alike
 
 from .arguments import BankResult, Gaussian, LeaderReadings, Model, Readings
 from .leaders import packed, shaken, step_leaders
@@ -36,7 +37,6 @@ from .rounding import counted
 
 _REGISTER = 8  # lanes, of the widest processors
 _SPEED = {"r1": 2, "r2": 3}  # the state in which the velocity of its friction is
-_LONGEST = 1e-3  # s, of the integration
 STATE_STEP = 1e-5  # of a state, for its Jacobian: far below 1/r, and so far above rounding that V is smooth over 1e-6
 
 
@@ -177,6 +177,7 @@ def innovations(
         PL[:, k] = P[:, owner[k]]
     blunt, variance = PL.copy(), np.empty(lanes)
     work, state, source = workspace(n, lanes)
+    before = np.empty((n, lanes))
     full1, full2 = sharpest(P[:, 0], sharp)
     slopes = rest_slopes(P[:, 0].copy(), codes, n)
     x = first.mean.copy()
@@ -213,12 +214,10 @@ def innovations(
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
             r1, r2 = sharpest(PL[:, 0], sharp)
-            longest = fitted_step(max(r1, r2), friction_rate(slopes, r1 / full1, r2 / full2), _LONGEST, coarser)
-            if plain:
-                steps = max(1, math.ceil(T / longest - 1e-6))
-                shared_steps(X, u[k - 1, 0], T / steps, steps, PL)
-            else:
-                advance_within(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest, work, state, source)
+            longest = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), coarser)
+            advance_alike(
+                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest, r1, r2, plain, before, work, state, source
+            )  # fmt: skip
             for i in range(n):
                 for m in range(n):
                     shifted = B + m * exact

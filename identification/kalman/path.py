@@ -24,8 +24,6 @@ from .noise_model import RecordNoise
 from .path_kernels import follow_log, run_filter, run_smoother
 from .record import Record
 
-LONGEST_STEP = 1e-3  # s, of the integration
-
 Array = NDArray[np.float64]
 
 
@@ -202,6 +200,6 @@ def _filled(path: FilterPath, velocity_variance: Array) -> bool:
     model = Model(p[:, None], codes, sharpness_rows(path.plant.layout))
     ok = follow_log(
         *(path.record.readings, path.used, model, path.assumed),
-        *(np.ascontiguousarray(velocity_variance), LONGEST_STEP, path.linearised, path.found),
+        *(np.ascontiguousarray(velocity_variance), path.linearised, path.found),
     )
     return bool(ok) and bool(np.isfinite(path.e).all())

@@ -3,9 +3,10 @@
 import numpy as np
 
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
+from furuta_gym.plant.sign_changes import advance_alike
 
 from .arguments import Assumed, Filtered, Linearised, Model, Readings
 from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, sharpest, whole_registers
@@ -18,7 +19,6 @@ def follow_log(
     model: Model,
     assumed: Assumed,
     spread,
-    longest_step,
     kept: Linearised,
     found: Filtered,
 ):
@@ -41,7 +41,8 @@ def follow_log(
     PL = np.empty((P.shape[0], lanes))
     for i in range(lanes):
         PL[:, i] = P[:, 0]
-    work, CH = np.empty((n, n)), np.empty((n, 2))
+    work, CH, before = np.empty((n, n)), np.empty((n, 2)), np.empty((rows, lanes))
+    space, state, source = workspace(rows, lanes)
     full1, full2 = sharpest(P[:, 0], sharp)
     slopes = rest_slopes(P[:, 0].copy(), codes, rows)
     C, d = first.copy(), np.zeros(n)
@@ -63,8 +64,10 @@ def follow_log(
             W[0, rows + 1] += small
             W[1, rows + 2] += small
             r1, r2 = sharpest(PL[:, 0], sharp)
-            step = fitted_step(max(r1, r2), friction_rate(slopes, r1 / full1, r2 / full2), longest_step, 1.0)
-            advance(X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step)
+            step = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), 1.0)
+            advance_alike(
+                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step, r1, r2, False, before, space, state, source
+            )  # fmt: skip
             for i in range(rows):
                 for m in range(rows):
                     Phi[k - 1, i, m] = (X[i, 1 + m] - X[i, 0]) / STATE_STEP

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.integration_step import fitted_step
+from furuta_gym.plant.integration_step import SHORTEST_FITTED, substep
 
 from ..kalman.arguments import Model
 from ..kalman.bank import add_torque_noise, propagate, sharpness_rows
 from ..kalman.noise_model import RecordNoise
-from ..kalman.path import LONGEST_STEP, FilterPath
+from ..kalman.path import FilterPath
 from ..kalman.path_kernels import gain
 
+_LONGEST_STEP = 1e-3  # s: runs that start apart share no change of friction's sign
 PER_HORIZON = 8
 """Windows that start within the shortest horizon."""
 
@@ -84,13 +85,14 @@ def _starts(t: NDArray[np.float64], horizons: tuple[float, ...], settle: float, 
     return np.arange(first, last, max(1, round(min(horizons) / (per_horizon * T))), dtype=np.int64)
 
 
-def free_run(path: FilterPath, windows: Windows, longest_step: float = LONGEST_STEP) -> NDArray[np.float64]:
+def free_run(path: FilterPath, windows: Windows) -> NDArray[np.float64]:
     """Errors (M, J, 2) [rad], reading minus prediction, of free runs from the path's filtered states.
 
     A run that leaves all bounds gives inf.
     """
     p, codes, rows = path.plant.packed()
-    h_max = fitted_step(min(1e4, max(path.plant.sharpest)), path.plant.friction_rate, longest_step, 1.0)
+    friction = min(1e4, max(path.plant.sharpest)), path.plant.friction_rate
+    h_max = max(SHORTEST_FITTED, substep(*friction, _LONGEST_STEP))
     errors = np.full((*windows.targets.shape, 2), np.inf)
     states = np.ascontiguousarray(path.filtered[windows.starts, :rows])
     P = np.repeat(p[:, None], windows.open_at_once, axis=1)

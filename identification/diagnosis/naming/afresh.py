@@ -52,12 +52,12 @@ def afresh(
     if not (plants and effects):
         return {}
     every = [start for group in tried.values() for start in group]
-    rounds = mapped(shared_pool(), lambda start: one_round(start, thin, search, "screen"), every)
+    rounds = mapped(shared_pool(), lambda start: one_round(start, thin, search), every)
     first = dict(zip(every, rounds, strict=True))
     best = [first[min(group, key=lambda start: first[start].value)] for group in tried.values()]
     on = [_start_at(fitted, nominal) for fitted in best]
-    ahead = math.inf if known is None else one_round(known, thin, search, "screen").value
-    ends = best_of(multi_start(on, thin, search, ahead, halve=False, effort="screen"))
+    ahead = math.inf if known is None else one_round(known, thin, search).value
+    ends = best_of(multi_start(on, thin, search, ahead, halve=False))
     order = sorted(ends, key=lambda name: cost(ends[name]))
     full = [_start_at(ends[name], nominal) for name in order[: policy.fitted_whole]]
     return best_of(multi_start(full, nominal, search, halve=False))

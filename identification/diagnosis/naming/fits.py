@@ -27,15 +27,13 @@ from ...kalman.noise_model import Noise
 from ...kalman.record import Record
 from ..policy import DecisionPolicy
 
-COARSER = 2.0  # times the integration step
-_SCREEN = 4.0  # the same, for records of long sample times
+COARSER = 2.0  # times the longest integration step, where samples are that long
 _TOLERANCE = 0.05  # nats, of the optimum
 _ROUGH = 1.0  # nats, where a gain is large
 _MANY, _FEW = 40, 10  # iterations
 
-Effort = Literal["screen", "coarse", "quick", "full", "restarted"]
-"""screen: still longer integration steps than coarse: ranks effects on thinned records.
-coarse: longer integration steps and frozen gains, on one thread: within a nat or so, for a multi-start.
+Effort = Literal["coarse", "quick", "full", "restarted"]
+"""coarse: longer integration steps and frozen gains, on one thread: within a nat or so, for a multi-start.
 quick: frozen gains, stopped early: within some nats, where hundreds are at stake.
 full: to the optimum. restarted: and again from elsewhere, where it may have stalled."""
 
@@ -133,8 +131,8 @@ def _problem(
     if anchor is not None:
         coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
     coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
-    step = {"screen": _SCREEN, "coarse": COARSER}.get(effort, 1.0)
-    pool = None if step > 1.0 else shared_pool()
+    coarse = effort == "coarse"
+    step, pool = (COARSER, None) if coarse else (1.0, shared_pool())
     return PredictionError(plant, records, coordinates, noise, step, pool, zeros=zeros)
 
 

@@ -21,7 +21,7 @@ from ...estimation.pool import mapped, shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
-from .fits import Effort, Fit, Fitter, added, without
+from .fits import Fit, Fitter, added, without
 from .related import angles_of, nearest, related
 from .suspects import alike
 
@@ -62,12 +62,11 @@ def multi_start(
     setting: Setting,
     ahead: float = math.inf,
     halve: bool | None = None,
-    effort: Effort = "coarse",
 ) -> dict[Start, Fit]:
     """Coarse fits from several starts, a few iterations at a time; a start that cannot catch up is pruned.
 
     ahead: value [nats] of a fit that is there already. halve: keep half of the starts after each round (default: only
-    without `ahead`). effort: of the fits.
+    without `ahead`).
     """
     policy = setting.policy
     halve = math.isinf(ahead) if halve is None else halve
@@ -76,7 +75,7 @@ def multi_start(
     for turn in range(policy.rounds):
         if not running:
             break
-        results = mapped(shared_pool(), lambda entry: one_round(entry[1], current, setting, effort), running)
+        results = mapped(shared_pool(), lambda entry: one_round(entry[1], current, setting), running)
         pace = {}
         for (start, _), result in zip(running, results, strict=True):
             pace[start] = fits[start].value - result.value if start in fits else math.inf
@@ -94,7 +93,7 @@ def multi_start(
     return fits
 
 
-def one_round(at: Start | Fit, current: Fit, setting: Setting, effort: Effort) -> Fit:
+def one_round(at: Start | Fit, current: Fit, setting: Setting) -> Fit:
     """A few iterations from a start, or on from a fit, on the records of `current`."""
     return setting.fitter(
         at.plant,
@@ -103,7 +102,7 @@ def one_round(at: Start | Fit, current: Fit, setting: Setting, effort: Effort) -
         anchor=setting.anchor,
         policy=setting.policy,
         iterations=setting.policy.round_iterations,
-        effort=effort,
+        effort="coarse",
         zeros=at.zeros,
     )
 

@@ -1,14 +1,12 @@
 """The rule for the integration step: friction stays resolved, sharp or not, on a heavy arm or a light one."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furuta_gym.plant import PLANTS, QUBE, TABLE_3, Effect, Plant
-from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes, substep
+from furuta_gym.plant import QUBE, TABLE_3, Effect, Plant
+from furuta_gym.plant.integration_step import SHORTEST_FITTED, fitted_step, friction_rate, rest_slopes, substep
 from tests.furuta_gym.plant.helpers import reference_run, run, square_waves
 from tests.furuta_gym.plant.strategies import thetas
 
@@ -49,15 +47,6 @@ def test_substep_is_bounded_and_falls_with_sharpness():
     assert steps[0] == steps[1] == 0.004
     assert np.all(np.diff(steps) <= 0)
     assert 0 < steps[-1] < steps[3] <= 1e-3
-
-
-@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
-@pytest.mark.parametrize("T", [0.001, 0.002, 0.004, 0.005, 0.01])
-def test_a_sample_takes_as_many_steps_for_every_sharpness_near_the_usual(T, plant):
-    """A step more is worth tens of nats: an estimate of r that starts at 100 must not meet it."""
-    rates = {r: plant.replace(friction_sharpness=r).friction_rate for r in np.linspace(80.0, 125.0, 46)}
-    assert len({math.ceil(T / substep(r, rate, 1e-3) - 1e-6) for r, rate in rates.items()}) == 1
-    assert substep(1000.0, 0.0, 1e-3) < 0.5e-3
 
 
 def rate_by_numpy(plant: Plant, level1: float = 0.0, level2: float = 0.0) -> float:
@@ -101,11 +90,11 @@ def test_step_rule_keeps_friction_near_standstill_resolved(strength):
     assert worst_error(plant, h) < 0.2 * COUNT
 
 
-@given(st.floats(1.0, 1e4), st.floats(0.0, 1e5))
-def test_a_first_look_takes_longer_steps_that_are_stable(r, rate):
-    step, coarse = (fitted_step(r, rate, 1e-3, coarser) for coarser in (1.0, 4.0))
+@given(st.floats(0.0, 1e5))
+def test_a_first_look_takes_longer_steps_that_are_stable(rate):
+    step, coarse = (fitted_step(rate, coarser) for coarser in (1.0, 4.0))
     assert step <= coarse <= 4.0 * step
-    assert coarse * rate < 2.78 or coarse == 5e-5  # never shorter, whatever a fit tries
+    assert coarse * rate < 2.78 or coarse == SHORTEST_FITTED  # never shorter, whatever a fit tries
 
 
 @pytest.mark.parametrize("lost", [0.0, np.nan])
@@ -113,4 +102,4 @@ def test_a_fit_that_went_astray_still_ends(lost):
     """θ1 θ4 = θ3²: no inertia is left upright."""
     p = np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0 + lost, 1.0, 100.0, 100.0])
     slopes = rest_slopes(p, np.empty((0, 3), dtype=np.int64), 4)
-    assert fitted_step(100.0, friction_rate(slopes, 1.0, 1.0), 1e-3, 2.0) == 5e-5
+    assert fitted_step(friction_rate(slopes, 1.0, 1.0), 2.0) == SHORTEST_FITTED
