@@ -1,0 +1,55 @@
+"""Does the interval of r hold the truth? On rigs of the plain laboratory, which integrates in steps of 0.1 ms.
+
+`python -m experiments.studies.sharpness --rigs 40` identifies model (5) from a hanging log of each rig. It prints how
+often 95 % intervals hold the true r = 100 s/rad, and each of θ1 … θ9.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Annotated
+
+import typer
+from joblib import Parallel, delayed
+
+from experiments.bench import plain_lab
+from experiments.cli.errors import explained
+from experiments.trials.report import percent
+from experiments.trials.summary import rate
+from experiments.workers import workers
+from identification.estimation.identify import identify
+from identification.logs.log import Log
+
+DURATION, SAMPLE_TIME = 10.0, 2e-3  # s
+WITHIN = 1.96  # standard deviations, of 95 %
+
+
+def errors(seed: int) -> dict[str, float]:
+    """(estimate − truth) / standard deviation of r and each θ, as far as they are identified, of one rig."""
+    rig = plain_lab.a_rig(seed)
+    columns = plain_lab.a_log(rig, "hanging", seed, DURATION, SAMPLE_TIME)
+    log = Log(**columns, encoder_counts=(rig.counts, rig.counts), input_unit="V")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # advice for a person
+        estimate = identify(log, u_max=rig.u_max)
+    truth = {f"theta{i + 1}": value for i, value in enumerate(rig.theta)} | {"r": plain_lab.SHARPNESS}
+    left_out = {*estimate.at_bound, *estimate.identifiability.weak, *estimate.identifiability.unidentified}
+    stated = zip(estimate.names, estimate.values, estimate.std, strict=True)
+    return {name: (value - truth[name]) / std for name, value, std in stated if name in truth and name not in left_out}
+
+
+def main(
+    rigs: Annotated[int, typer.Option(help="How many rigs", min=1)] = 40,
+    seed: Annotated[int, typer.Option(help="Of the first rig")] = 0,
+    jobs: Annotated[int, typer.Option(help="Processes at once", min=1)] = 2,
+) -> None:
+    """Coverage of the intervals of r and θ on hanging logs of the plain laboratory."""
+    with explained(), workers("loky", jobs):
+        found = Parallel()(delayed(errors)(s) for s in range(seed, seed + rigs))
+    for name in ("r", *(f"theta{i}" for i in range(1, 10))):
+        held = rate(abs(one[name]) < WITHIN for one in found if name in one)
+        print(f"{name}: {percent(held)} of the intervals hold the truth")
+
+
+if __name__ == "__main__":
+    typer.run(main)
