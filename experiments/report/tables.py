@@ -13,7 +13,7 @@ from furuta_gym.plant.parameters import THETA_MEANING
 from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import SecondWitness
-from identification.estimation.estimate import Estimate, rounded, unit_of
+from identification.estimation.estimate import Estimate, unit_of
 from identification.estimation.known import value_of
 from identification.logs.log import Log
 from identification.validation.gap import Gap, printed_fits
@@ -53,8 +53,7 @@ def _value(estimate: Estimate, name: str) -> str:
         remark += " (not identified)"
     elif name in estimate.identifiability.weak:
         remark += " (weak)"
-    i = estimate.names.index(name)
-    return rounded(float(estimate.values[i]), float(estimate.std[i])).replace(" ", "\u00a0") + remark
+    return estimate.shown(name).replace(" ", "\u00a0") + remark
 
 
 def _shift(before: Estimate, after: Estimate, name: str) -> str:
