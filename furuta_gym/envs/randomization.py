@@ -192,8 +192,8 @@ def randomization(
     each named effect the chance to act in an episode. An effect that the plant carries then acts at its own size;
     another one acts at a size drawn uniformly up to what `Plant.default_effect` calls worth noticing (in either
     direction where both make sense), `input_delay` up to 25 ms. A size that has a range is drawn from it in place of
-    that, and is neutral where the effect does not act. Raises ValueError on unknown names, probabilities outside [0, 1], a missing
-    covariance or one that allows no plant.
+    that, and is neutral where the effect does not act. Raises ValueError on unknown names, probabilities outside
+    [0, 1], a missing covariance or one that allows no plant.
     """
     for name, p in probabilities.items():
         Effect(name)  # an unknown name is refused with the library's list
