@@ -278,10 +278,12 @@ class Plant:
         return plant
 
     @classmethod
-    def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":
-        """A plant from a plant, the name of a known set (`PLANTS`), or a plant file."""
+    def resolve(cls, source: "Plant | Mapping[str, Any] | str | os.PathLike[str]") -> "Plant":
+        """A plant from a plant, its dictionary (`to_dict`), the name of a known set (`PLANTS`), or a plant file."""
         if isinstance(source, Plant):
             return source
+        if isinstance(source, Mapping):
+            return cls.from_dict(source)
         if str(source) in PLANTS:
             return PLANTS[str(source)]
         if not Path(source).exists():
