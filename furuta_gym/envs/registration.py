@@ -10,7 +10,6 @@ from gymnasium.envs.registration import register as gymnasium_register
 from gymnasium.error import UnregisteredEnv
 
 from ..arguments import ArgumentError
-from ..plant.plant import Plant
 
 ENV_ID = "FurutaID-v0"
 MAX_EPISODE_STEPS = 1000  # 10 s at the default 100 Hz
@@ -63,6 +62,8 @@ class PlainSpec:
         return None if env is None else env.__dict__.get("spec")
 
     def __set__(self, env: Any, given: EnvSpec | None) -> None:
+        from ..plant.plant import Plant  # here, as registering the ids is to load nothing heavy
+
         plant = None if given is None else given.kwargs.get("plant")
         if given is not None and isinstance(plant, Plant):
             given = copy(given)
