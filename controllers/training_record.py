@@ -30,6 +30,7 @@ def record_of(training: Training, command: str | None, progress: Mapping[str, An
         "command": command,
         "env": training.identity["env"] | {"velocity_cutoff": setup.sensors.velocity_cutoff},
         "not_trained_for": training.not_trained_for,
+        "drawn_otherwise": training.drawn_otherwise,
         "seed": training.seed,
         "settings": {
             "envs": plan.envs,

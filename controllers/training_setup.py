@@ -115,6 +115,11 @@ class Training:
         always = {"noise_std"} if max(np.broadcast_to(self.setup.sensors.noise_std, 2)) > 0 else set()
         return [name for name in missing if name not in always]
 
+    @property
+    def drawn_otherwise(self) -> str:
+        """A sentence on the parameters that the plant's logs did not show, and how episodes draw them; "" for none."""
+        return self.setup.random.told
+
     @cached_property
     def recipe(self) -> Recipe:
         """How the algorithm is set up for the task."""

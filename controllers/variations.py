@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from furuta_gym.plant import EFFECTS, Effect, Plant, sampled_plants
+from furuta_gym.plant.sampling import spread_of
 from furuta_gym.sensors import Sensors
 
 from .trials import built_plants, plants_off_by
@@ -53,7 +54,8 @@ def noisier(sensors: Sensors, mrad: float) -> Sensors:
 def other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant]]]:
     """Plants whose θ is each off by a random factor, and plants from the identified covariance where there is one.
 
-    A covariance so wide that hardly any draw is a plant gives none, and a warning."""
+    A covariance so wide that hardly any draw is a plant gives none, and a warning; so do parameters that are drawn
+    otherwise, see `spread_of`."""
     found = []
     for percent in (10, 20):
         rng = np.random.default_rng([seed, 2])
@@ -62,6 +64,8 @@ def other_plants(plant: Plant, n: int, seed: int) -> list[tuple[str, list[Plant]
         name, rng = "θ as uncertain as identified", np.random.default_rng([seed, 3])
         try:
             found.append((name, list(sampled_plants(plant, n, rng))))
+            if told := spread_of(plant).told:
+                warnings.warn(f"row {name!r}: {told}", stacklevel=2)
         except ValueError as error:
             warnings.warn(f"the comparison goes without its row {name!r}: {error}", stacklevel=2)
     return found

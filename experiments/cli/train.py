@@ -115,6 +115,8 @@ def train_command(
             arm_margin=arm_margin,
             curriculum=None if curriculum is None else Curriculum(curriculum),
         )
+    if training.drawn_otherwise:
+        typer.echo(training.drawn_otherwise, err=True)
     try:
         with counted("steps") as tell:
             record = train(

@@ -12,9 +12,10 @@ def rig_section(trial: Trial) -> Section:
     caption = f"{RUNS} runs of {DURATION:g} s from the same starts near upright; 95 % intervals."
     table = Table(trial.head, trial.rows, caption)
     learned = " and ".join(f"{trial.training[side]['wall_s']:.0f} s" for side in SIDES)
+    verdicts = {name: trial.verdict(name).replace(" -", " −").replace(" %", "\u00a0%") for name in trial.names}
     said = tuple(
-        Text(f"The {name} made with the effect, against the one made without it: {trial.verdict(name)}.", "strong")
-        for name in trial.names
+        Text(f"The {name} made with the effect, against the one made without it: {verdict}.", "strong")
+        for name, verdict in verdicts.items()
     )
     caveat = Text(
         f"Each policy learned once, in {learned}. Another seed gives another policy: only a large difference between "

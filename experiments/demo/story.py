@@ -156,7 +156,7 @@ def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Sa
     say("\n      parameter   true      model (5)                      error    effect added                   error")
     for i, (name, true) in enumerate(truth["theta"].items()):
         sides = [
-            f"{e.values[i]:9.5f} ± {float(e.std[i]):.5f} {100 * (e.values[i] / true - 1):+8.2f} %"
+            f"{e.shown(name):<20} {100 * (e.values[i] / true - 1):+8.2f} %"
             for e in (examination.diagnosis.before, examination.diagnosis.after)
             if e is not None
         ]

@@ -19,11 +19,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Law:
-    """Torque (N, 2) [{u}] that effects add to the two rows along a log's motion (`signals`)."""
+    """Torque (N, 2) [{u}] that effects add to the two rows along a log's motion (`signals`).
+
+    of_time: whether one of the effects changes with the time of the run, so that no variable of the motion shows it.
+    """
 
     names: tuple[str, ...]
     signals: Signals
     torque: Array
+    of_time: bool = False
 
     def mean(self, shown: Map) -> tuple[Array, Array]:
         """(m,) place and mean torque in the bins of a map; NaN in a bin that the motion does not visit."""
@@ -38,9 +42,13 @@ class Law:
 
     def best_seen(self, maps: Sequence[Map]) -> Map:
         """The map whose variable says most about the torque: the largest share of its variance between bins."""
-        row = int(np.argmax(np.mean(self.torque**2, axis=0) / np.maximum(_scale(maps), 1e-300)))
+        row = self.row(maps)
         mine = [m for m in maps if m.row == ROWS[row]]
         return max(mine, key=lambda m: (round(self._share(m), 2), -VARIABLES.index(m.variable)))
+
+    def row(self, maps: Sequence[Map]) -> int:
+        """The row, 0 arm or 1 pendulum, on which the law stands out most of what the maps can tell."""
+        return int(np.argmax(np.mean(self.torque**2, axis=0) / np.maximum(_scale(maps), 1e-300)))
 
     def _share(self, shown: Map) -> float:
         total = float(np.var(self.torque[:, ROWS.index(shown.row)]))
@@ -63,4 +71,5 @@ def law_of(plant: Plant, names: Sequence[str], logs: Sequence[Log]) -> Law | Non
     if not effects or not all(is_function_of_motion(effect.type) for effect in effects):
         return None
     signals = motion_of(plant, logs)
-    return Law(tuple(names), signals, added_torque(plant, names, signals))
+    of_time = any("t" in arguments for effect in effects for arguments in effect.type.arguments.values())
+    return Law(tuple(names), signals, added_torque(plant, names, signals), of_time)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import EFFECTS
+from furuta_gym.plant.effects.words import number
 from furuta_gym.plant.parameters import THETA_MEANING
 from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import SecondWitness
-from identification.estimation.estimate import Estimate, rounded, unit_of
+from identification.estimation.estimate import Estimate, unit_of
 from identification.estimation.known import value_of
 from identification.logs.log import Log
 from identification.validation.gap import Gap, printed_fits
@@ -53,16 +54,17 @@ def _value(estimate: Estimate, name: str) -> str:
         remark += " (not identified)"
     elif name in estimate.identifiability.weak:
         remark += " (weak)"
-    i = estimate.names.index(name)
-    return rounded(float(estimate.values[i]), float(estimate.std[i])).replace(" ", "\u00a0") + remark
+    return estimate.shown(name).replace(" ", "\u00a0") + remark
 
 
 def _shift(before: Estimate, after: Estimate, name: str) -> str:
     if name not in before.names or name not in after.names or not before.value(name):
         return "new" if name not in (*before.names, *before.fixed) else ""
+    if name in before.identifiability.unidentified:
+        return ""
     percent = 100 * (after.value(name) - before.value(name)) / abs(before.value(name))
     digits = f"{percent:+.0f}" if abs(percent) >= 10 else f"{percent:+.2g}" if abs(percent) >= 0.01 else "0"
-    return digits + "\u00a0%"
+    return digits.replace("-", "−") + "\u00a0%"
 
 
 def second_fit(first: Estimate, second: SecondWitness) -> Table:
@@ -186,7 +188,7 @@ def innovation_tests(found: Gap) -> Table:
 
 
 def _counts(angle: float, count: float) -> str:
-    return f"{angle / count:.2g}" if count > 0 else "unknown"
+    return number(angle / count, 2) if count > 0 else "unknown"
 
 
 def leftovers(where: Where, after: Where | None, left: float) -> Table:
@@ -234,7 +236,7 @@ def leftovers(where: Where, after: Where | None, left: float) -> Table:
 
 
 def _number(x: float, limit: float) -> str:
-    return f"{x:.1f}" + _mark(x > limit)
+    return f"{x:.1f}".replace("-", "−") + _mark(x > limit)
 
 
 def _of_torque(where: Where, values: np.ndarray, limit: float) -> str:

@@ -19,6 +19,7 @@ _SYMBOLS: dict[str, str] = dict(
     zip(VARIABLES, ("q1 [rad]", "q̇1 [rad/s]", "q2 [rad]", "q̇2 [rad/s]", "u [{u}]", "t [s]"), strict=True)
 )
 MOST_LOGS = 2
+_CLOCK = 1e-6  # s, of two clocks that are one
 _ROUNDING = 1e-6  # of the other row's torque: what a law does not act on
 
 
@@ -69,7 +70,11 @@ def _torque(where: Where, after: Where | None, log: int, least: float) -> Drawin
 
 
 def fitted_law(law: Law, after: Where) -> Drawing:
-    """The torque that the effects give against the variable that says most about it, through what the logs ask for."""
+    """The torque that the effects give against the variable that says most about it, through what the logs ask for.
+
+    A law that follows the time of the run is drawn against time."""
+    if law.of_time:
+        return _law_in_time(law, after)
     shown = law.best_seen(after.maps)
     figure = _partial(law, shown, after.unit, legend=True)
     text = f"{shown.row}'s row against {shown.variable}"
@@ -79,6 +84,31 @@ def fitted_law(law: Law, after: Where) -> Drawing:
         f"Torque on the {text}: the fitted law as a line through the torque that the log asks for.",
         f"What was added, on the {text}. The line is the fitted law. The points are the torque that the log "
         "needs beyond model (5), with 95 % bars. Points on the line: the law explains it.",
+        360,
+    )
+
+
+def _law_in_time(law: Law, after: Where) -> Drawing:
+    """The law along the longest stretch, and with the smoothed torque that is left there."""
+    row, t = law.row(after.maps), law.signals.t
+    figure = go.Figure()
+    # of stretches that were chosen from a long log none need be the one of the law
+    same = [m for m in after.torques if m.t[0] <= t[0] + _CLOCK and t[-1] <= m.t[-1] + _CLOCK]
+    for found in sorted(same, key=lambda m: len(m.t))[-1:]:
+        both = np.interp(found.t, t, law.torque[:, row]) + found.mean[:, row]
+        width = NORMAL_95 * found.std[:, row]
+        figure.add_trace(band(found.t - t[0], both - width, both + width, "asked for by the log", AFTER))
+        figure.add_trace(curve(found.t - t[0], both, "asked for by the log", AFTER))
+    figure.add_trace(curve(t - t[0], law.torque[:, row], "fitted law", LAW, width=2.0))
+    figure.update_xaxes(title_text="t [s] from the start of the log")
+    figure.update_yaxes(title_text=f"torque [{after.unit}]")
+    text = f"{ROWS[row]}'s row against time"
+    return drawing(
+        "law",
+        figure,
+        f"Torque on the {text}: the fitted law as a line over the torque that the log asks for.",
+        f"What was added, on the {text}, as it changes during the run. The bold line is the fitted law. The other one "
+        "adds what the log needs beyond it, smoothed, with a 95 % band. One on the other: the law explains it.",
         360,
     )
 

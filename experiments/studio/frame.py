@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import weakref
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
@@ -178,10 +179,10 @@ def light(state: str, word: str) -> None:
 
 
 def message(text: str, state: str = "none") -> None:
-    """A sentence in a box; `bad` ones are read aloud."""
+    """A sentence in a box; `bad` ones are read aloud. Commands, between backticks elsewhere, have quotation marks."""
     with ui.element("div").classes(f"message message-{state}").props("role=alert" if state == "bad" else "role=status"):
         ui.icon(LIGHTS[state][0]).props("aria-hidden=true")
-        ui.label(text)
+        ui.label(re.sub(r"`([^`]+)`", r"“\1”", text))
 
 
 def command_line(text: str) -> None:

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -15,7 +15,7 @@ from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
 from .options import Options, Setup, drawn_rig
-from .registration import check_time_limit
+from .registration import PlainSpec, check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
 
@@ -85,7 +85,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     unless `max_episode_steps` is given to `gymnasium.make`.
 
     ## Options
-    plant: Plant, plant file, or the name of a set (`table3`, `qube`, `large`). Default `table3`, the paper's.
+    plant: Plant, its dictionary (`Plant.to_dict`), plant file, or the name of a set (`table3`, `qube`, `large`).
+        Default `table3`, the paper's. The spec of an env holds a Plant as its dictionary, so that it has a JSON.
     task: `balance` (default) or `swing_up`.
     randomize (False): True draws the plant at every reset from the covariance in its file, truncated to M > 0,
         friction ≥ 0 and the effects' bounds. The three sets have none; there each θ varies by 5 %
@@ -132,10 +133,11 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 100}  # noqa: RUF012  (Gymnasium's own way)
+    spec = PlainSpec()  # type: ignore[assignment]
 
     def __init__(
         self,
-        plant: Plant | str | os.PathLike[str] = "table3",
+        plant: Plant | Mapping[str, Any] | str | os.PathLike[str] = "table3",
         task: str = "balance",
         *,
         render_mode: str | None = None,

@@ -41,7 +41,7 @@ _NO_COVARIANCE = (
 class Options:
     """What `FurutaEnv` documents, one field each. Raises ValueError (got, expected) on anything impossible."""
 
-    plant: Plant | str | os.PathLike[str] = "table3"
+    plant: Plant | Mapping[str, Any] | str | os.PathLike[str] = "table3"
     task: str = "balance"
     randomize: bool | str | Mapping[str, Any] | Sequence[str] = False
     effect_probabilities: Mapping[str, float] = field(default_factory=dict)

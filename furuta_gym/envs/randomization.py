@@ -20,7 +20,7 @@ from ..plant.effects.declaration import Parameter
 from ..plant.integration_step import friction_rate, rest_slopes
 from ..plant.layout import BASE_NAMES, FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from ..plant.plant import Plant
-from ..plant.sampling import sampled_plants
+from ..plant.sampling import Spread, sampled_plants, spread_of
 from . import ranges as rg
 from .draws import (
     CHANCE,
@@ -53,7 +53,8 @@ class Randomization:
     plant: with every effect that can act, in the order of P. table (7, n): per row of P its nominal value, bounds,
     value with the effect off (NaN: tells `draw_ranges` to draw none), and range of sizes when it is switched on (NaN:
     the nominal value). root (n, m): maps m standard normal numbers to shifts of P. switches (s, 3): first row, number
-    of rows and probability of each effect that acts by chance. ranges (m, 9): see the columns in `draws`.
+    of rows and probability of each effect that acts by chance. ranges (m, 9): see the columns in `draws`. told: a
+    sentence on parameters that are not drawn from the covariance, see `sampling.spread_of`; empty where all are.
     """
 
     plant: Plant
@@ -61,6 +62,7 @@ class Randomization:
     root: NDArray[np.float64]
     switches: NDArray[np.float64]
     ranges: NDArray[np.float64]
+    told: str = ""
 
     @property
     def tables(self) -> tuple[NDArray[np.float64], ...]:
@@ -186,12 +188,12 @@ def randomization(
 ) -> Randomization:
     """Tables for `draw_parameters` and `draw_ranges`; physical and ranges as `ranges.Draws` has them.
 
-    from_covariance: draw θ, r and the carried effects' parameters from `plant.covariance`. probabilities: for each
-    named effect the chance to act in an episode. An effect that the plant carries then acts at its own size; another
-    one acts at a size drawn uniformly up to what `Plant.default_effect` calls worth noticing (in either direction
-    where both make sense), `input_delay` up to 25 ms. A size that has a range is drawn from it in place of that, and is
-    neutral where the effect does not act. Raises ValueError on unknown names, probabilities outside [0, 1], a missing
-    covariance or one that allows no plant.
+    from_covariance: draw θ, r and the carried effects' parameters as `sampling.spread_of` has them. probabilities: for
+    each named effect the chance to act in an episode. An effect that the plant carries then acts at its own size;
+    another one acts at a size drawn uniformly up to what `Plant.default_effect` calls worth noticing (in either
+    direction where both make sense), `input_delay` up to 25 ms. A size that has a range is drawn from it in place of
+    that, and is neutral where the effect does not act. Raises ValueError on unknown names, probabilities outside
+    [0, 1], a missing covariance or one that allows no plant.
     """
     for name, p in probabilities.items():
         Effect(name)  # an unknown name is refused with the library's list
@@ -218,14 +220,16 @@ def randomization(
                 switched.append(row)
         if effect.name in probabilities:
             switches.append((own.start, len(own), float(probabilities[effect.name])))
-    drawn = _ranges(physical, ranges or {}, whole, table)
+    spread = spread_of(plant) if from_covariance else None
+    drawn = np.vstack([_evenly(spread, whole.layout), _ranges(physical, ranges or {}, whole, table)])
     table[OFF, np.intersect1d(switched, drawn[:, TARGET]).astype(int)] = np.nan
     return Randomization(
         whole,
         table,
-        _root(plant, whole.layout, from_covariance),
+        _root(plant, whole.layout, spread),
         np.array(switches, dtype=float).reshape(-1, 3),
         drawn,
+        "" if spread is None else spread.told,
     )
 
 
@@ -272,15 +276,23 @@ def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, f
     return (0.0 if parameter.positive else -default), default, 0.0
 
 
-def _root(plant: Plant, layout: ParameterLayout, wanted: bool) -> NDArray[np.float64]:
-    if not wanted:
+def _evenly(spread: Spread | None, layout: ParameterLayout) -> NDArray[np.float64]:
+    """Rows of `Randomization.ranges` for what the spread draws evenly."""
+    found = [
+        (layout.row(name), rg.UNIFORM, low, high, 1.0, math.nan, low, high, 0.0)
+        for name, (low, high) in (spread.ranges if spread else {}).items()
+    ]
+    return np.array(found, dtype=float).reshape(-1, N_COLUMNS)
+
+
+def _root(plant: Plant, layout: ParameterLayout, spread: Spread | None) -> NDArray[np.float64]:
+    if spread is None:
         return np.zeros((layout.size, 0))
     next(iter(sampled_plants(plant, 1, np.random.default_rng(0))))  # complains if nothing can be drawn
-    assert plant.covariance is not None
-    values, vectors = np.linalg.eigh(plant.covariance.matrix)
+    values, vectors = np.linalg.eigh(spread.covariance.matrix)
     factor = vectors * np.sqrt(np.maximum(values, 0.0))
     root = np.zeros((layout.size, len(values)))
-    for name, row in zip(plant.covariance.names, factor, strict=True):
+    for name, row in zip(spread.covariance.names, factor, strict=True):
         for i in layout.rows(name):
             root[i] += row
     return root

@@ -2,10 +2,11 @@
 
 import math
 import warnings
+from copy import copy
 from typing import Any
 
+from gymnasium.envs.registration import EnvSpec, registry, spec
 from gymnasium.envs.registration import register as gymnasium_register
-from gymnasium.envs.registration import registry, spec
 from gymnasium.error import UnregisteredEnv
 
 from ..arguments import ArgumentError
@@ -50,6 +51,24 @@ def options_of(env_id: str) -> dict[str, Any]:
 def _entry_of(own_id: Any) -> str:
     entry = own_id.entry_point
     return entry if isinstance(entry, str) else f"{entry.__module__}:{entry.__qualname__}"
+
+
+class PlainSpec:
+    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary.
+
+    So the spec has a JSON, and `gymnasium.make` of it makes the same env."""
+
+    def __get__(self, env: Any, owner: Any = None) -> EnvSpec | None:
+        return None if env is None else env.__dict__.get("spec")
+
+    def __set__(self, env: Any, given: EnvSpec | None) -> None:
+        from ..plant.plant import Plant  # here, as registering the ids is to load nothing heavy
+
+        plant = None if given is None else given.kwargs.get("plant")
+        if given is not None and isinstance(plant, Plant):
+            given = copy(given)
+            given.kwargs = given.kwargs | {"plant": plant.to_dict()}
+        env.__dict__["spec"] = given
 
 
 def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> None:

@@ -17,7 +17,7 @@ from . import kernels as k
 from .batch_kernels import reset_batch, step_blocks
 from .furuta import start_state
 from .options import Options, Setup, drawn_rig
-from .registration import MAX_EPISODE_STEPS, check_time_limit
+from .registration import MAX_EPISODE_STEPS, PlainSpec, check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
 from .threads import N_BOARD, cores, share
@@ -48,12 +48,13 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         "render_fps": 100,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
+    spec = PlainSpec()  # type: ignore[assignment]
     _viewer: Viewer | None = None  # of the class: Gymnasium closes also what could not be made
 
     def __init__(
         self,
         num_envs: int = 1,
-        plant: Plant | str | os.PathLike[str] = "table3",
+        plant: Plant | Mapping[str, Any] | str | os.PathLike[str] = "table3",
         task: str = "balance",
         *,
         max_episode_steps: int | Literal["default"] | None = "default",

@@ -158,9 +158,24 @@ class Plant:
         p, codes, rows = self._packed
         return friction_rate(rest_slopes(p, codes, rows), 1.0, 1.0)
 
-    def default_effect(self, name: str) -> Effect:
-        """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""
-        effect = Effect(name)
+    @property
+    def not_identified(self) -> tuple[str, ...]:
+        """Parameters that the fit's logs did not show, as the plant file's verdict has it; () where it has none."""
+        verdict = self.checks.get("identifiability")
+        names = verdict.get("not_identified") if isinstance(verdict, Mapping) else None
+        return tuple(str(name) for name in names) if isinstance(names, list | tuple) else ()
+
+    def noticeable(self, name: str) -> float:
+        """Size of a θ, or of a carried effect's "effect.parameter", in its unit: the value, or what is worth noticing
+        if that is more; 1 where both are zero."""
+        if name in THETA_NAMES:
+            return self._scale[name]
+        effect, _, parameter = name.partition(".")
+        found = (e.parameters[parameter] for e in (self.effect(effect), self.default_effect(effect)) if e is not None)
+        return max((abs(value) for value in found if math.isfinite(value)), default=0.0) or 1.0
+
+    @property
+    def _scale(self) -> dict[str, float]:
         # an estimate that ended at zero friction must not make every friction effect vanish
         floor = {
             "theta6": 0.02 * self.theta[0],
@@ -168,8 +183,12 @@ class Plant:
             "theta8": 0.02 * abs(self.theta[4]),
             "theta9": 5e-4 * abs(self.theta[4]),
         }
-        scale = {n: max(abs(v), floor.get(n, 0.0)) for n, v in zip(THETA_NAMES, self.theta, strict=True)}
-        scale |= {"u_max": self.u_max, "1/u_max²": self.u_max**-2}
+        return {n: float(max(abs(v), floor.get(n, 0.0))) for n, v in zip(THETA_NAMES, self.theta, strict=True)}
+
+    def default_effect(self, name: str) -> Effect:
+        """The effect at a size worth noticing on this plant (the declaration's defaults, scaled)."""
+        effect = Effect(name)
+        scale = self._scale | {"u_max": self.u_max, "1/u_max²": self.u_max**-2}
         values = {p.name: p.default * (scale[p.relative_to] if p.relative_to else 1.0) for p in effect.type.parameters}
         return Effect(name, values)
 
@@ -259,10 +278,12 @@ class Plant:
         return plant
 
     @classmethod
-    def resolve(cls, source: "Plant | str | os.PathLike[str]") -> "Plant":
-        """A plant from a plant, the name of a known set (`PLANTS`), or a plant file."""
+    def resolve(cls, source: "Plant | Mapping[str, Any] | str | os.PathLike[str]") -> "Plant":
+        """A plant from a plant, its dictionary (`to_dict`), the name of a known set (`PLANTS`), or a plant file."""
         if isinstance(source, Plant):
             return source
+        if isinstance(source, Mapping):
+            return cls.from_dict(source)
         if str(source) in PLANTS:
             return PLANTS[str(source)]
         if not Path(source).exists():
@@ -276,7 +297,8 @@ class Plant:
         std = self.covariance.std_of(THETA_NAMES) if self.covariance else {}
         rows = [f"Plant in {self.unit}, r = {self.friction_sharpness} s/rad, |u| ≤ {self.u_max:g} {self.unit}"]
         for name, value in zip(THETA_NAMES, self.theta, strict=True):
-            rows.append(f"  {name} = {value:.5g}" + (f" ± {std[name]:.2g}" if name in std else ""))
+            width = f" ± {std[name]:.2g}" if name in std else ""
+            rows.append(f"  {name} = {value:.5g}" + (" (not identified)" if name in self.not_identified else width))
         rows += [f"  + {effect}" for effect in self.effects]
         return "\n".join(rows)
 

@@ -132,7 +132,10 @@ class PlantFile(Struct):
     ] = None
     checks: Annotated[
         dict[str, Any] | None,
-        Meta(description="Verdicts of the fit, such as whether a rigid body can have this θ; for readers"),
+        Meta(
+            description="Verdicts of the fit, such as whether a rigid body can have this θ. Draws of plants do not "
+            "take the covariance for what identifiability.not_identified names; the rest is for readers"
+        ),
     ] = None
     limits: Annotated[
         LimitsEntry | None,

@@ -34,7 +34,11 @@ def doubt(plant: Plant) -> str:
         )
     theta = dict(zip(THETA_NAMES, plant.theta, strict=True))
     stds = plant.covariance.std_of(_MOVING).items()
-    poor = [f"{name} ± {100 * std / abs(theta[name]):.2g} %" for name, std in stds if std > _KNOWN * abs(theta[name])]
+    poor = [
+        f"{name} not identified" if name in plant.not_identified else f"{name} ± {100 * std / abs(theta[name]):.2g} %"
+        for name, std in stds
+        if name in plant.not_identified or std > _KNOWN * abs(theta[name])
+    ]
     if not poor:
         return ""
     return (

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import Plant
+from furuta_gym.plant import THETA_NAMES, Plant
+from furuta_gym.plant.covariance import NORMAL_95
 from furuta_gym.plant.effects.words import number
 from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
 
 from ..kalman.coordinates import SHARPNESS_NAMES, Zeros
-from .identifiability import WEAK, Identifiability, spoken
+from .identifiability import LOST, WEAK, Identifiability, spoken
 from .informative import spans_text
 from .optimise import Optimum
 from .prediction_error import PredictionError
@@ -131,6 +132,23 @@ class Estimate:
             return float(self.fixed[name])
         raise KeyError(f"{name} is neither estimated ({', '.join(self.names)}) nor fixed ({', '.join(self.fixed)})")
 
+    def shown(self, name: str) -> str:
+        """An estimated value with its standard deviation, as tables print it.
+
+        One that is not identified has none that means anything. Of a friction the upper end of the 95 % interval is
+        left, unless it shares a scale that the logs do not show. Raises KeyError for a name that is not estimated.
+        """
+        if name not in self.names:
+            raise KeyError(f"{name} is not estimated; estimated are {', '.join(self.names)}")
+        i = self.names.index(name)
+        value, std = float(self.values[i]), float(self.std[i])
+        if name not in self.identifiability.unidentified:
+            return rounded(value, std)
+        alone = not (self.identifiability.relative_std or {}).get(name, math.inf) < LOST
+        if name in THETA_NAMES[5:] and alone and math.isfinite(std):
+            return f"below {value + NORMAL_95 * std:.2g}"
+        return f"{value:.2g}"
+
     def profile(self, name: str) -> Profile:
         """Profile likelihood of one estimated parameter: an interval that need not be symmetric.
 
@@ -195,9 +213,10 @@ class Estimate:
         width = max(len(n) for n in (*self.names, *self.fixed))
         each = zip(self.names, self.values, self.std, self.std_if_right, self._rough, strict=True)
         for n, v, s, right, rough in each:
-            relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and s <= _MANY_TIMES * abs(v) else ""
+            lost = n in self.identifiability.unidentified
+            relative = f"{number(float(100 * s / abs(v)), 2)} %" if v and s <= _MANY_TIMES * abs(v) and not lost else ""
             remark = "at its bound" if n in self.at_bound else "likelihood too rough for an error" if rough else ""
-            if n in self.identifiability.unidentified:
+            if lost:
                 remark = "NOT IDENTIFIED"
             elif n in self.identifiability.weak:
                 remark = "weak"
@@ -205,7 +224,7 @@ class Estimate:
                 remark = "small beside the other torques"
             elif n in self.uncertain:
                 remark = "uncertain, as this model lacks something"
-            row = f"  {n:<{width}}  {rounded(v, s):<24} {unit_of(n, self.plant):<10}{relative:>9}  {remark}"
+            row = f"  {n:<{width}}  {self.shown(n):<24} {unit_of(n, self.plant):<10}{relative:>9}  {remark}"
             lines.append(row.rstrip())
         lines += [f"  {n:<{width}}  {v:.6g} (fixed)" for n, v in self.fixed.items()]
         if self.noise is not None:

@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli.app import app
-from furuta_gym.plant import THETA_NAMES, Covariance, Plant
+from furuta_gym.plant import TABLE_3, THETA_NAMES, Covariance, Plant
+from identification.design.next_experiment import doubt
 
 SHORT = ["--plant", "table3", "--sample-time", "0.005", "--duration", "3"]
 
@@ -90,3 +91,12 @@ def test_a_plant_that_is_poorly_known_is_warned_about_before_the_design(
     assert result.stderr.count("Warning: ") == bool(words)
     for word in words:
         assert word in result.stderr
+
+
+def test_a_parameter_that_is_not_identified_has_no_percentage_in_the_warning() -> None:
+    theta3 = float(TABLE_3.theta[2])
+    rig = TABLE_3.replace(
+        covariance=Covariance(("theta1", "theta3"), np.diag([0.0, (9.0 * theta3) ** 2])),
+        checks={"identifiability": {"not_identified": ["theta3"]}},
+    )
+    assert "poorly known (theta3 not identified;" in doubt(rig)

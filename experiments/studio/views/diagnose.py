@@ -133,7 +133,7 @@ def _known(search: Search) -> None:
     now = next((names for step in reversed(steps) if (names := _names(step))), [])
     if table := suspects(search.tried, now):
         heading("Suspects")
-        with ui.element("div").classes("scroll"), ui.element("table").classes("table").mark("suspects"):
+        with ui.element("div").classes("scroll"), ui.element("table").classes("table suspects").mark("suspects"):
             with ui.element("thead"), ui.element("tr"):
                 cells(["effect", "gain so far [nats]", "together with", ""], "th")
             with ui.element("tbody"):

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from furuta_gym.plant import THETA_MEANING
 from identification import Estimate, Gap, Log, excite, identify, validate
-from identification.estimation.estimate import rounded, unit_of
+from identification.estimation.estimate import unit_of
 from identification.estimation.identifiability import WEAK
 from identification.validation.adequacy import Adequacy
 
@@ -111,8 +111,9 @@ def _parameters(estimate: Estimate) -> None:
             for name, value, std in zip(estimate.names, estimate.values, estimate.std, strict=True):
                 with ui.element("tr"):
                     meaning = THETA_MEANING[name][0] if name in THETA_MEANING else "sharpness of the Coulomb friction"
-                    relative = _percent(std / abs(value)) if value else ""
-                    cells([_greek(name), meaning, rounded(value, std), unit_of(name, estimate.plant), relative])
+                    lost = name in estimate.identifiability.unidentified
+                    relative = _percent(std / abs(value)) if value and not lost else ""
+                    cells([_greek(name), meaning, estimate.shown(name), unit_of(name, estimate.plant), relative])
                     with ui.element("td"):
                         _certainty(estimate, name)
 

@@ -49,6 +49,9 @@ def test_verdict_size_and_next_step_are_on_the_first_screen(page, checked, exami
                 assert box["y"] + box["height"] <= height, (number, part)
             assert "times" in tab.locator("h1").inner_text()
             assert tab.evaluate("document.documentElement.scrollWidth") <= width
+            tab.evaluate("document.querySelectorAll('details').forEach((part) => part.open = true)")
+            cut = "[...document.querySelectorAll('.scroll')].filter((part) => part.scrollWidth > part.clientWidth + 1)"
+            assert tab.evaluate(f"{cut}.length") == 0, (number, "a table is wider than the screen")
             assert tab.locator("nav a").count() >= 3
         opened.close()
     assert [url for url in asked if not url.startswith(("file://" + str(tmp_path), "data:", "blob:"))] == []

@@ -14,14 +14,17 @@ pytest.importorskip("plotly", reason="the report needs the extra 'report'")
 pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 
 from experiments.report import tables
-from experiments.report.search_figures import rankings
+from experiments.report.law import law_of
+from experiments.report.search_figures import parameters, precision, rankings
+from experiments.report.where_figures import fitted_law
+from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.gap_change import Part, rms_interval
 from identification.diagnosis.outcome import SecondWitness
 from identification.diagnosis.verify import measure_gap
 from identification.validation.closed_fraction import ClosedFraction, closed_fraction
 from identification.validation.gap import validate
 
-from .asking import Page, build, held, text_of
+from .asking import Page, build, held, numbers_of, text_of
 
 
 def test_the_json_keeps_the_contract(examined):
@@ -83,6 +86,56 @@ def test_the_law_is_drawn_through_what_the_log_asks_for(examined, page):
     assert np.all(examined.law.torque[:, 1] == pytest.approx(0.0, abs=1e-9))
     figure = Page(page).figures["law"]
     assert [trace["name"] for trace in figure["data"]] == ["fitted law", "asked for by the log"]
+
+
+def test_a_law_that_follows_time_is_drawn_against_time(examined, logs):
+    """Against the speed a drift of friction looks like friction."""
+    rig = TABLE_3.with_effects(Effect("arm_friction_drift", {"a": 0.02}))
+    law = law_of(rig, ["arm_friction_drift"], [logs[0]])
+    figure = json.loads(fitted_law(law, examined.where_after).json)
+    assert figure["layout"]["xaxis"]["title"]["text"].startswith("t [s]")
+    traces = {trace["name"]: trace for trace in figure["data"] if trace["mode"] == "lines" and "fill" not in trace}
+    assert list(traces) == ["asked for by the log", "fitted law"]
+    torque = np.abs(numbers_of(traces["fitted law"]["y"]))
+    assert torque[-100:].max() > 3 * torque[:100].max()
+    assert numbers_of(traces["fitted law"]["x"])[-1] == pytest.approx(logs[0].duration, abs=0.05)
+
+
+def _lost(estimate, name: str, times: float):
+    """An estimate whose logs say little of one parameter, with an error bar of so many times the value."""
+    covariance = estimate.covariance.copy()
+    i = estimate.names.index(name)
+    covariance[i, i] = (times * estimate.value(name)) ** 2
+    return replace(estimate, covariance=covariance)
+
+
+def test_a_parameter_without_information_does_not_set_the_axis_for_the_others(examined):
+    """A bar of twenty times the value ends at the axis, with a mark; what is not identified is a word."""
+    before = examined.diagnosis.before
+    lost_already = before.identifiability.unidentified
+    names = [n for n in before.names if n.startswith("theta") and n not in lost_already][:2]
+    assert len(names) == 2
+    shown = {}
+    for name in names:
+        wide = _lost(before, name, 20.0)
+        row = name.replace("theta", "θ")
+        for drawn in (precision(wide), parameters(wide, examined.diagnosis.after)):
+            figure = json.loads(drawn.json)
+            low, high = figure["layout"]["xaxis"]["range"]
+            assert max(-low, high) < 200.0
+            marks = [trace for trace in figure["data"] if trace.get("name") == "goes on"]
+            assert {y for trace in marks for y in trace["y"]} >= {row}
+            assert "arrow head" in drawn.caption
+        verdict = replace(wide.identifiability, unidentified=(*lost_already, name))
+        lost = replace(wide, identifiability=verdict)
+        shown[name] = [
+            trace["text"][trace["y"].index(row)]
+            for drawn in (precision(lost), parameters(lost, examined.diagnosis.after))
+            for trace in json.loads(drawn.json)["data"]
+            if trace.get("name") == "no place"
+        ]
+        assert [row not in trace["y"] for trace in json.loads(precision(lost).json)["data"][:1]] == [True]
+    assert shown == {name: ["not identified", "not identified before"] for name in names}
 
 
 def test_bars_show_the_contenders(examined):

@@ -108,6 +108,10 @@ def test_diagnose_the_log_of_the_demo_goes_from_drop_to_the_name_of_the_effect(o
     page.get_by_role("button", name="Diagnose", exact=True).click()
     page.get_by_text("gain so far [nats]").wait_for()
     page.locator("tr[data-suspect=input_delay]").wait_for()
+    page.set_viewport_size({"width": 400, "height": 800})
+    page.wait_for_function("document.documentElement.clientWidth <= 400")
+    assert page.evaluate("(([part]) => part.scrollWidth - part.clientWidth)(document.querySelectorAll('.scroll'))") <= 1
+    page.screenshot(path=tmp_path / "suspects.png")
     verdict = page.locator(".verdict")
     verdict.wait_for(timeout=240_000)
     assert "the command reaches the motor" in verdict.inner_text().lower()

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from controllers.training_setup import Training
 from furuta_gym.envs.draws import draw_parameters
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.randomization import randomization
 from furuta_gym.envs.streams import normal_pair, uniform
 from furuta_gym.envs.vector import FurutaVectorEnv
-from furuta_gym.plant import EFFECTS, PLANTS, QUBE, TABLE_3, Covariance, Effect
+from furuta_gym.plant import EFFECTS, PLANTS, QUBE, TABLE_3, THETA_NAMES, Covariance, Effect
 from furuta_gym.plant.sampling import _shifted, sampled_plants
 from furuta_gym.plant.sets import SPREAD
 
@@ -62,6 +63,24 @@ def test_drawn_plants_have_the_covariance_of_the_file():
     np.testing.assert_allclose(np.cov((theta / scale).T), plant.covariance.matrix / np.outer(scale, scale), atol=0.1)
     drawn = np.array([p.theta for p in sampled_plants(plant, 2000, np.random.default_rng(0))])
     np.testing.assert_allclose(theta.std(axis=0), drawn.std(axis=0), rtol=0.08)
+
+
+def test_what_the_log_did_not_show_is_drawn_as_the_plants_own_draws_have_it():
+    """Of θ2 and θ8 the log said nothing: the one stays where a rigid body has it, the other near its value."""
+    wide = np.where(np.isin(np.arange(9), (1, 7)), 20.0, 0.01) * QUBE.theta
+    plant = QUBE.replace(
+        covariance=Covariance(THETA_NAMES, np.diag(wide**2)),
+        checks={"identifiability": {"not_identified": ["theta2", "theta8"]}},
+    )
+    batch = FurutaVectorEnv(2000, plant=plant, randomize=True)
+    theta = batch.reset(seed=0)[1]["plant"]["theta"]
+    drawn = np.array([p.theta for p in sampled_plants(plant, 2000, np.random.default_rng(0))])
+    assert QUBE.theta[2] ** 2 / QUBE.theta[0] <= theta[:, 1].min()
+    assert theta[:, 1].max() <= QUBE.theta[3]
+    assert theta[:, 7].std() == pytest.approx(0.25 * QUBE.theta[7], rel=0.1)
+    np.testing.assert_allclose(theta.std(axis=0), drawn.std(axis=0), rtol=0.08)
+    assert Training(plant, randomize=True).drawn_otherwise.startswith("The log did not show every parameter.")
+    assert Training(plant, randomize="theta=physical:0.1").drawn_otherwise == ""
 
 
 @pytest.mark.parametrize("name", PLANTS)

@@ -6,6 +6,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import controllers
@@ -13,7 +14,7 @@ from controllers import make_controller
 from furuta_gym.envs import TASK_IDS
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.vector import FurutaVectorEnv
-from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
+from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect
 
 IDS = list(TASK_IDS.values())
 POLICIES = Path(controllers.__file__).parent / "policies"
@@ -190,6 +191,20 @@ def test_batch_equals_single_envs(env_id):
             late += theirs[3]
             done[i] = theirs[2] or theirs[3]
     assert late > 0
+
+
+def test_the_spec_of_a_plant_of_ones_own_has_a_json_that_makes_the_same_env():
+    """A Plant is no JSON; its dictionary is one, and makes the same plant."""
+    plant = QUBE.with_effects(Effect("arm_spring", {"k": 0.1, "q1n": 0.2}))
+    env = gym.make("FurutaBalance-v0", plant=plant)
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.setup.plant == plant
+    np.testing.assert_array_equal(env.reset(seed=3)[0], again.reset(seed=3)[0])
+    batch = gym.make_vec("FurutaBalance-v0", num_envs=2, plant=plant)
+    twin = gym.make_vec(EnvSpec.from_json(batch.spec.to_json()), num_envs=2)
+    assert twin.setup.plant == plant
+    with pytest.raises(ValueError, match="not a plant this version can read"):
+        gym.make("FurutaBalance-v0", plant={"theta": [1.0]})
 
 
 def test_one_default_for_single_vector_and_sb3():

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from furuta_gym.plant import LARGE_RIG, TABLE_3, THETA_NAMES, Covariance, Effect, sampled_plants
+from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, THETA_NAMES, Covariance, Effect, sampled_plants
 from furuta_gym.plant.covariance import NORMAL_95
+from furuta_gym.plant.sampling import spread_of
 
 
 def around(plant, relative, names=THETA_NAMES) -> Covariance:
@@ -75,6 +76,37 @@ def test_equal_seeds_draw_equal_plants_and_others_do_not():
     first, again, other = (list(sampled_plants(plant, 3, np.random.default_rng(s))) for s in (5, 5, 6))
     assert first == again
     assert first[0] != other[0]
+
+
+def test_what_the_log_did_not_show_is_drawn_as_a_rigid_body_has_it():
+    """A small motion around hanging says nothing of θ2: its error bar is twenty times its value."""
+    std = np.where(np.arange(9) == 1, 20.0, 0.01) * QUBE.theta
+    plant = QUBE.replace(
+        covariance=Covariance(THETA_NAMES, np.diag(std**2)),
+        checks={"identifiability": {"not_identified": ["theta2", "arm_spring.k"]}},
+    )
+    theta = np.array([p.theta for p in sampled_plants(plant, 400, np.random.default_rng(6))])
+    low, high = QUBE.theta[2] ** 2 / QUBE.theta[0], QUBE.theta[3]
+    assert low <= theta[:, 1].min() < low + 0.05 * (high - low)
+    assert high >= theta[:, 1].max() > high - 0.05 * (high - low)
+    np.testing.assert_allclose(np.delete(theta.std(axis=0) / std, 1), 1.0, atol=0.15)
+    assert f"θ2 evenly between {low:.3g} and {high:.3g}" in spread_of(plant).told
+    assert "(not identified)" in str(plant)
+    assert spread_of(plant.replace(checks={})).told == ""
+
+
+def test_a_scale_that_the_log_did_not_show_varies_by_about_half_and_keeps_its_ratios():
+    row = ("theta3", "theta4", "theta5")
+    values = QUBE.theta[2:5]
+    plant = QUBE.replace(
+        covariance=Covariance(row, 25.0 * np.outer(values, values)),
+        checks={"identifiability": {"not_identified": list(row)}},
+    )
+    drawn = np.array([p.theta[2:5] for p in sampled_plants(plant, 400, np.random.default_rng(7))]) / values
+    np.testing.assert_allclose(drawn.std(axis=0), 0.25, rtol=0.15)
+    np.testing.assert_allclose(drawn[:, 0], drawn[:, 2], rtol=1e-4)
+    assert drawn.min() > 0
+    assert "θ3, θ4, θ5 within about half" in spread_of(plant).told
 
 
 def test_no_covariance_or_a_hopeless_one_is_an_error_that_says_what_to_do():

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, THETA_NAMES
+from furuta_gym.plant.covariance import NORMAL_95
+from identification.estimation.estimate import Estimate
 from identification.estimation.identifiability import Motion, gate, judge
 from identification.logs.log import Log
 from tests.factories import made_log, paper_log
@@ -37,6 +39,22 @@ def test_a_scale_that_one_of_the_row_has_is_there_for_all(log: Log) -> None:
     assert _judged(log, dict.fromkeys(("theta3", "theta4"), 5.0)).unidentified == ("theta3", "theta4")
     fixed = tuple(n for n in THETA_NAMES if n != "theta5")
     assert _judged(log, dict.fromkeys(("theta3", "theta4"), 5.0), fixed).unidentified == ("theta3", "theta4")
+
+
+def test_no_error_bar_is_printed_of_what_is_not_identified(log: Log) -> None:
+    """Of a friction that only a bound is known of, the bound; of a scale that is lost, the value alone."""
+    relative = dict.fromkeys(("theta3", "theta4", "theta5"), 5.0) | {"theta2": 20.0, "theta8": 3.0}
+    std = np.array([relative.get(n, 0.01) for n in THETA_NAMES]) * TABLE_3.theta
+    verdict = _judged(log, relative)
+    estimate = Estimate(TABLE_3, "test", THETA_NAMES, TABLE_3.theta, np.diag(std**2), verdict)
+    lines = {line.split()[0]: line for line in str(estimate).splitlines() if line.startswith("  theta")}
+    for name, line in lines.items():
+        assert ("±" in line) == (name in ("theta1", "theta6")), line
+        assert ("NOT IDENTIFIED" in line) != ("±" in line), line
+    most = TABLE_3.theta[7] * (1 + 3 * NORMAL_95)
+    assert f"below {most:.2g} " in lines["theta8"]
+    assert "%" not in lines["theta2"]
+    assert "below" not in lines["theta7"], "the scale that it shares is lost"
 
 
 @pytest.mark.parametrize(("known", "said"), [((), "have no scale"), (("theta4",), "a fit needs a command")])
