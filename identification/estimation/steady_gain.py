@@ -31,7 +31,7 @@ ENOUGH = 30_000
 """Samples of a log that are looked at; of a longer one every second or further one."""
 _SHORTEST = 4.0  # s of a log; less has no two halves that can be compared
 _BLOCKS = 12  # of time, whose scatter says how sure a change is
-_CERTAIN = 5.0  # standard deviations, by the noise and by the blocks
+_CERTAIN = 8.0  # standard deviations, by the noise and by the blocks; of other changes of a rig at most 5.2 were seen
 _STEPS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of a log, after which the gain may be another
 _SAME = 1e-7  # of a column's size, below which θ imitates it
 _LEAST = 0.04  # of the gain, below which a change is not told
