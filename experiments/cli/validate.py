@@ -76,7 +76,7 @@ def validate_command(
     measured["gap"]["expected_of_error_bars"] = expected
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
     if seen := [log.source for log in read if log.sha256 in fitted]:
-        typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
+        typer.echo(f"Warning: {', '.join(seen)} was {_fitted_to(rig)}; take a log that was not fitted.", err=True)
     look, remark = _look(rig, logs, read, reading.again(logs, read))
     page = ""
     # all is made before the first file is in its place, so that Ctrl-C meanwhile leaves nothing new
@@ -99,7 +99,7 @@ def validate_command(
     if printed:
         print_json(measured)
         return
-    typer.echo(result.told("on logs that this plant was fitted to, in part") if seen else str(result))
+    typer.echo(result.told(f"on logs of which some were {_fitted_to(rig)}") if seen else str(result))
     if expected is not None and (explained := told(result.ratio_to_floor, expected)):
         typer.echo(f"  {explained[:1].upper()}{explained[1:]}.")
     if parts is not None:
@@ -112,6 +112,14 @@ def validate_command(
         typer.echo(f"Written: {json_file}")
     if report is not None:
         typer.echo(f"Written: {report}")
+
+
+def _fitted_to(rig: Plant) -> str:
+    """What is said of a log that is one of the plant's own."""
+    from identification.estimation.identifiability import spoken
+
+    moved = rig.moved_by_hand
+    return f"fitted before this plant was moved by hand ({spoken(moved)})" if moved else "fitted by this plant"
 
 
 def _look(rig: Plant, logs: Sequence[Path], read: Sequence[Log], again: str) -> tuple[str, str]:

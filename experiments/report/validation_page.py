@@ -10,6 +10,7 @@ import numpy as np
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.words import number
+from identification.estimation.identifiability import spoken
 from identification.logs.log import Log
 from identification.validation.adequacy import SMALL_BELOW, Adequacy
 from identification.validation.gap import Gap
@@ -59,7 +60,9 @@ def validation_page(
     judged = adequacy(gap)
     doubts = doubts_of(gap)
     if seen:
-        doubts = (f"{joined(seen, 'and')}: the plant was fitted to it, so this is no test on held-out data.", *doubts)
+        by_hand = f", then moved by hand ({spoken(moved)})" if (moved := plant.moved_by_hand) else ""
+        fitted = f"{joined(seen, 'and')}: the plant was fitted to it{by_hand}, so this is no test on held-out data."
+        doubts = (fitted, *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
     verdict = Verdict(
         judged.badge,
