@@ -69,7 +69,11 @@ def validate_command(
         parts = parts_of(rig, result, read) if len(read) > 1 else None
     expected = None
     judged = result.judgement  # torques that are missing may raise a floor, and they have widened the error bars
-    if judged.adequacy in (Adequacy.SMALL, Adequacy.INADEQUATE) and not judged.floor_in_doubt and rig.covariance:
+    if (
+        judged.adequacy in (Adequacy.SMALL, Adequacy.INADEQUATE)
+        and not (judged.floor_in_doubt or result.at_rest)
+        and rig.covariance
+    ):
         with busy("predicting with plants drawn from the error bars …"):
             expected = expected_ratio(rig, read, result)
     measured = result.to_dict() | (parts.to_dict() if parts is not None else {})

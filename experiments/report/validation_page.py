@@ -42,7 +42,7 @@ _SAID = {
 
 def adequacy(gap: Gap) -> Said:
     """What the error over the noise floor says of a plant."""
-    return _SAID[gap.judgement.adequacy]
+    return _SAID[Adequacy.UNKNOWN if gap.says_little else gap.judgement.adequacy]
 
 
 def validation_page(
@@ -100,7 +100,9 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
 
 def doubts_of(gap: Gap) -> tuple[str, ...]:
     """What to doubt where the noise floor cannot be trusted."""
-    return (f"{gap.verdict[:1].upper()}{gap.verdict[1:]}.",) if gap.judgement.floor_in_doubt else ()
+    said = [gap.verdict] if gap.judgement.floor_in_doubt or gap.says_little else []
+    said += [gap.at_rest] if gap.at_rest and not gap.says_little else []
+    return tuple(f"{doubt[:1].upper()}{doubt[1:]}." for doubt in said)
 
 
 def effects_of(plant: Plant) -> tuple[Block, ...]:

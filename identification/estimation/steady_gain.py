@@ -33,6 +33,7 @@ _SHORTEST = 4.0  # s of a log; less has no two halves that can be compared
 _BLOCKS = 12  # of time, whose scatter says how sure a change is
 _CERTAIN = 8.0  # standard deviations, by the noise and by the blocks; of other changes of a rig at most 5.2 were seen
 _STEPS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of a log, after which the gain may be another
+_FRICTION = 0.5  # of what the command explains, which friction that changes may explain as well
 _SAME = 1e-7  # of a column's size, below which θ imitates it
 _LEAST = 0.04  # of the gain, below which a change is not told
 _VISCOUS, _COULOMB = 5, 7  # of θ, the arm's friction
@@ -71,7 +72,7 @@ def gain_change(source: str, paths: Sequence[FilterPath], start: float = 0.0) ->
     found = _regressed(paths, shapes)
     best = int(np.argmax(found.nats[:, 0]))
     change, sure = float(found.change[best, 0]), float(found.sure[best, 0])
-    if abs(change) < _LEAST or sure < _CERTAIN or found.nats[:, 1:].max() >= found.nats[best, 0]:
+    if abs(change) < _LEAST or sure < _CERTAIN or found.nats[:, 1:].max() > _FRICTION * found.nats[best, 0]:
         return None
     before = 1.0 - change * float(found.mean[best])  # as θ stands for the gain's mean over the log
     since = start + first + _STEPS[best] * (last - first) if best < len(_STEPS) else None
