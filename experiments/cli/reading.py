@@ -158,11 +158,13 @@ def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @dataclass(frozen=True)
 class _Source:
-    """A log with its table, the mapping that applies to it, and where that is said."""
+    """A log with its table, the mapping that applies to it, the part of it that no option says, and where that part
+    stands."""
 
     path: Path
     table: Table
     mapping: RigMapping
+    unsaid: RigMapping
     origin: str
 
 
@@ -182,9 +184,10 @@ def read(
     from identification.logs.reading import read_logs
 
     sources = sources_of(paths, reading, plant)
-    for origin, mapping in dict.fromkeys((s.origin, s.mapping) for s in sources):
-        message = f"Read as {origin} says: {mapping.options()}"
-        if origin and not mapping.empty and message not in reading.told:
+    beside_it = "" if reading.said.empty else f"; as the options say: {reading.said.options()}"
+    for origin, unsaid in dict.fromkeys((s.origin, s.unsaid) for s in sources):
+        message = f"Read as {origin} says: {unsaid.options() or 'nothing that no option says'}{beside_it}"
+        if origin and not (unsaid.empty and reading.said.empty) and message not in reading.told:
             typer.echo(message, err=True)
             reading.told.add(message)
     for source in sources:
@@ -220,7 +223,8 @@ def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = No
             message = f"{path.name} has no column {', '.join(lacking)} of {origin}; read by its own t, q1, q2, u."
             typer.echo(message, err=True)
             base, origin = RigMapping(), ""
-        sources.append(_Source(path, table, reading.said.over(base), origin))
+        said = [name for name, value in vars(reading.said).items() if value is not None]
+        sources.append(_Source(path, table, reading.said.over(base), base.without(*said), origin))
     return sources
 
 

@@ -69,14 +69,18 @@ def validate_command(
         parts = parts_of(rig, result, read) if len(read) > 1 else None
     expected = None
     judged = result.judgement  # torques that are missing may raise a floor, and they have widened the error bars
-    if judged.adequacy in (Adequacy.SMALL, Adequacy.INADEQUATE) and not judged.floor_in_doubt and rig.covariance:
+    if (
+        judged.adequacy in (Adequacy.SMALL, Adequacy.INADEQUATE)
+        and not (judged.floor_in_doubt or result.at_rest)
+        and rig.covariance
+    ):
         with busy("predicting with plants drawn from the error bars …"):
             expected = expected_ratio(rig, read, result)
     measured = result.to_dict() | (parts.to_dict() if parts is not None else {})
     measured["gap"]["expected_of_error_bars"] = expected
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
     if seen := [log.source for log in read if log.sha256 in fitted]:
-        typer.echo(f"Warning: {', '.join(seen)} was fitted by this plant; take a log that was not.", err=True)
+        typer.echo(f"Warning: {', '.join(seen)} was {_fitted_to(rig)}; take a log that was not fitted.", err=True)
     look, remark = _look(rig, logs, read, reading.again(logs, read))
     page = ""
     # all is made before the first file is in its place, so that Ctrl-C meanwhile leaves nothing new
@@ -99,7 +103,7 @@ def validate_command(
     if printed:
         print_json(measured)
         return
-    typer.echo(result.told("on logs that this plant was fitted to, in part") if seen else str(result))
+    typer.echo(result.told(f"on logs of which some were {_fitted_to(rig)}") if seen else str(result))
     if expected is not None and (explained := told(result.ratio_to_floor, expected)):
         typer.echo(f"  {explained[:1].upper()}{explained[1:]}.")
     if parts is not None:
@@ -112,6 +116,14 @@ def validate_command(
         typer.echo(f"Written: {json_file}")
     if report is not None:
         typer.echo(f"Written: {report}")
+
+
+def _fitted_to(rig: Plant) -> str:
+    """What is said of a log that is one of the plant's own."""
+    from identification.estimation.identifiability import spoken
+
+    moved = rig.moved_by_hand
+    return f"fitted before this plant was moved by hand ({spoken(moved)})" if moved else "fitted by this plant"
 
 
 def _look(rig: Plant, logs: Sequence[Path], read: Sequence[Log], again: str) -> tuple[str, str]:

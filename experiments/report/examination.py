@@ -13,7 +13,7 @@ from msgspec import structs
 from furuta_gym.declared import checked, written
 from furuta_gym.plant import EFFECTS
 from identification.design.discriminate import CLEAR, Separation
-from identification.diagnosis.diagnosis_file import DesignEntry
+from identification.diagnosis.diagnosis_file import DesignEntry, LogUsed
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.locate.location import Where
@@ -99,6 +99,11 @@ class Examination:
             next_experiment=self.next_experiment,
             design=checked(self.design.to_dict(), DesignEntry, "design") if self.design else None,
             remarks=self.remarks,
+            logs=[
+                LogUsed(log.source, log.sha256, held)
+                for held, logs in ((False, self.logs), (True, self.held_out))
+                for log in logs
+            ],
             runtime_s=self.diagnosis.runtime_s + self.seconds,
         )
         return plain(written(found))

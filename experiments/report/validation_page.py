@@ -10,6 +10,7 @@ import numpy as np
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.words import number
+from identification.estimation.identifiability import spoken
 from identification.logs.log import Log
 from identification.validation.adequacy import SMALL_BELOW, Adequacy
 from identification.validation.gap import Gap
@@ -41,7 +42,7 @@ _SAID = {
 
 def adequacy(gap: Gap) -> Said:
     """What the error over the noise floor says of a plant."""
-    return _SAID[gap.judgement.adequacy]
+    return _SAID[Adequacy.UNKNOWN if gap.says_little else gap.judgement.adequacy]
 
 
 def validation_page(
@@ -59,7 +60,9 @@ def validation_page(
     judged = adequacy(gap)
     doubts = doubts_of(gap)
     if seen:
-        doubts = (f"{joined(seen, 'and')}: the plant was fitted to it, so this is no test on held-out data.", *doubts)
+        by_hand = f", then moved by hand ({spoken(moved)})" if (moved := plant.moved_by_hand) else ""
+        fitted = f"{joined(seen, 'and')}: the plant was fitted to it{by_hand}, so this is no test on held-out data."
+        doubts = (fitted, *doubts)
     use = "Use the plant in motions like these; `furuta compare` designs and compares controllers on it."
     verdict = Verdict(
         judged.badge,
@@ -97,7 +100,9 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
 
 def doubts_of(gap: Gap) -> tuple[str, ...]:
     """What to doubt where the noise floor cannot be trusted."""
-    return (f"{gap.verdict[:1].upper()}{gap.verdict[1:]}.",) if gap.judgement.floor_in_doubt else ()
+    said = [gap.verdict] if gap.judgement.floor_in_doubt or gap.says_little else []
+    said += [gap.at_rest] if gap.at_rest and not gap.says_little else []
+    return tuple(f"{doubt[:1].upper()}{doubt[1:]}." for doubt in said)
 
 
 def effects_of(plant: Plant) -> tuple[Block, ...]:

@@ -135,6 +135,11 @@ class Plant:
         return float((self.limits or {}).get(name, otherwise))
 
     @property
+    def moved_by_hand(self) -> tuple[str, ...]:
+        """Names (theta6, EFFECT.PARAMETER) of what was moved by hand after the fit."""
+        return tuple(self.provenance.get("moved") or ())
+
+    @property
     def supply(self) -> float:
         """Largest command [{u}] that the motor gets: u_max, or the rig's supply if that is less."""
         return min(self.u_max, self.limit("supply", math.inf))

@@ -259,6 +259,12 @@ class DesignEntry(Struct):
     tried: Annotated[list[TriedEntry], Meta(description="All experiments that were tried")]
 
 
+class LogUsed(Struct):
+    source: Annotated[str, Meta(description="Name of the file")]
+    sha256: Annotated[str | None, Meta(description="Hash of the file; null of a log that was read from none")]
+    held_out: Annotated[bool, Meta(description="Whether it was held out; else it was searched")]
+
+
 class DiagnosisFile(Struct, kw_only=True):
     schema: Annotated[Literal["furuta-diagnosis/1"], Meta(description="Kind and version of the file")]
     verdict: Annotated[Verdict, Meta(description="The answer in a word")]
@@ -317,6 +323,9 @@ class DiagnosisFile(Struct, kw_only=True):
     learned: Annotated[
         LearnedEntry | UnsetType | None,
         Meta(description="A torque without a name, learned from what is left; null where none was tried"),
+    ] = UNSET
+    logs: Annotated[
+        list[LogUsed] | UnsetType, Meta(description="The logs, the searched ones first, in the order of the command")
     ] = UNSET
     stretches_s: Annotated[
         list[list[Span]] | UnsetType,

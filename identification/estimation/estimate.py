@@ -33,6 +33,28 @@ class NoiseReport:
     reading_std: tuple[tuple[float, float], ...]
 
 
+@dataclass(frozen=True)
+class GainChange:
+    """factor: what the command does after `since` [s] of the log's clock over what it did before; or, with since None,
+    at the log's end over what it did at its beginning. sure: in standard deviations."""
+
+    source: str
+    factor: float
+    since: float | None
+    sure: float
+
+    def __str__(self) -> str:
+        when = (
+            f"at the end of {self.source} as at its beginning"
+            if self.since is None
+            else f"after about {self.since:.3g} s of {self.source} as before"
+        )
+        return (
+            f"the command does about {self.factor:.2g} times as much {when}, and these numbers are a mean of both: "
+            "look at the supply, the driver and the motor's temperature, or fit parts of the log (--cut)"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """Parameters from logs. Printing it gives the table and the verdict.
@@ -44,6 +66,7 @@ class Estimate:
     model_error (n, n): the part of it that allows for what the model lacks (see `model_error`), or None.
     zeros: of the encoders in each log; the arm's in the first log is the plant's own.
     stretches: of each log, the seconds (from, to) that were fitted, where not all were.
+    gain_changes: where what the command does changed within a log (see `steady_gain`); `warnings` tell it too.
     u_max_guessed: whether the plant's u_max was guessed from the largest command, which is largest_command [{u}].
     problem, optimum: the fit itself, for profiles and tests (None for methods without a likelihood).
     """
@@ -67,6 +90,7 @@ class Estimate:
     fixed: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
+    gain_changes: tuple[GainChange, ...] = ()
     u_max_guessed: bool = False
     largest_command: float = math.nan
     zeros: Zeros = field(default_factory=dict)
@@ -265,8 +289,10 @@ class Estimate:
             said += f", only weakly {spoken(weak)}" if weak else ""
             parts = [f"{len(self.names) - len(lost)} of {len(self.names)} parameters identified{said}"]
         uncertain = [name for name in self.uncertain if name not in SHARPNESS_NAMES]  # as r is never weak
-        if uncertain and parts[0] == _ALL:
+        if (uncertain or self.gain_changes) and parts[0] == _ALL:
             parts = ["all parameters show in the log"]
+        if self.gain_changes:
+            parts.append("θ is a mean, as the command did not do the same all along")
         if uncertain:
             parts.append(f"{spoken(uncertain)} uncertain, as this model lacks something")
         if self.at_bound:

@@ -21,6 +21,7 @@ from .informative import informative
 from .methods import DEFAULT, method_named
 from .model_error import with_model_error
 from .pool import one_blas_thread
+from .steady_gain import with_gain_changes
 from .zeros import warn_about_zeros
 
 _ITERATIONS = 60
@@ -73,7 +74,7 @@ def identify(
     every_sample: else "prediction-error" takes of logs with more than
     `informative.BUDGET` samples together the stretches that say most about θ.
     model_error: whether error bars allow for what the model lacks (see `model_error.model_error`), which takes a
-    second or two; of methods with a likelihood only.
+    second or two, and the gain is looked at along each log (`steady_gain`); of methods with a likelihood only.
     method: one of `methods.METHODS`. All options above but u_max, every_sample and model_error belong to
     "prediction-error".
 
@@ -108,7 +109,7 @@ def identify(
     fitted = logs if best is None else best.logs
     estimate = estimator.estimate(fitted, template, None if start is None else template, **given)
     if model_error:
-        estimate = with_model_error(estimate)
+        estimate = with_gain_changes(with_model_error(estimate), fitted)
     if best is not None:
         estimate = replace(estimate, stretches=best.spans)
     warn_about_zeros(estimate.plant, logs, estimate.zeros)

@@ -52,7 +52,7 @@ def model_error(problem: PredictionError, z: Array) -> Array:
     own = [i for i, c in enumerate(problem.coordinates) if not c.noise]
     records = _enough(problem.records)
     more = sum(len(r.t) for r in problem.records) / sum(len(r.t) for r in records)
-    paths = [_path(problem, z, record) for record in records]
+    paths = [path_at(problem, z, record) for record in records]
     normal = None if None in paths else _normal(problem, z, own, [p for p in paths if p is not None])
     if normal is None:
         return found
@@ -136,7 +136,8 @@ def _enough(records: Sequence[Record]) -> list[Record]:
     return [reduced(r, T * len(r.t) * share, T, clock=True) for r, T in zip(records, steps, strict=True)]
 
 
-def _path(problem: PredictionError, z: Array, record: Record) -> FilterPath | None:
+def path_at(problem: PredictionError, z: Array, record: Record) -> FilterPath | None:
+    """The filter's path along a record with a problem's coordinates at z (n,); None where it loses the log."""
     zeros = problem.zeros_at(z).get(record.log, (0.0, 0.0))
     return follow(problem.plant_at(z), record.moved(zeros), problem.noise_at(z).on(record))
 

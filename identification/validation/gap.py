@@ -29,7 +29,7 @@ from ..kalman.whiteness import FEWEST, Innovations, innovations
 from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .free_run import PER_HORIZON, Windows
-from .noise_floor import ALIKE, repeats, spread
+from .noise_floor import ALIKE, RESTING, RESTING_SAYS, repeats, spread
 from .predicted import SETTLE, predicted
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
@@ -58,6 +58,7 @@ class Gap:
     floors, reading_floors (M, 2) [rad²]: of every window, whose means are the squares of the two floors.
     surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
     zeros: of the encoders [rad] in each log, estimated before it was predicted.
+    resting (2,): share of windows in which q1 and q2 change by at most one count.
     """
 
     horizon: float
@@ -78,6 +79,7 @@ class Gap:
     surprise: Array = field(repr=False)
     zeros: Zeros = field(default_factory=dict, repr=False)
     differ: float | None = None
+    resting: Array = field(default_factory=lambda: np.zeros(2), repr=False)
 
     @property
     def ratio_to_floor(self) -> float:
@@ -104,6 +106,8 @@ class Gap:
             "torque_noise_share_q1": self.torque_share[0],
             "torque_noise_share_q2": self.torque_share[1],
             "innovation_correlation": self.whiteness,
+            "resting_share_q1": self.resting[0],
+            "resting_share_q2": self.resting[1],
         }
         counts = np.divide(self.rms, self.counts, out=np.full(2, np.nan), where=self.counts > 0)
         more = {
@@ -133,9 +137,28 @@ class Gap:
             )
         floor = "the noise floor (spread of repeated runs)" if self.repeats else "the noise floor"
         rows.append(f"  {self.ratio_to_floor:.2f} times {floor}: {self.verdict}")
+        if self.at_rest and not self.says_little:
+            rows.append(f"  {self.at_rest[:1].upper()}{self.at_rest[1:]}.")
         if self.differ is not None:
             rows.append(f"  {self.changed}")
         return "\n".join(rows)
+
+    @property
+    def at_rest(self) -> str:
+        """Why the floor cannot be trusted, as an angle rests or creeps for long; empty where none does."""
+        axis = int(np.argmax(self.resting))
+        if self.repeats or self.resting[axis] <= RESTING:
+            return ""
+        return (
+            f"the floor is not to be trusted, as q{axis + 1} rests or creeps: in {100 * self.resting[axis]:.0f} % of "
+            "the windows its reading changes by one count at most, and there rounding is no white noise. Take a log "
+            "in which both angles move all along"
+        )
+
+    @property
+    def says_little(self) -> bool:
+        """Whether a right plant may have this error over the floor too, as an angle rests."""
+        return bool(self.at_rest) and self.ratio_to_floor < RESTING_SAYS
 
     @property
     def changed(self) -> str:
@@ -164,6 +187,8 @@ class Gap:
     @property
     def verdict(self) -> str:
         """What the ratio to the floor means, and what to do next."""
+        if self.says_little:
+            return f"this says little: {self.at_rest}"
         judged = self.judgement
         axis = int(np.argmax(self.torque_share))
         if judged.mostly_torque and self.rms[axis] > self.reading_floor[axis]:
@@ -256,6 +281,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         surprise=np.concatenate([p.surprise for p in kept]),
         zeros=dict(zeros),
         differ=differ,
+        resting=np.concatenate([p.still for p in kept]).mean(axis=0),
     )
 
 

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from ..kalman.likelihood import sample_costs
-from ..kalman.record import Stretch
+from ..kalman.record import Record, Stretch
 from ..kalman.whiteness import Whitened
 from .free_run import Windows, free_run
 from .noise_floor import noise_floor
 
+_ONE_COUNT = 1.5  # counts, between one and two
 SETTLE = 0.5  # s that the filter gets before the first prediction
 LONGEST = 30_000
 """Samples that are predicted at once: half a minute at 1 kHz, and half a gigabyte."""
@@ -31,7 +32,7 @@ class Predicted:
     """errors (M, J, 2) [rad] of M windows at J horizons, and their variance if the plant were right: floor (M, J, 2)
     [rad²], of which readings_floor comes from the readings alone. readings (M, 2) [rad] and times (M,) [s] at the last
     horizon, by the log's own clock. surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step
-    ahead. log: the stretch's log."""
+    ahead. still (M, 2): whether the readings change by at most one count within a window. log: the stretch's log."""
 
     log: int
     errors: Array
@@ -40,6 +41,7 @@ class Predicted:
     readings: Array
     times: Array
     surprise: Array
+    still: NDArray[np.bool_]
     whitened: Whitened
 
 
@@ -80,14 +82,23 @@ def _predicted(plant: Plant, part: Stretch, horizons: tuple[float, ...], known: 
         readings=record.y[at],
         times=piece.t[at],
         surprise=surprise,
+        still=_still(record, windows),
         whitened=Whitened.of(path, since),
     )
+
+
+def _still(record: Record, windows: Windows) -> NDArray[np.bool_]:
+    """Of every window and angle, whether its rounded readings show no motion: a change of one count may be a crossing
+    of an edge."""
+    ends = zip(windows.starts, windows.targets[:, -1], strict=True)
+    changes = np.array([np.ptp(record.y[first : last + 1], axis=0) for first, last in ends])
+    return changes < _ONE_COUNT * record.quantum
 
 
 def _joined(parts: Sequence[Predicted]) -> Predicted:
     if len(parts) == 1:
         return parts[0]
-    names = ("errors", "floor", "readings_floor", "readings", "times", "surprise")
+    names = ("errors", "floor", "readings_floor", "readings", "times", "surprise", "still")
     return Predicted(
         log=parts[0].log,
         whitened=Whitened.joined([part.whitened for part in parts]),

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import UNSET
 
 from experiments.cli.diagnose import _repeated
+from furuta_gym.declared import checked
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.diagnosis_file import DiagnosisFile
 from tests.commands import furuta, refused, some_log
 
 
@@ -84,3 +88,21 @@ def test_a_search_that_cannot_end_leaves_no_journal(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("identification.diagnosis.diagnose.diagnose", searched)
     refused(furuta("diagnose", log, "-o", tmp_path / "found"), "no end")
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_the_file_says_which_logs_it_is_of(tmp_path: Path) -> None:
+    """By their hashes, the held-out ones apart; a file of an earlier version, without them, is still read."""
+    names = {"searched.csv": False, "kept.csv": True}
+    for i, name in enumerate(names):
+        some_log(tmp_path / name, 400 + i, q1=np.zeros(400 + i))
+    paths = [tmp_path / name for name in names]
+    result = furuta("diagnose", paths[0], "--held-out", paths[1], "-o", tmp_path / "found")
+    assert result.exit_code == 0, result.output
+    written = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
+    hashes = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
+    assert written["logs"] == [
+        {"source": name, "sha256": digest, "held_out": held}
+        for (name, held), digest in zip(names.items(), hashes, strict=True)
+    ]
+    del written["logs"]
+    assert checked(written, DiagnosisFile).logs is UNSET

@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.cli.reading import Reading, read
@@ -13,6 +14,7 @@ from furuta_gym.plant import QUBE
 from identification.logs.rig_file import load_mapping
 from identification.logs.rig_mapping import RigMapping
 from tests.commands import furuta, refused, some_log
+from tests.factories import loop_log
 
 
 def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
@@ -106,3 +108,49 @@ def test_logs_of_one_file_name_are_called_by_their_folders_too(tmp_path: Path) -
     assert [log.source for log in read([*paths, other], said)] == ["monday/log.csv", "tuesday/log.csv", "other.csv"]
     assert [log.source for log in read(paths[:1], said, beside=paths[1:])] == ["monday/log.csv"]
     assert [log.source for log in read(paths[:1], said, beside=[other])] == ["log.csv"]
+
+
+def test_what_an_option_says_is_not_called_the_files(german: Path) -> None:
+    furuta("init", "versuch1.csv")
+    said = furuta("validate", "qube", "versuch1.csv", "--columns", "u=nope", "--input-scale", "2").stderr
+    (line,) = [line for line in said.splitlines() if line.startswith("Read as ")]
+    of_file, _, of_options = line.removeprefix("Read as rig.toml says: ").partition("; as the options say: ")
+    assert of_options == "--columns u=nope --input-scale 2"
+    assert "Pendel" in of_file
+    assert "--unit deg" in of_file
+    assert "nope" not in of_file
+    assert "--input-scale" not in of_file
+
+
+def test_logs_of_two_formats_need_a_rig_file_each_which_is_said(tmp_path: Path) -> None:
+    """And with one each they are read together."""
+    names = {"ours": ("t,q1,q2,u [V]", 1.0), "theirs": ("Time,theta [deg],alpha [deg],volts [V]", 180 / np.pi)}
+    logs = []
+    for i, (name, (header, size)) in enumerate(names.items()):
+        log = loop_log(duration=5.0, T=0.004, seed=i)[0]
+        (tmp_path / name).mkdir()
+        logs.append(tmp_path / name / f"{name}.csv")
+        table = np.column_stack([log.t, size * log.q1, size * log.q2, log.u])
+        np.savetxt(logs[-1], table, delimiter=",", header=header, comments="")
+    looked = furuta("init", *logs)
+    assert looked.exit_code == 2
+    assert "need a rig.toml each: put them into folders of their own, run `furuta init` on each" in looked.stderr
+    refused(furuta("validate", "table3", *logs), "need a rig.toml each")
+    for path in logs:
+        assert furuta("init", path, "--yes").exit_code == 0
+    result = furuta("validate", "table3", *logs)
+    assert result.exit_code == 0, result.output
+    assert "theirs/rig.toml says: --columns 't=Time" in result.stderr
+
+
+def test_logs_in_two_units_under_the_same_names_need_a_rig_file_each(tmp_path: Path) -> None:
+    logs = []
+    for i, size in enumerate((1.0, 180 / np.pi)):
+        log = loop_log(duration=5.0, T=0.004, seed=i)[0]
+        table = np.column_stack([log.t, size * log.q1, size * log.q2, log.u])
+        logs.append(tmp_path / f"log{i}.csv")
+        np.savetxt(logs[-1], table, delimiter=",", header="t,q1,q2,u [V]", comments="")
+    looked = furuta("init", *logs)
+    assert looked.exit_code == 2
+    assert "q2 is in rad in log0.csv, in deg in log1.csv. Logs that are written in different ways" in looked.stderr
+    assert not (tmp_path / "rig.toml").exists()

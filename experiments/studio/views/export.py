@@ -65,7 +65,7 @@ def best(session: Session) -> Plant | None:
 def told(session: Session) -> str:
     """What that plant is."""
     if session.kept is not None:
-        if moved := session.kept.provenance.get("moved"):
+        if moved := session.kept.moved_by_hand:
             return f"the plant that was moved by hand in What if ({spoken(moved)}); it is no fit and has no error bars"
         return "the plant that was kept in What if, with its effects"
     return "the plant of the diagnosis" if session.found and session.found.plant else "the identified plant"

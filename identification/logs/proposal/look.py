@@ -14,6 +14,7 @@ from ..table import Table
 from .columns import Choice, angle_candidates, named, numeric
 from .motion import RADIANS, Motion, Pair
 from .policy import ProposalPolicy
+from .same_gain import Driven
 from .units import ANGLE_UNITS, Unit, angle_units, any_unit, time_unit
 from .values import Confidence, Problem
 
@@ -54,6 +55,14 @@ class Look:
     def driven(self) -> bool:
         u = self.values("u")
         return u is not None and bool(np.isfinite(u).any()) and bool(np.nanmax(u) > np.nanmin(u))
+
+    @property
+    def driven_arm(self) -> Driven | None:
+        """How the command drives the arm; None where it cannot be seen."""
+        arm, pendulum, command = map(self.column, ("q1", "q2", "u"))
+        if self.factors is None or arm is None or pendulum is None or command is None:
+            return None
+        return self.motion.driven(arm, pendulum, command, self.factors)
 
     @property
     def dates(self) -> bool:

@@ -22,6 +22,7 @@ from ..signs import (
 )
 from ..wrapping import continuous
 from .policy import USUAL_COUNTS, ProposalPolicy
+from .same_gain import Driven
 
 RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
@@ -115,6 +116,13 @@ class Motion:
         u = smoothed_command(evenly(self.t, self.raw[command], self.T), self.window)
         row = arm_row(self.smooth(arm).scaled(factors[0]), self.smooth(pendulum).scaled(factors[1]), u)
         return row.r2
+
+    def driven(self, arm: str, pendulum: str, command: str, factors: Sequence[float]) -> Driven | None:
+        """How the command drives the arm; factors: rad per unit of both angles. None where this cannot be seen."""
+        if self.short or not {arm, pendulum, command} <= set(self.raw) or np.ptp(self.raw[command]) == 0:
+            return None
+        u = smoothed_command(evenly(self.t, self.raw[command], self.T), self.window)
+        return Driven.of(self.smooth(arm).scaled(factors[0]), self.smooth(pendulum).scaled(factors[1]), u)
 
     def signs(self, arm: str, pendulum: str, command: str | None, factors: Sequence[float]) -> Signs:
         """Zero and signs, read in rad as upright and not flipped."""

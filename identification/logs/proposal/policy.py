@@ -34,6 +34,8 @@ class ProposalPolicy:
     zero: float = _rule(25.0, "degrees from upright or hanging, beyond which a zero is neither")
     same_rig: float = _rule(1.6, "ratio of gravity or coupling between logs, beyond which they are of two rigs")
     sure_of_rig: float = _rule(0.97, "of the pendulum's acceleration explained, to compare two logs' rigs by")
+    same_gain: float = _rule(1.2, "factor between what the command does in two logs, beyond which it may be told")
+    sure_of_gain: float = _rule(2.0, "of what is left with that factor, which is left without: at most 1.7 on one rig")
     large_command: float = _rule(3.0, "of a command; motors of such rigs do not reach as many N·m")
 
 

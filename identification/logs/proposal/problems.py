@@ -18,6 +18,7 @@ from ..wrapping import unwrap
 from .columns import SPOKEN
 from .look import Look
 from .policy import ProposalPolicy
+from .same_gain import gains
 from .units import Unit, command_unit
 from .values import Confidence, Problem
 
@@ -173,13 +174,28 @@ def _problem(name: str, message: str, fatal: bool) -> Problem:
     return Problem(text + dot.strip(), mend, fatal)
 
 
+_OF_ITS_OWN = (
+    "Logs that are written in different ways need a rig.toml each: put them into folders of their own, run "
+    "`furuta init` on each there, then give them together"
+)
+
+
 def same_columns(first: Look, looks: Sequence[Look]) -> list[Problem]:
+    """Logs that one mapping cannot read, by the names of their columns or the units of their angles."""
     found = []
     for look in looks:
         lacking = [c for ours in COLUMNS if (c := first.column(ours)) is not None and c not in look.table.columns]
         if lacking:
             text = f"{look.table.name} has no column {', '.join(lacking)}, which {first.table.name} has."
-            found.append(Problem(text, "Give logs that are written alike, or one at a time."))
+            found.append(Problem(text, f"{_OF_ITS_OWN}."))
+            continue
+        for axis in ("q1", "q2"):
+            ours, theirs = first.units[axis], look.units[axis]
+            sure = ours.confidence is Confidence.sure is theirs.confidence
+            one, other = ours.believed(None), theirs.believed(None)
+            if sure and None not in (one, other) and one != other:
+                text = f"{first.column(axis)} is in {one} in {first.table.name}, in {other} in "
+                found.append(Problem(f"{text}{look.table.name}.", f"{_OF_ITS_OWN}."))
     return found
 
 
@@ -208,3 +224,17 @@ def same_rig(looks: Sequence[Look], policy: ProposalPolicy) -> list[Problem]:
             text = f"{seen[0][0].table.name} and {look.table.name} count from different zeros of the pendulum."
             return [Problem(text, "Give them one at a time, each with its own rig.toml (--rig FILE).")]
     return []
+
+
+def same_gain(looks: Sequence[Look], policy: ProposalPolicy) -> list[Problem]:
+    """Logs in which the command does not do the same, as notes: each against the first that is driven."""
+    seen = [(look.table.name, driven) for look in looks if (driven := look.driven_arm) is not None]
+    found = []
+    for name, driven in seen[1:]:
+        between = gains(seen[0][1], driven)
+        larger = max(between.factor, 1.0 / between.factor) > policy.same_gain
+        if larger and between.with_one > policy.sure_of_gain * between.unexplained:
+            text = f"the command of {name} does {between.factor:.2g} times what that of {seen[0][0]} does to the arm."
+            mend = "Look at the supply, the driver and the command's scale. If they differ, identify each log alone."
+            found.append(Problem(text, mend, False))
+    return found

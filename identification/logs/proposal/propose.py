@@ -10,7 +10,7 @@ from ..table import Table
 from .items import items_of
 from .look import Look
 from .policy import ProposalPolicy
-from .problems import problems_of, same_columns, same_rig
+from .problems import problems_of, same_columns, same_gain, same_rig
 from .values import Proposal
 
 
@@ -38,6 +38,6 @@ def propose(
     items = items_of(first, [look for look in looks if look is not first])
     severity = constant_command or ("warn" if len(tables) > 1 else "error")
     problems = [p for look in looks for p in problems_of(look, severity)]
-    problems += same_columns(first, looks) + same_rig(looks, policy)
+    problems += same_columns(first, looks) + same_rig(looks, policy) + same_gain(looks, policy)
     unique = {(p.text, p.mend): p for p in problems}
     return Proposal(tuple(t.name for t in tables), tuple(items), tuple(unique.values()), given)
