@@ -60,16 +60,20 @@ def a_rig(seed: int) -> PlainRig:
 
 
 def a_log(rig: PlainRig, experiment: str, seed: int, duration: float = 20.0, T: float = 4e-3) -> dict[str, Array]:
-    """A recording as columns t, q1, q2, u. experiment: "hanging" (a random multisine) or "upright" (the same, around a
-    state feedback). Raises ValueError for another experiment, and if the pendulum is lost."""
-    if experiment not in ("hanging", "upright"):
-        raise ValueError(f"experiment {experiment!r} given, expected hanging or upright")
+    """A recording as columns t, q1, q2, u. experiment: "hanging" (a random multisine), "sweep" (hanging, a sine whose
+    frequency rises from 0.5 to 8 Hz, so large that the joints turn fast) or "upright" (as hanging, around a state
+    feedback). Raises ValueError for another experiment, and if the pendulum is lost."""
+    if experiment not in ("hanging", "sweep", "upright"):
+        raise ValueError(f"experiment {experiment!r} given, expected hanging, sweep or upright")
     rng = np.random.default_rng([seed, len(experiment)])
     t = np.arange(0.0, duration, T)
     f = rng.uniform(0.3, 4.0, 12)
     wish = sum(np.sin(2 * np.pi * (fi * t + phase)) for fi, phase in zip(f, rng.uniform(0, 1, 12), strict=True))
     up = experiment == "upright"
     wish *= (0.10 if up else 0.12) * rig.u_max / np.std(wish)
+    if experiment == "sweep":
+        turns = (0.5 + 3.75 * t / duration) * t + rng.uniform()
+        wish = 0.3 * rig.u_max * np.sin(2 * np.pi * turns)
     x = np.array([rng.uniform(-0.5, 0.5), 0.01 if up else math.pi, 0.0, 0.0])
     K = _feedback(rig) if up else np.zeros(4)
     count = 2 * math.pi / rig.counts

@@ -1,0 +1,13 @@
+"""r on fast swings of another simulator: an error of integration in the filters would leave it far off."""
+
+import pytest
+
+from experiments.studies.sharpness import errors
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 7])
+def test_r_is_within_three_standard_deviations(seed):
+    z = errors(seed)
+    assert "r" in z
+    assert len(z) >= 8  # what is not identified would say nothing
+    assert max(abs(value) for value in z.values()) < 3.0
