@@ -6,6 +6,7 @@ import numpy as np
 
 from .compiled import compiled
 from .dynamics import rates
+from .effects.dispatch import filter_command
 from .layout import N_BASE
 
 _STEP_TIMES_RATE = 1.0  # of friction
@@ -14,6 +15,9 @@ LONGEST_FITTED = 2e-3
 """Longest step of a filter [s]. Against steps of 0.02 ms it changes a log-likelihood by 0.1 in 4000 samples."""
 SHORTEST_FITTED = 5e-5
 """Shortest step [s] of a plant that is being fitted, as θ may go astray."""
+_STEP_TIMES_RESPONSE = 1.0  # of a filter of the command
+_SHORTEST_RESPONSE = 1e-4  # s, for such a filter
+_MOMENT = 1e-6  # s: far below the time of any filter that matters
 _SMALL = 1e-7  # rad/s: far below the speed 1/r at which any friction turns over
 
 
@@ -64,9 +68,24 @@ def substep(r, rate, longest):
 
 
 @compiled
-def fitted_step(rate, coarser):
+def response_rate(p, codes, rows):
+    """1/T [1/s] of the active effect that filters the command; 0 where none does, or at once.
+
+    p: parameters of a plant as packed, codes: its effects, rows: of its state."""
+    P, X = np.empty((p.shape[0], 1)), np.zeros((rows, 1))
+    P[:, 0] = p
+    u, since, reached = np.ones(1), np.full(1, _MOMENT), np.zeros(1)
+    if not filter_command(u, since, X, P, codes, reached) or reached[0] >= 1.0:
+        return 0.0
+    return -math.log(1.0 - reached[0]) / _MOMENT
+
+
+@compiled
+def fitted_step(rate, response, coarser):
     """Longest Runge–Kutta step [s] of a filter, whose plant is being fitted, between changes of friction's sign.
 
-    rate [1/s]: of friction, λ. coarser: factor on the step for a first look, as far as h λ ≤ 1.5."""
+    rate [1/s]: of friction, λ. response [1/s]: of a filter of the command. coarser: factor on the step for a first
+    look, as far as h λ ≤ 1.5. A much longer step takes a sixth of itself for the time of the command's filter."""
     product = _STEP_TIMES_RATE if coarser <= 1.0 else _AT_FIRST
-    return max(SHORTEST_FITTED, min(coarser * LONGEST_FITTED, product / max(rate, 1e-9)))
+    step = max(SHORTEST_FITTED, min(coarser * LONGEST_FITTED, product / max(rate, 1e-9)))
+    return min(step, max(_SHORTEST_RESPONSE, _STEP_TIMES_RESPONSE / response)) if response > 0.0 else step

@@ -163,7 +163,7 @@ def _track(readings, state, scaling, noise, wander, age, history):
                 P[R1, lane] = effective_sharpness(r[0], C[2, 2])
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
             slopes = rest_slopes(P[:, 0].copy(), no_effects, 4)
-            longest = fitted_step(friction_rate(slopes, 1.0, 1.0), 1.0)
+            longest = fitted_step(friction_rate(slopes, 1.0, 1.0), 0.0, 1.0)
             advance_alike(
                 X, t[k - 1], t[k], t, u, k - 1, W, P, no_effects, longest, P[R1, 0], P[R2, 0], True, before, *space
             )  # fmt: skip

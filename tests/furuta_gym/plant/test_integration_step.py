@@ -6,7 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furuta_gym.plant import QUBE, TABLE_3, Effect, Plant
-from furuta_gym.plant.integration_step import SHORTEST_FITTED, fitted_step, friction_rate, rest_slopes, substep
+from furuta_gym.plant.integration_step import (
+    SHORTEST_FITTED,
+    fitted_step,
+    friction_rate,
+    response_rate,
+    rest_slopes,
+    substep,
+)
 from tests.furuta_gym.plant.helpers import reference_run, run, square_waves
 from tests.furuta_gym.plant.strategies import thetas
 
@@ -92,7 +99,7 @@ def test_step_rule_keeps_friction_near_standstill_resolved(strength):
 
 @given(st.floats(0.0, 1e5))
 def test_a_first_look_takes_longer_steps_that_are_stable(rate):
-    step, coarse = (fitted_step(rate, coarser) for coarser in (1.0, 4.0))
+    step, coarse = (fitted_step(rate, 0.0, coarser) for coarser in (1.0, 4.0))
     assert step <= coarse <= 4.0 * step
     assert coarse * rate < 2.78 or coarse == SHORTEST_FITTED  # never shorter, whatever a fit tries
 
@@ -102,4 +109,28 @@ def test_a_fit_that_went_astray_still_ends(lost):
     """θ1 θ4 = θ3²: no inertia is left upright."""
     p = np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0 + lost, 1.0, 100.0, 100.0])
     slopes = rest_slopes(p, np.empty((0, 3), dtype=np.int64), 4)
-    assert fitted_step(friction_rate(slopes, 1.0, 1.0), 2.0) == SHORTEST_FITTED
+    assert fitted_step(friction_rate(slopes, 1.0, 1.0), 0.0, 2.0) == SHORTEST_FITTED
+
+
+@pytest.mark.parametrize("T", [1e-4, 3.8e-4, 2e-3, 0.05])
+def test_the_time_of_a_lag_is_found(T):
+    p, codes, rows = QUBE.with_effects(Effect("actuator_lag", {"T": T})).packed()
+    assert response_rate(p, codes, rows) == pytest.approx(1.0 / T, rel=1e-6)
+
+
+@pytest.mark.parametrize("effects", [(), (Effect("actuator_lag", {"T": 0.0}),), (Effect("input_delay", {"d": 0.003}),)])
+def test_a_command_that_acts_at_once_has_no_time(effects):
+    assert response_rate(*QUBE.with_effects(*effects).packed()) == 0.0
+
+
+@pytest.mark.parametrize("T", [2e-4, 3.8e-4, 1e-3, 5e-3])
+def test_a_step_of_a_fit_resolves_a_lag(T):
+    """The motion of a tenth of a second differs by as much as a lag a fiftieth longer would make, at most."""
+    step = fitted_step(0.0, 1.0 / T, 2.0)
+    t_u = np.arange(50) * 0.002
+    u, x0 = square_waves(t_u), np.array([0.0, np.pi, 0.0, 0.0])
+    smooth = QUBE.replace(theta=[*QUBE.theta[:7], 0.0, 0.0])
+    plants = [smooth.with_effects(Effect("actuator_lag", {"T": time})) for time in (T, 1.02 * T)]
+    fine, longer = (run(plant, x0, t_u, u, 0.1, 1e-5) for plant in plants)
+    apart = np.abs(run(plants[0], x0, t_u, u, 0.1, step) - fine)[:, 0].max()
+    assert apart < np.abs(longer - fine)[:, 0].max()
