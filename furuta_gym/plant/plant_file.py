@@ -99,7 +99,11 @@ class ProvenanceEntry(Struct):
 
 class LimitsEntry(Struct, forbid_unknown_fields=True):
     arm_travel: Annotated[
-        Limit | UnsetType, Meta(description="Largest angle of the arm to either side of zero, in rad")
+        Limit | UnsetType,
+        Meta(
+            description="Largest angle of the arm to either side of zero, in rad. There a controller's command "
+            "becomes 0, and the arm coasts on"
+        ),
     ] = UNSET
     arm_speed: Annotated[Limit | UnsetType, Meta(description="Largest speed of the arm, in rad/s")] = UNSET
     slew: Annotated[Limit | UnsetType, Meta(description="Largest change of the command, in its unit a second")] = UNSET
@@ -132,7 +136,11 @@ class PlantFile(Struct):
     ] = None
     checks: Annotated[
         dict[str, Any] | None,
-        Meta(description="Verdicts of the fit, such as whether a rigid body can have this θ; for readers"),
+        Meta(
+            description="Verdicts of the fit, such as whether a rigid body can have this θ; for readers. "
+            "error_bars says why the covariance is too small, where the method's is. identifiability is that of "
+            "furuta identify --json"
+        ),
     ] = None
     limits: Annotated[
         LimitsEntry | None,
