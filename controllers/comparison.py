@@ -183,9 +183,11 @@ class Comparison:
     def __str__(self) -> str:
         from rich.console import Console
 
-        console = Console(width=120)
+        table = self.table()
+        console = Console(width=1000)
+        console = Console(width=max(120, console.measure(table).maximum))  # no heading and no name is cut
         with console.capture() as capture:
-            console.print(self.table())
+            console.print(table)
         return capture.get()
 
 

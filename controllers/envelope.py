@@ -1,11 +1,13 @@
 """The envelope around a controller on a rig: whatever is read, what is commanded is finite, limited, and off in time.
 
-The same rules in Python (`Guarded`) and in the C headers (`envelope_c`), in this order, once a sample:
+The same rules in Python (`Guarded`) and in the C headers (`exports.envelope_c`), in this order, once a sample:
 
-1. A reading or reference that is no number or beyond ±10⁴ rad commands 0 and is not shown to the controller; after
-   `bad_readings` of them in a row the controller goes off.
+1. A reading or reference that is no number or beyond ±10⁴ rad, and a q2 more than half a turn from the last good one,
+   as of readings that are wrapped, command 0 and are not shown to the controller; after `bad_readings` of them in a
+   row the controller goes off.
 2. Arm beyond `arm_travel`; arm since the last good reading faster than `arm_speed`, by more than one count of its
-   encoder; pendulum beyond `tilt` from upright: off.
+   encoder; pendulum beyond `tilt` from upright; arm's reading the very same while the command was beyond `breakaway`
+   for `held` seconds in all and the pendulum moved by `stirred`, as an encoder that came unplugged reads: off.
 3. After missed samples the controller is first called once for each of them, with readings on the line from the last
    good one to the present one. These commands are discarded. So its filters and integrals keep their clock. The law
    is not told that 0 was sent instead, nor what the rules below change: its observer, its delay line and the last
@@ -26,16 +28,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from furuta_gym.plant import Plant
+
 from .base import Controller
 from .design import choose_sensors
 from .trials import HORIZONTAL
 
 LONGEST_START = 60.0  # s of a soft start
+HELD = 0.5  # s for which a controller may push an arm whose reading stands
 MOST_BAD_READINGS = 1000  # in a row; a rig that reads nothing for so long is not controlled
 
-REASONS = ("on", "reading", "arm", "speed", "tilt", "law")  # indexed by the C header's numbers
+REASONS = ("on", "reading", "arm", "speed", "tilt", "law", "held")  # indexed by the C header's numbers
 FARTHEST = 1e4  # rad; no rig turns so far
-_LARGEST = 1e30  # a single-precision number still, and no command
+LARGEST = 1e30  # a single-precision number still, and no command
+JUMP = math.pi  # rad; no pendulum turns so far in a sample
+_FRICTIONS = 3.0  # times θ8, which surely moves the arm: friction at rest may be twice that of a motion
+_COUNTS = 10.0  # of the arm's encoder, by which a command at the limit moves it within `held`
+_STIRRED, _STIRRED_COUNTS = 0.011, 3.5  # rad, and counts: more than a pendulum moves while arm and pendulum rest
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,8 @@ class Envelope:
     """Limits in the command's unit, rad and s; infinity where there is none. Raises ValueError unless positive.
 
     soft_start may be zero, which is the default: who balances must act at once. So may resolution, one count of the
-    arm's encoder. bad_readings is a whole number.
+    arm's encoder. bad_readings is a whole number. held [s] infinite: the arm's reading may stand for ever. stirred: by
+    how much the pendulum must have moved meanwhile, as a cable or a tilt may hold an arm whose pendulum rests.
     """
 
     u_max: float
@@ -54,6 +64,9 @@ class Envelope:
     soft_start: float = 0.0
     bad_readings: int = 3
     resolution: float = 0.0
+    held: float = math.inf
+    breakaway: float = math.inf
+    stirred: float = _STIRRED
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -78,15 +91,28 @@ class Envelope:
         """
         plant = controller.plant
         limits = plant.limits or {}
+        arm, pendulum = choose_sensors(plant, getattr(controller, "sensors", None)).resolution.tolist()
         made = cls(
             u_max=min(controller.u_max, limits.get("supply", math.inf)),
             arm_travel=limits.get("arm_travel", 2 * math.pi),
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
-            resolution=float(choose_sensors(plant, getattr(controller, "sensors", None)).resolution[0]),
+            resolution=arm,
+            held=HELD,
+            breakaway=breakaway(plant, arm),
+            stirred=max(_STIRRED, _STIRRED_COUNTS * pendulum),
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})
+
+
+def breakaway(plant: Plant, count: float) -> float:
+    """The command [{u}] that must move an arm at rest within HELD: three times its friction, what moves its inertia
+    and viscous friction by ten counts [rad], and the dead zone where the plant has one."""
+    dead = plant.effect("input_dead_zone")
+    viscous, dry = max(plant.theta[5], 0.0), max(plant.theta[7], 0.0)
+    moved = _COUNTS * count * (2.0 * plant.theta[0] / HELD + viscous) / HELD
+    return float(_FRICTIONS * dry + moved + (abs(dead.parameters["w"]) if dead else 0.0)) or math.inf
 
 
 class Guarded:
@@ -106,7 +132,8 @@ class Guarded:
         self.off = REASONS[0]
         self._u = 0.0
         self._last = np.zeros(2)  # good reading
-        self._good = self._missed = self._samples = 0
+        self._low = self._high = 0.0  # of the pendulum, while the arm's reading stands
+        self._good = self._missed = self._samples = self._pushed = 0
 
     def __call__(self, y: ArrayLike) -> float:
         reference = self.controller.reference_at(self._samples)
@@ -118,7 +145,8 @@ class Guarded:
         e, T = self.envelope, self.sample_time
         if self.off != REASONS[0]:
             return 0.0
-        if not all(abs(x) <= FARTHEST for x in (*q, reference)):
+        jumped = self._good > 0 and abs(q[1] - self._last[1]) > JUMP
+        if jumped or not all(abs(x) <= FARTHEST for x in (*q, reference)):
             self._missed += 1
             return self._latch("reading") if self._missed >= e.bad_readings else 0.0
         if abs(q[0]) > e.arm_travel:
@@ -127,13 +155,15 @@ class Guarded:
             return self._latch("speed")
         if abs(q[1]) > e.tilt:
             return self._latch("tilt")
+        if self._stands(q):
+            return self._latch("held")
         if self._good > 0:
             for part in np.arange(1, self._missed + 1) / (self._missed + 1):
                 self.controller.follow(self._last + part * (q - self._last), reference)
         self._missed, self._last = 0, q
         self._good += 1
         u = float(self.controller.follow(q, reference))
-        if not abs(u) <= _LARGEST:
+        if not abs(u) <= LARGEST:
             return self._latch("law")
         ramp = math.ceil(e.soft_start / T)
         if self._good <= ramp:
@@ -142,113 +172,16 @@ class Guarded:
             u = min(max(u, self._u - e.slew * T), self._u + e.slew * T)
         return min(max(u, -e.u_max), e.u_max)
 
+    def _stands(self, q: NDArray[np.float64]) -> bool:
+        """Whether the arm's reading is one that stands still, as rule 2 says."""
+        if self._good == 0 or q[0] != self._last[0]:
+            self._pushed, self._low, self._high = 0, q[1], q[1]
+            return False
+        self._low, self._high = min(self._low, q[1]), max(self._high, q[1])
+        self._pushed += abs(self._u) > self.envelope.breakaway
+        long = self._pushed >= self.envelope.held / self.sample_time
+        return bool(long and self._high - self._low > self.envelope.stirred)
+
     def _latch(self, reason: str) -> float:
         self.off = reason
         return 0.0
-
-
-_C = """\
-/* Why the controller is off; it stays off, with a command of 0, until {prefix}_reset. */
-enum {{
-    {P}_ON = 0,      /* it works */
-    {P}_READING = 1, /* {bad} readings in a row that are no angles */
-    {P}_ARM = 2,     /* arm beyond {arm_text} */
-    {P}_SPEED = 3,   /* arm faster than {speed_text}{count_text} */
-    {P}_TILT = 4,    /* pendulum farther from upright than {tilt_text} */
-    {P}_LAW = 5      /* the law gave no number */
-}};
-
-typedef struct {{
-    {prefix}_law_state law;
-    {real} u;   /* last command */
-    {real} q1;  /* last good reading */
-    {real} q2;
-    long good;  /* readings so far, as long as the soft start lasts; an int may end at 32767 */
-    int missed; /* bad readings in a row */
-    int off;    /* {P}_ON or why it is off */
-}} {prefix}_state;
-
-static inline void {prefix}_reset({prefix}_state *s)
-{{
-    {prefix}_law_reset(&s->law);
-    s->u = {zero};
-    s->q1 = {zero};
-    s->q2 = {zero};
-    s->good = 0;
-    s->missed = 0;
-    s->off = {P}_ON;
-}}
-
-/* Whether x lies within +-limit; never for a NaN. */
-static inline int {prefix}_within({real} x, {real} limit)
-{{
-    return x >= -limit && x <= limit;
-}}
-
-static inline {real} {prefix}_latch({prefix}_state *s, int reason)
-{{
-    s->off = reason;
-    s->u = {zero};
-    return {zero};
-}}
-
-static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {real} reference)
-{{
-    {real} u;
-    if (s->off != {P}_ON) return {zero};
-    if (!({prefix}_within(q1, {far}) && {prefix}_within(q2, {far}) && {prefix}_within(reference, {far}))) {{
-        s->u = {zero};
-        if (s->missed < {bad}) s->missed += 1;
-        return s->missed >= {bad} ? {prefix}_latch(s, {P}_READING) : {zero};
-    }}
-    if (!{prefix}_within(q1, {arm})) return {prefix}_latch(s, {P}_ARM);
-{speed}{tilt}    if (s->good > 0) {{
-        for (int i = 1; i <= s->missed; ++i) {{ /* what the law missed, on the line to this reading */
-            const {real} part = ({real})i / ({real})(s->missed + 1);
-            (void){prefix}_law(&s->law, s->q1 + part * (q1 - s->q1), s->q2 + part * (q2 - s->q2), reference);
-        }}
-    }}
-    s->missed = 0;
-    s->q1 = q1;
-    s->q2 = q2;
-    if (s->good <= {ramp}) s->good += 1;
-    u = {prefix}_law(&s->law, q1, q2, reference);
-    if (!{prefix}_within(u, {large})) return {prefix}_latch(s, {P}_LAW);
-{soft}{slew}    if (u < -{u_max}) u = -{u_max};
-    if (u > {u_max}) u = {u_max};
-    s->u = u;
-    return u;
-}}
-"""
-
-
-def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any, real: str) -> str:
-    """C99 of the envelope around `{prefix}_law`, with {prefix}_state, {prefix}_reset and {prefix}_step.
-
-    number: turns a float into a literal of the type `real` ("double" or "float").
-    """
-    e, T, P = envelope, sample_time, prefix.upper()
-    ramp = math.ceil(e.soft_start / T)
-    speed = tilt = soft = slew = ""
-    if e.arm_speed < math.inf:
-        speed = (
-            f"    if (s->good > 0 && !{prefix}_within(q1 - s->q1, {number(e.arm_speed * T)} * ({real})(s->missed + 1)"
-            f" + {number(e.resolution)}))\n        return {prefix}_latch(s, {P}_SPEED);\n"
-        )
-    if e.tilt < math.inf:
-        tilt = f"    if (!{prefix}_within(q2, {number(e.tilt)})) return {prefix}_latch(s, {P}_TILT);\n"
-    if ramp:
-        soft = f"    if (s->good <= {ramp}) u *= ({real})s->good / {number(ramp + 1.0)};\n"
-    if e.slew < math.inf:
-        step = number(e.slew * T)
-        slew = f"    if (u < s->u - {step}) u = s->u - {step};\n    if (u > s->u + {step}) u = s->u + {step};\n"
-    count = ""
-    if e.arm_speed < math.inf and e.resolution:
-        count = f", by more than a count of {e.resolution:.6g} rad ({2 * math.pi / e.resolution:.6g} a turn)"
-    text = lambda value, unit: f"{value:g} {unit}" if value < math.inf else "anything: it has no such limit"  # noqa: E731
-    return _C.format(
-        prefix=prefix, P=P, real=real, bad=e.bad_readings, ramp=ramp, speed=speed, tilt=tilt, soft=soft, slew=slew,
-        zero=number(0.0), far=number(FARTHEST), arm=number(min(e.arm_travel, FARTHEST)), u_max=number(e.u_max),
-        large=number(_LARGEST), arm_text=text(e.arm_travel, "rad"), speed_text=text(e.arm_speed, "rad/s"),
-        tilt_text=text(e.tilt, "rad"), count_text=count,
-    )  # fmt: skip

@@ -196,7 +196,7 @@ def load_policy(
         )
     settings: dict[str, Any] = {
         "velocity_cutoff": float(env.get("velocity_cutoff") or choose_sensors(plant, sensors).velocity_cutoff),
-        "arm_limit": float(env.get("arm_limit") or 2 * np.pi),
+        "arm_limit": float(env.get("arm_limit") or plant.limit("arm_travel", 2 * np.pi)),  # the env's own default
         "tasks": ("balance", "swing_up") if env.get("task") == "swing_up" else ("balance",),
     }
     return LearnedController(

@@ -12,8 +12,9 @@ from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
 from ..base import Controller
-from ..envelope import Envelope, envelope_c
+from ..envelope import Envelope
 from ..linear import LinearController
+from .envelope_c import envelope_c
 
 _HEADER = """\
 /* Controller "{name}" of a Furuta pendulum. C99, no dependencies{math}.
@@ -26,7 +27,7 @@ _HEADER = """\
  *
  * q1        arm angle [rad]
  * q2        pendulum angle [rad], 0 upright, not wrapped
- * reference arm angle to hold [rad]
+ * reference arm angle to hold [rad], well within the arm's travel: nothing here limits it
  * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off
 {columns} *
  * Designed for theta = {theta} ({unit}).

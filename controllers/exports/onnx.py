@@ -131,6 +131,7 @@ def _about(controller: LearnedController, plant: Plant, policy: Path) -> dict[st
         "u_max": plant.u_max,
         "trained_u_max": controller.trained_u_max,
         "unit": plant.unit,
+        "limits": json.dumps(dict(plant.limits or {})),
         "task": controller.tasks[-1],
         "trained": json.dumps({key: record.get(key) for key in ("algorithm", "seed", "steps", "plant_sha256")}),
     }

@@ -14,10 +14,11 @@ from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.files import write_whole
 
 from ..cells import Cells
-from ..envelope import Envelope, envelope_c
+from ..envelope import Envelope
 from ..layers import Layer, network_in
 from ..learned import LearnedController
 from .c import _number, columns_note
+from .envelope_c import envelope_c
 
 _HEADER = """\
 /* Learned policy "{name}" of a Furuta pendulum ({task}). C99, needs math.h, string.h; the network in
@@ -31,7 +32,7 @@ _HEADER = """\
  *
  * q1        arm angle [rad]
  * q2        pendulum angle [rad], 0 upright, not wrapped
- * reference arm angle to hold [rad]
+ * reference arm angle to hold [rad], well within the arm's travel: nothing here limits it
  * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off
 {columns} */
 #ifndef {guard}

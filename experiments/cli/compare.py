@@ -101,7 +101,10 @@ def compare_command(
             "paper-lqr has the gains of the paper's rig (table3), not of this plant; it is there to compare with."
         )
     console = Console()
-    (console if console.is_terminal else Console(width=120)).print(result.table())
+    if console.is_terminal:
+        console.print(result.table())
+    else:  # a file or a pipe has no width to keep
+        typer.echo(str(result), nl=False)
     typer.echo(f"Written in {output}: {', '.join(written)}")
     linear = [name for name, policy in result.policies.items() if isinstance(policy, LinearController)]
     if own := [name for name in linear if name != "paper-lqr"]:

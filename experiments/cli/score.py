@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,7 +40,7 @@ def score_command(
 ) -> None:
     """Say how well a controller did in logs of the rig: the figures that `furuta compare` gives for simulated runs."""
     from controllers.measured_run import run_figures
-    from controllers.trials import ARM_TRAVEL
+    from controllers.trials import ARM_TRAVEL, HORIZONTAL
     from furuta_gym.plant import Plant
 
     if arm_travel is not None and not arm_travel > 0:
@@ -60,10 +61,12 @@ def score_command(
             {"unit": unit, "runs": [{"log": log.source, **asdict(f)} for log, f in zip(used, found, strict=True)]}
         )
         return
-    _show([log.source for log in used], found, unit)
+    hangs = [] if swing_up else [log.source for log in used if abs(math.remainder(log.q2[0], 2 * math.pi)) > HORIZONTAL]
+    _show([log.source for log in used], found, unit, hangs)
 
 
-def _show(names: list[str], found: list[RunFigures], unit: str) -> None:
+def _show(names: list[str], found: list[RunFigures], unit: str, hangs: list[str]) -> None:
+    """hangs: names of logs that begin hanging though they are scored as balancing."""
     heads = ("log", "held", "rms q1\n[rad]", "mean q1\n[rad]", "rms q2\n[rad]", f"energy\n[{unit}²·s]")
     table = Table(*map(escape, (*heads, f"roughness\n[{unit}/s]", "settled\n[s]")))
     for name, f in zip(names, found, strict=True):
@@ -72,4 +75,6 @@ def _show(names: list[str], found: list[RunFigures], unit: str) -> None:
         table.add_row(escape(name), held, *figures, "no" if f.settling is None else f"{f.settling:.2f}")
     console = Console()
     (console if console.is_terminal else Console(width=110)).print(table)
+    if hangs:
+        typer.echo(f"Note: {', '.join(hangs)} begins hanging. Give --swing-up, if the run is to swing up.")
     typer.echo("As furuta compare has them for simulated runs. Encoder noise is part of what is read.")

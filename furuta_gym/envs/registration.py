@@ -1,6 +1,7 @@
 """The names under which Gymnasium knows the environments, their options, and how long an episode lasts."""
 
 import math
+import os
 import warnings
 from copy import copy
 from typing import Any
@@ -54,7 +55,7 @@ def _entry_of(own_id: Any) -> str:
 
 
 class PlainSpec:
-    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary.
+    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary and a path its text.
 
     So the spec has a JSON, and `gymnasium.make` of it makes the same env."""
 
@@ -65,9 +66,9 @@ class PlainSpec:
         from ..plant.plant import Plant  # here, as registering the ids is to load nothing heavy
 
         plant = None if given is None else given.kwargs.get("plant")
-        if given is not None and isinstance(plant, Plant):
+        if given is not None and isinstance(plant, Plant | os.PathLike):
             given = copy(given)
-            given.kwargs = given.kwargs | {"plant": plant.to_dict()}
+            given.kwargs = given.kwargs | {"plant": plant.to_dict() if isinstance(plant, Plant) else os.fspath(plant)}
         env.__dict__["spec"] = given
 
 

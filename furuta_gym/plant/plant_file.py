@@ -99,7 +99,11 @@ class ProvenanceEntry(Struct):
 
 class LimitsEntry(Struct, forbid_unknown_fields=True):
     arm_travel: Annotated[
-        Limit | UnsetType, Meta(description="Largest angle of the arm to either side of zero, in rad")
+        Limit | UnsetType,
+        Meta(
+            description="Largest angle of the arm to either side of zero, in rad. There a controller's command "
+            "becomes 0, and the arm coasts on"
+        ),
     ] = UNSET
     arm_speed: Annotated[Limit | UnsetType, Meta(description="Largest speed of the arm, in rad/s")] = UNSET
     slew: Annotated[Limit | UnsetType, Meta(description="Largest change of the command, in its unit a second")] = UNSET
@@ -133,8 +137,9 @@ class PlantFile(Struct):
     checks: Annotated[
         dict[str, Any] | None,
         Meta(
-            description="Verdicts of the fit, such as whether a rigid body can have this θ. Draws of plants do not "
-            "take the covariance for what identifiability.not_identified names; the rest is for readers"
+            description="Verdicts of the fit, such as whether a rigid body can have this θ. error_bars says why the "
+            "covariance is too small, where the method's is. Draws of plants do not take the covariance for what "
+            "identifiability.not_identified names. identifiability is that of furuta identify --json"
         ),
     ] = None
     limits: Annotated[

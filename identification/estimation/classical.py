@@ -17,6 +17,12 @@ from .estimate import Estimate
 from .identifiability import Motion, judge, spoken
 from .uncertainty import inverse_information
 
+_BIASED = "its standard deviations are classical: they ignore the bias and are far too small"
+_LINEARISED = (
+    "its standard deviations are those of the filter itself: they allow for nothing that the model lacks, and may be "
+    "far too small even where it lacks nothing"
+)
+
 
 class FilteredLeastSquares:
     """The paper's batch least squares on the filtered dynamic model."""
@@ -51,15 +57,15 @@ def _estimate(logs: Sequence[Log], method: str, template: Plant, start: Plant | 
 
         history = track(logs, start)
         theta, covariance, samples = history.theta[-1], history.covariance, len(history.t)
-        sharpness = history.sharpness
+        sharpness, bars = history.sharpness, _LINEARISED
     else:
         batch = filtered_least_squares(logs)
         theta, covariance, samples = batch.theta, batch.covariance, batch.samples
         warnings += batch.warnings
         if method == "recursive-ls":
             theta = recursive_least_squares(filtered_models(logs)).last
-        scale = "its standard deviations are classical: they ignore the bias and are far too small"
-        warnings = (*warnings, f"{method}: {scale}; compare with --method prediction-error")
+        bars = _BIASED
+    warnings = (*warnings, f"{method}: {bars}; compare with --method prediction-error")
     plant = _plant(theta, method, template, sharpness)
     verdict = judge(THETA_NAMES, theta, inverse_information(covariance), Motion.of(logs), np.sqrt(np.diag(covariance)))
     return Estimate(
@@ -74,6 +80,7 @@ def _estimate(logs: Sequence[Log], method: str, template: Plant, start: Plant | 
         message="done",
         fixed={"r1": sharpness[0], "r2": sharpness[1]} if isinstance(sharpness, tuple) else {"r": sharpness},
         warnings=warnings,
+        error_bars=bars,
     )
 
 

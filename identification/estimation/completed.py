@@ -47,7 +47,9 @@ def with_plant(
         sensors=sensors,
         sample_time=float(f"{logs[0].sample_time:.9g}"),  # stamps differ in their last bits
         provenance=_provenance(estimate, logs, start, u_max),
-        checks=consistency.to_dict() | {"identifiability": estimate.identifiability.to_dict()},
+        checks=consistency.to_dict()
+        | {"identifiability": estimate.identifiability.to_dict()}
+        | ({"error_bars": estimate.error_bars} if estimate.error_bars else {}),
     )
     largest = max(float(np.abs(log.u).max()) for log in logs)
     return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None, largest_command=largest)

@@ -64,6 +64,7 @@ class Estimate:
     classical, sandwich (n, n): covariance from the inverse Fisher information, and the one that stays right when the
     innovations are not white (see `uncertainty`); `covariance` is the one recommended and stored in the plant.
     model_error (n, n): the part of it that allows for what the model lacks (see `model_error`), or None.
+    error_bars: in words, why `std` is too small, for the methods whose error bars are no measure of the error; else "".
     zeros: of the encoders in each log; the arm's in the first log is the plant's own.
     stretches: of each log, the seconds (from, to) that were fitted, where not all were.
     gain_changes: where what the command does changed within a log (see `steady_gain`); `warnings` tell it too.
@@ -89,6 +90,7 @@ class Estimate:
     at_bound: tuple[str, ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    error_bars: str = ""
     stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
     gain_changes: tuple[GainChange, ...] = ()
     u_max_guessed: bool = False
@@ -215,6 +217,7 @@ class Estimate:
             "physical_consistency": physical_consistency(self.plant.theta).to_dict(),
             "zeros": self.zeros_by_log,
             "warnings": list(self.warnings),
+            "error_bars": self.error_bars or None,
         }
 
     @property

@@ -76,7 +76,9 @@ class Motion:
 class Identifiability:
     """The verdict. level: "good", "weak" or "not identifiable".
 
-    unidentified, weak: names of parameters. relative_std: of every estimated parameter. singular_values: of the
+    unidentified, weak: names of parameters. relative_std: of every estimated parameter, the standard deviation of a
+    right model over the reference of `judge` (its size; of friction at least a tenth of the arm's friction at the
+    logs' speed, or a hundredth of θ5; of an effect at least a size worth noticing). singular_values: of the
     scaled information, largest first (each is one over the relative standard deviation of a direction).
     weakest: the last direction as {name: component}. advice: sentences, each with what to do.
     """

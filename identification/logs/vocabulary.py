@@ -136,6 +136,8 @@ def fits(name: str, role: str) -> int:
         return 1  # of a drive that controls the current
     if set(parts) & OTHER or plain in OTHER:
         return 0
+    if parts[0:1] == ["u"] and role in ("q1", "u"):
+        return int(role == "u")  # u_motor, of which one letter says more than the word
     found = [w for w in parts if w in ROLES[role] and (len(w) > 1 or len(parts) == 1)]
     if not found:
         return 0

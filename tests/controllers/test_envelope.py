@@ -13,8 +13,9 @@ from controllers.envelope import REASONS, Envelope, Guarded
 from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
 from controllers.learned import LearnedController
-from furuta_gym.plant import QUBE, TABLE_3, Effect
+from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect, Plant
 from furuta_gym.sensors import Sensors
+from furuta_gym.simulation import LivePlant
 from tests.controllers.chance import recurrent_network
 
 COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
@@ -74,6 +75,16 @@ def hostile(n: int, seed: int) -> list[tuple[int, float, float, float]]:
     return rows
 
 
+def unreadable(rows: list[tuple[int, float, float, float]], off: np.ndarray) -> np.ndarray:
+    """Which rows are no numbers, beyond 10⁴ rad, or half a turn of the pendulum from the last good one."""
+    bad, last = [], None
+    for (again, *row), reason in zip(rows, off, strict=True):
+        last = None if again else last
+        bad.append(not all(abs(v) <= 1e4 for v in row) or (last is not None and abs(row[1] - last) > math.pi))
+        last = row[1] if not bad[-1] and reason == 0 else last
+    return np.array(bad)
+
+
 def check(u: np.ndarray, off: np.ndarray, rows: list[tuple[int, float, float, float]], e: Envelope, T: float) -> None:
     assert np.isfinite(u).all()
     assert np.abs(u).max() <= e.u_max * (1 + 1e-6)
@@ -81,7 +92,7 @@ def check(u: np.ndarray, off: np.ndarray, rows: list[tuple[int, float, float, fl
     again = np.array([row[0] for row in rows], dtype=bool)
     held = ~again[1:] & (off[:-1] > 0)
     assert (off[1:][held] == off[:-1][held]).all(), "off until reset, for the same reason"
-    bad = np.array([not all(abs(v) <= 1e4 for v in row[1:]) for row in rows])
+    bad = unreadable(rows, off)
     assert (u[bad] == 0).all()
     smooth = ~again[1:] & ~bad[1:] & (off[1:] == 0)
     assert np.abs(np.diff(u))[smooth].max() <= e.slew * T * (1 + 1e-5)
@@ -205,6 +216,7 @@ class TestEachRule:
             ({"arm_speed": 5.0, "resolution": 0.006}, [(0.0, 0.0), (0.03, 0.0)], "speed"),
             ({"arm_speed": 5.0}, [(0.0, 0.0), (math.nan, 0.0), (0.05, 0.0)], "speed"),
             ({"bad_readings": 2}, [(math.nan, 0.0), (0.0, math.inf)], "reading"),
+            ({"tilt": math.inf}, [(0.0, 3.1), (0.0, -3.1), (0.0, -3.0), (0.0, -2.9)], "reading"),  # wrapped
         ],
     )
     def test_it_goes_off_with_a_reason_until_reset(self, changes, readings, reason):
@@ -264,6 +276,12 @@ class TestEachRule:
         assert [inside((0.1, 0.02)) for _ in range(3)] == [0.0] * 3
         assert inside.off == "reading"
 
+    def test_a_pendulum_may_turn_by_nearly_half_a_turn_in_a_sample(self):
+        inside = guarded(tilt=math.inf)
+        for k in range(20):
+            inside((0.0, 3.1 * k))
+        assert inside.off == "on"
+
     def test_soft_start_and_slew(self):
         full, soft = guarded()((0.0, 0.1)), guarded(soft_start=0.04)
         first = [soft((0.0, 0.1)) for _ in range(3)]
@@ -283,3 +301,90 @@ class TestEachRule:
         ):
             with pytest.raises(ValueError, match="envelope"):
                 guarded(**change)
+
+
+POLICIES = Path(__file__).parents[2] / "controllers" / "policies"
+BALANCERS = [
+    *((plant, name) for plant in (QUBE, TABLE_3, LARGE_RIG) for name in ("dlqr", "lqg", "lqi", "lqr-friction"))
+]
+BALANCERS += [(QUBE, "lqr"), (QUBE, "lqg-friction"), (QUBE, POLICIES / "balance-qube.zip")]
+
+
+class TestAnEncoderThatStands:
+    """Of the arm, unplugged or seen to stand in a good run."""
+
+    @staticmethod
+    def play(controller, plant, duration, counts=2048, x0=(0.1, 0.05, 0.0, 0.0), stands_from=math.inf):
+        """A run inside the envelope with 2π of travel: its readings, what it commanded, and when it went off [s]."""
+        inside = Guarded(controller)
+        rig = LivePlant(plant, inside.sample_time, Sensors(counts), x0=x0)
+        readings, off = [], None
+        while rig.t < duration:
+            y = rig.read()
+            if rig.t > stands_from:
+                y = np.array([readings[-1][0], y[1]])
+            readings.append(y)
+            u = inside(y)
+            if inside.off != "on" and off is None:
+                off = rig.t
+            rig.step(u)
+        return readings, inside, off
+
+    @pytest.mark.parametrize(
+        ("plant", "name"), BALANCERS, ids=lambda x: Path(x).stem if not isinstance(x, Plant) else ""
+    )
+    @pytest.mark.parametrize("effect", [None, "arm_cable", "input_offset"])
+    def test_no_good_balancer_goes_off(self, plant, name, effect):
+        """Friction, a cable and an offset that the controller does not know let the arm stand for a while."""
+        real = plant.with_effects(plant.default_effect(effect)) if effect else plant
+        for counts in (1024, 4096):
+            T = 0.02 if isinstance(name, Path) else 0.004
+            controller = make_controller(name, plant, T, Sensors(counts))
+            assert math.isfinite(Envelope.of(controller).held)
+            _, inside, _ = self.play(controller, real, 6.0, counts)
+            assert inside.off == "on" or (effect == "arm_cable" and inside.off == "tilt")  # some fall under this cable
+
+    @pytest.mark.parametrize("name", ["swing-up", POLICIES / "swing-up-qube.zip"])
+    def test_no_good_swing_up_goes_off(self, name):
+        controller = make_controller(name, QUBE, 0.02 if isinstance(name, Path) else 0.004)
+        _, inside, _ = self.play(controller, QUBE, 5.0, x0=(0.0, math.pi, 0.0, 0.0))
+        assert inside.off == "on"
+
+    @pytest.mark.parametrize("name", ["lqr", "dlqr", "lqg", "lqi", "lqr-friction", POLICIES / "swing-up-qube.zip"])
+    def test_an_unplugged_one_switches_off(self, name):
+        """The arm, which nothing holds back, turns for ever otherwise: its reading never leaves the travel."""
+        real = QUBE.with_effects(Effect("input_offset", {"b": 0.1}))
+        controller = make_controller(name, QUBE, 0.02 if isinstance(name, Path) else 0.004)
+        _, inside, off = self.play(controller, real, 12.0, stands_from=1.0)
+        assert inside.off == "held"
+        assert off < 8.0
+
+    @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+    @pytest.mark.parametrize("name", ["lqg", "swing-up-qube.zip"])
+    def test_c_goes_off_at_the_same_sample(self, name, tmp_path):
+        policy = name.endswith(".zip")
+        controller = make_controller(POLICIES / name if policy else name, QUBE, 0.02 if policy else 0.004)
+        readings, _, _ = self.play(controller, QUBE, 3.0, stands_from=0.5)
+        rows = [(0, float(q1), float(q2), 0.0) for q1, q2 in readings]
+        rows = [(int(k == 0), *row[1:]) for k, row in enumerate(rows)]
+        header = policy_c_header if policy else c_header
+        u, off = played(compiled(header(controller, "c"), tmp_path, "double"), rows)
+        ours, reasons = in_python(controller, Envelope.of(controller), rows)
+        assert reasons == off.tolist()
+        assert reasons[-1] == REASONS.index("held")
+        np.testing.assert_allclose(u, ours, atol=1e-3 * controller.u_max)
+
+    def test_an_arm_that_a_cable_holds_while_the_pendulum_rests_goes_on(self):
+        inside = guarded(held=0.02)
+        inside.controller._command = lambda y, r: 2.0
+        for k in range(50):
+            inside((0.1, 0.003 * (k % 3)))
+        assert inside.off == "on"
+        inside((0.1, 0.03))
+        assert inside.off == "held"
+
+    def test_without_the_rule_it_never_does(self):
+        inside = guarded(held=math.inf)
+        for k in range(400):
+            inside((0.1, 0.05 * math.sin(0.1 * k)))
+        assert inside.off == "on"

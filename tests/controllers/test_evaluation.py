@@ -232,6 +232,23 @@ def test_files(comparison, tmp_path):
         Comparison.load(tmp_path / "comparison.json")
 
 
+def test_the_table_of_many_groups_cuts_no_heading(comparison):
+    """A text has no width to keep, as a terminal has."""
+    played = ("balance", "push", "θ ±20 %", "delay 16 ms", "swing-up", "swing-up, 16 ms late", "swing-up, supply 60 %")
+    text = str(replace(comparison, groups=dict.fromkeys(played, "any")))
+    for title in (
+        "controller",
+        "upright",
+        "roughness",
+        "settling",
+        "16 ms late",
+        "worst 5 %",
+        "largest q1",
+        "supply 60 %",
+    ):
+        assert title in text
+
+
 def test_table_shows_everyone(comparison):
     text = str(comparison)
     for name in ("dlqr", "swing-up", "idle", "paper-lqr", "100 %"):

@@ -127,7 +127,7 @@ def test_the_firmware_of_the_page_balances_and_stays_off_until_its_button(tmp_pa
     (tmp_path / "main.c").write_text(FIRMWARE + code + SESSION)
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
     subprocess.run([str(COMPILER), *flags, "-o", tmp_path / "main", tmp_path / "main.c", "-lm"], check=True, timeout=60)
-    steps = [(0, 0, 2048), (1, 10, 2058), (0, 11, 2055), (0, 0, 0), (0, 0, 2048), (1, 10, 2058), (1, 10, -2038)]
+    steps = [(0, 0, 2048), (1, 10, 2058), (0, 11, 2055), (0, 0, 900), (0, 0, 2048), (1, 10, 2058), (1, 10, -2038)]
     text = "\n".join(" ".join(str(number) for number in step) for step in steps)
     said = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True, timeout=60)
     volts, off = zip(*((float(u), int(o)) for u, o in map(str.split, said.stdout.splitlines())), strict=True)
@@ -135,7 +135,7 @@ def test_the_firmware_of_the_page_balances_and_stays_off_until_its_button(tmp_pa
     controller.reset()
     law = [controller(count * np.array([q1, 2048.0 - q2])) for _, q1, q2 in steps[1:3]]  # the page flips q2
     assert volts == pytest.approx([0.0, *law, 0.0, 0.0, law[0], law[0]], abs=1e-3)  # lifted to either side
-    assert off == (0, 0, 0, 4, 4, 0, 0)  # hanging is farther than horizontal, and stays the reason
+    assert off == (0, 0, 0, 4, 4, 0, 0)  # 1.76 rad is farther than horizontal, and stays the reason
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on this machine")

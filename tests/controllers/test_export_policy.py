@@ -1,5 +1,6 @@
 """Policies taken elsewhere: ONNX and C say what stable-baselines3 says."""
 
+import json
 import shutil
 import subprocess
 
@@ -150,11 +151,12 @@ def test_onnx_for_a_weaker_amplifier_is_driven_by_its_own_metadata(policy, tmp_p
         last = float(command[0, 0])
         assert last == pytest.approx(controller(y), abs=1e-3)
     assert float(about["u_max"]) == WEAKER.u_max
+    assert json.loads(about["limits"]) == dict(WEAKER.limits or {})
     many = controller.history > 1
     assert ("oldest first; at the first step all are the first one" in about["observation"]) == many
 
 
-WEAKER = QUBE.replace(u_max=0.4 * QUBE.u_max)
+WEAKER = QUBE.replace(u_max=0.4 * QUBE.u_max, limits={"arm_travel": 6.0})
 
 
 def wandering(n: int) -> np.ndarray:

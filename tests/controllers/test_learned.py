@@ -16,6 +16,7 @@ from controllers.trials import balance_starts, run_trials
 from experiments.bench import Rig
 from experiments.bench_runs import run_on_bench
 from furuta_gym.envs import options_of
+from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.simulation import simulate
 from identification.design.setup import Setup
@@ -222,6 +223,14 @@ def test_the_gain_of_a_policy_is_that_of_its_training(policy_file, tmp_path):
     assert make_controller(path, QUBE.replace(u_max=0.5 * abs(said)), 0.01)(y) == pytest.approx(0.5 * said)
     with pytest.raises(ValueError, match="command is in V; this plant's is in N·m"):
         make_controller(path, LARGE_RIG, 0.01)
+
+
+def test_without_a_record_of_its_arm_limit_it_sees_the_arm_as_the_env_of_its_plant_does(policy_file, tmp_path):
+    path = rewritten(policy_file, tmp_path / "small.zip", env={"task": "balance", "sample_time": 0.01, "history": 2})
+    for limits in (None, {"arm_travel": 2.0}):
+        plant = QUBE.replace(limits=limits)
+        env = FurutaEnv(plant, sample_time=0.01)
+        assert 2 * make_controller(path, plant, 0.01).arm_limit == pytest.approx(env.observation_space.high[0])
 
 
 def test_a_design_for_another_unit_is_refused():

@@ -77,3 +77,21 @@ def test_the_arm_s_travel_is_the_plant_file_s(runs: list[Path], tmp_path: Path) 
     assert scored("--plant", tight, "--arm-travel", 1.0)
     assert scored("--plant", free)
     refused(furuta("score", runs[0], "--plant", tmp_path / "absent.json"), "absent.json")
+
+
+def test_a_run_that_begins_hanging_is_told_of_swing_up(runs: list[Path], tmp_path: Path) -> None:
+    """Scored as balancing it has held for no time at all."""
+    rig, rows = LivePlant(QUBE, T, Sensors(2048), x0=(0.0, np.pi, 0.0, 0.0)), []
+    controller = make_controller("swing-up", QUBE, T)
+    while rig.t < 8.0:
+        y = rig.read()
+        u = controller(y)
+        rows.append((rig.t, *y, u))
+        rig.step(u)
+    t, q1, q2, u = np.array(rows).T
+    write_log(tmp_path / "up.csv", Log(t, q1, q2, u, input_unit="V", encoder_counts=(2048, 2048)))
+    told = furuta("score", runs[0], tmp_path / "up.csv")
+    assert told.exit_code == 0, told.output
+    assert "Note: up.csv begins hanging. Give --swing-up" in told.stdout
+    assert "begins hanging" not in furuta("score", tmp_path / "up.csv", "--swing-up").stdout
+    assert "begins hanging" not in furuta("score", runs[0]).stdout

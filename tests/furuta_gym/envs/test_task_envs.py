@@ -193,6 +193,13 @@ def test_batch_equals_single_envs(env_id):
     assert late > 0
 
 
+def test_the_spec_of_a_plant_file_has_a_json_though_its_path_is_no_text(tmp_path):
+    path = QUBE.save(tmp_path / "rig.json")
+    assert isinstance(path, Path)
+    env = gym.make("FurutaBalance-v0", plant=path)
+    assert EnvSpec.from_json(env.spec.to_json()).kwargs["plant"] == str(path)
+
+
 def test_the_spec_of_a_plant_of_ones_own_has_a_json_that_makes_the_same_env():
     """A Plant is no JSON; its dictionary is one, and makes the same plant."""
     plant = QUBE.with_effects(Effect("arm_spring", {"k": 0.1, "q1n": 0.2}))

@@ -302,6 +302,28 @@ def test_classical_results_are_of_the_model_they_fitted(upright: Log, method: st
     assert estimate.fixed == {"r": estimate.plant.friction_sharpness}
 
 
+@pytest.mark.parametrize("method", ["filtered-ls", "recursive-ls", "ekf"])
+def test_error_bars_that_are_too_small_say_so_everywhere(upright: Log, fitted: Estimate, method: str) -> None:
+    estimate = identify(upright, method=method)
+    assert "too small" in estimate.error_bars
+    assert f"! {method}: {estimate.error_bars}" in str(estimate)
+    assert estimate.to_dict()["error_bars"] == estimate.plant.checks["error_bars"] == estimate.error_bars
+    assert fitted.to_dict()["error_bars"] is None
+    assert "error_bars" not in fitted.plant.checks
+
+
+def test_relative_std_is_what_the_page_on_json_says(upright: Log, fitted: Estimate) -> None:
+    """The arm's friction is large here and the pendulum's small, so both kinds of size occur."""
+    found, told = dict(zip(fitted.names, fitted.std_if_right, strict=True)), fitted.identifiability.relative_std
+    theta = dict(zip(fitted.names, np.abs(fitted.values), strict=True))
+    v1, v2 = (np.sqrt(np.mean((np.diff(q[::10]) / np.diff(upright.t[::10])) ** 2)) for q in (upright.q1, upright.q2))
+    arm = 0.1 * (theta["theta8"] + theta["theta6"] * v1)
+    least = {"theta8": arm, "theta6": arm / v1, "theta9": 0.01 * theta["theta5"], "theta7": 0.01 * theta["theta5"] / v2}
+    sizes = {name: max(theta[name], least.get(name, 0.0)) for name in theta}
+    assert told == pytest.approx({name: found[name] / sizes[name] for name in theta})
+    assert any(sizes[name] > theta[name] for name in least)
+
+
 def test_an_effects_parameter_may_be_known_to_be_zero(upright: Log) -> None:
     """Against itself, a spring at zero angle would never be identified."""
     spring = Effect("arm_spring", {"k": 0.3, "q1n": 0.0})

@@ -96,6 +96,17 @@ def test_units_are_found(kind: str, angle: str, time: float, label: bool) -> Non
     assert not proposal.below(Confidence.sure)
 
 
+@pytest.mark.parametrize("kind", LOGS)
+@pytest.mark.parametrize("command", ["u_motor", "u_V", "uMotor"])
+def test_a_command_whose_name_begins_with_u_is_none_of_the_arm(kind: str, command: str) -> None:
+    log = LOGS[kind]()
+    source = table(log, ("t", "theta_arm", "alpha_enc", command))
+    proposal = propose(source)
+    assert proposal.mapping.columns["u"] == command
+    assert proposal.item("u").confidence is not Confidence.open
+    assert same_motion(read(proposal, source), log)
+
+
 @pytest.mark.parametrize("names", NAMES.values(), ids=NAMES)
 @pytest.mark.parametrize("kind", LOGS)
 def test_columns_are_found_by_their_names_in_any_order_beside_others(kind: str, names: tuple[str, ...]) -> None:
