@@ -129,12 +129,25 @@ def _fitted_to(rig: Plant) -> str:
 def _look(rig: Plant, logs: Sequence[Path], read: Sequence[Log], again: str) -> tuple[str, str]:
     """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found, and
     a remark on it. again: the options that read the logs."""
+    from identification.logs.reading import file_hash
+
     entries = rig.provenance.get("logs") or []
-    sources = [str(entry.get("source")) for entry in entries]
-    places = [next((p for p in (Path(s), logs[0].parent / s) if p.is_file()), None) for s in sources]
-    fitted = " ".join("LOG" if place is None else shlex.quote(str(place)) for place in places) or "LOG"
     known = {entry.get("sha256") for entry in entries}
-    others = [path for path, log in zip(logs, read, strict=True) if log.sha256 not in known]
-    held_out = " ".join(shlex.quote(str(log)) for log in others) or "LOG"
+    others = [shlex.quote(str(path)) for path, log in zip(logs, read, strict=True) if log.sha256 not in known]
+    places = [_place(str(entry.get("source")), logs[0].parent) for entry in entries]
+    hashes = [place and entry.get("sha256") and file_hash(place) for place, entry in zip(places, entries, strict=True)]
+    replaced = any(h and h != entry.get("sha256") for h, entry in zip(hashes, entries, strict=True))
+    if replaced and others:  # the name of a log that the plant was fitted to is another log's now
+        held_out = f" --held-out {' '.join(others[1:])}" if others[1:] else ""
+        return f"furuta diagnose {others[0]}{again}{held_out} -o diagnosis", ""
+    searched = " ".join("LOG" if place is None else shlex.quote(str(place)) for place in places) or "LOG"
     remark = "" if others else "   (LOG: not fitted; works without --held-out too)"
-    return f"furuta diagnose {fitted}{again} --held-out {held_out} -o diagnosis", remark
+    if others and any(places):
+        both = f"furuta identify {searched} {' '.join(others)}{again}"
+        remark = f"\nIf the rig may have changed between these logs, ask this first: {both}"
+    return f"furuta diagnose {searched}{again} --held-out {' '.join(others) or 'LOG'} -o diagnosis", remark
+
+
+def _place(source: str, folder: Path) -> Path | None:
+    """Where a plant's log is found: here, or beside the logs that were given."""
+    return next((p for p in (Path(source), folder / source) if p.is_file()), None)
