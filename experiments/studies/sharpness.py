@@ -19,13 +19,13 @@ from experiments.trials.report import percent
 from experiments.trials.summary import rate
 from experiments.workers import workers
 from furuta_gym.plant import QUBE
+from furuta_gym.plant.covariance import NORMAL_95
 from identification.estimation.identify import identify
 from identification.logs.log import Log
 
 DURATION, SAMPLE_TIME = 10.0, 2e-3  # s
 COUNTS = 2048  # a turn
 SCATTER = 0.1  # standard deviation of ln θ over the rigs
-WITHIN = 1.96  # standard deviations, of 95 %
 
 
 def errors(seed: int) -> dict[str, float]:
@@ -59,7 +59,7 @@ def main(
         found = Parallel()(delayed(errors)(s) for s in range(seed, seed + rigs))
     print(f"{sum(not one for one in found)} of {rigs} logs refused")
     for name in ("r", *(f"theta{i}" for i in range(1, 10))):
-        held = rate(abs(one[name]) < WITHIN for one in found if name in one)
+        held = rate(abs(one[name]) < NORMAL_95 for one in found if name in one)
         print(f"{name}: {percent(held)} of the intervals hold the truth")
 
 

@@ -189,13 +189,14 @@ def same_columns(first: Look, looks: Sequence[Look]) -> list[Problem]:
             text = f"{look.table.name} has no column {', '.join(lacking)}, which {first.table.name} has."
             found.append(Problem(text, f"{_OF_ITS_OWN}."))
             continue
-        for axis in ("q1", "q2"):
-            ours, theirs = first.units[axis], look.units[axis]
-            sure = ours.confidence is Confidence.sure is theirs.confidence
-            one, other = ours.believed(None), theirs.believed(None)
-            if sure and None not in (one, other) and one != other:
-                text = f"{first.column(axis)} is in {one} in {first.table.name}, in {other} in "
-                found.append(Problem(f"{text}{look.table.name}.", f"{_OF_ITS_OWN}."))
+        units = {axis: (first.units[axis], look.units[axis]) for axis in ("q1", "q2")}
+        read = {axis: tuple(unit.believed(None) for unit in pair) for axis, pair in units.items()}
+        if any(one == other for one, other in read.values()):
+            continue  # who writes one angle alike writes both alike; an arm that spins looks as if it were in degrees
+        for axis, (one, other) in read.items():
+            if None not in (one, other) and all(unit.confidence is Confidence.sure for unit in units[axis]):
+                text = f"{first.column(axis)} is in {one} in {first.table.name}, in {other} in {look.table.name}."
+                found.append(Problem(text, f"{_OF_ITS_OWN}."))
     return found
 
 
