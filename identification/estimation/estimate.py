@@ -285,7 +285,8 @@ class Estimate:
         """One sentence: what is good, what is not."""
         if not self.converged:
             return "did not converge; the numbers are not an optimum"
-        parts = [self.identifiability.level if self.identifiability.level != "good" else _ALL]
+        good = _ALL if self.names else "no parameter was free"
+        parts = [self.identifiability.level if self.identifiability.level != "good" else good]
         if self.identifiability.weak or self.identifiability.unidentified:
             lost, weak = self.identifiability.unidentified, self.identifiability.weak
             said = f", not {spoken(lost)}" if lost else ""

@@ -168,7 +168,9 @@ def judge(
 ) -> Identifiability:
     """The verdict of a fit: `information` (n, n) of the values with everything else profiled out; std as reported.
 
-    sizes: of parameters that may well be zero, what would be worth noticing of them."""
+    sizes: of parameters that may well be zero, what would be worth noticing of them. Good where no value is free."""
+    if not names:
+        return Identifiability("good")
     reference = np.maximum(_references(names, values, motion), [(sizes or {}).get(name, 0.0) for name in names])
     scaled = information * np.outer(reference, reference)
     eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))

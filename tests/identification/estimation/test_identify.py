@@ -274,6 +274,15 @@ def test_an_effects_parameter_can_be_fixed_or_have_a_prior(upright: Log, carried
     assert estimate.values[estimate.names.index("arm_spring.q1n")] == pytest.approx(0.1, abs=1e-5)
 
 
+def test_all_parameters_may_be_given(upright: Log) -> None:
+    """Then the noise alone is estimated, and nothing is called identified."""
+    given = {f"theta{i}": float(value) for i, value in enumerate(TABLE_3.theta, 1)}
+    estimate = identify(upright, fixed=given, sharpness=100.0)
+    assert estimate.names == ()
+    assert estimate.verdict.startswith("no parameter was free")
+    assert np.array_equal(estimate.plant.theta, TABLE_3.theta)
+
+
 def test_the_sharpness_of_one_axis_can_be_fixed(upright: Log) -> None:
     estimate = identify(upright, TABLE_3, fixed={"r1": 40.0}, priors={"r2": (300.0, 0.01)})
     assert estimate.plant.friction_sharpness == pytest.approx((40.0, 300.0), rel=1e-3)
