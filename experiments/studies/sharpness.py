@@ -28,15 +28,20 @@ COUNTS = 2048  # a turn
 SCATTER = 0.1  # standard deviation of ln θ over the rigs
 
 
-def errors(seed: int) -> dict[str, float]:
-    """(estimate − truth) / standard deviation of r and each θ, as far as they are identified, of one rig.
-
-    Empty where `identify` refuses the log, as of a pendulum that turns over again and again."""
+def swept(seed: int) -> tuple[Log, plain_lab.PlainRig]:
+    """A log of a hanging pendulum under a sweep, and its rig."""
     theta = QUBE.theta * np.exp(np.random.default_rng(seed).normal(0.0, SCATTER, 9))
     rig = plain_lab.PlainRig(tuple(theta.tolist()), QUBE.u_max, COUNTS)
     read = plain_lab.a_log(rig, "sweep", seed, DURATION, SAMPLE_TIME)
     counts = rig.counts, rig.counts
-    log = Log(t=read["t"], q1=read["q1"], q2=read["q2"], u=read["u"], encoder_counts=counts, input_unit="V")
+    return Log(t=read["t"], q1=read["q1"], q2=read["q2"], u=read["u"], encoder_counts=counts, input_unit="V"), rig
+
+
+def errors(seed: int) -> dict[str, float]:
+    """(estimate − truth) / standard deviation of r and each θ, as far as they are identified, of one rig.
+
+    Empty where `identify` refuses the log, as of a pendulum that turns over again and again."""
+    log, rig = swept(seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # advice for a person
         try:

@@ -8,6 +8,7 @@ a short race of prediction-error fits on a reduced log at high process noise; th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -32,6 +33,7 @@ from .prediction_error import PredictionError
 _SMOOTHING = 0.02  # s, of the Gaussian: long against the encoder's counts, short against the motion
 _TRUNCATED = 8.0  # widths: cut at scipy's 4, a second derivative keeps 1e-3/width² of the angle itself
 _NO_COMMAND = 1e-9  # of the largest command: what rounding leaves of one that does not change
+_TURNS = 4.0 * math.pi  # rad, between the farthest angles of a pendulum that turns over
 _ROD = 0.75  # θ2/θ4 of a thin rod
 _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a palm-sized pendulum and an arm-sized one
 _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
@@ -126,6 +128,11 @@ def _why_none(m: Motion, logs: Sequence[Log]) -> str:
         return (
             "the command does not change where the motion can be smoothed for start values, so nothing tells the scale "
             "of the inertias. Expected a command that drives the arm there; add a driven log"
+        )
+    if np.ptp(m.q[:, 1]) > _TURNS:
+        return (
+            "the pendulum turns over again and again, which hides what the command does to the arm. Expected one that "
+            "swings or balances; record a log with smaller commands, or leave the turns out (--cut)"
         )
     return (
         "a positive command does not drive the arm to the positive side: no inertia explains that. Check the signs "
