@@ -31,7 +31,8 @@ def train_command(
     recipe: Annotated[
         str,
         typer.Option(
-            help="plain, or robust: for rigs that are late, differ and pull at a cable. Options given beat it."
+            help="plain, or robust: for rigs with input delay, parameter differences and a cable that pulls the arm. "
+            "Options given beat it."
         ),
     ] = "plain",
     steps: Annotated[

@@ -89,7 +89,7 @@ def main(
     backend: Backend = "loky",
     jobs: Jobs = 1,
 ) -> None:
-    """Does one policy swing up rigs that are late, differ and pull at a cable?"""
+    """Does one policy swing up rigs with input delay, parameter differences and a cable that pulls the arm?"""
     with explained():
         rig = Plant.resolve(plant)
         check_folder(output)

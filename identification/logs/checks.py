@@ -106,15 +106,15 @@ def check_length(name: str, n: int) -> None:
 def check_stretches(name: str, t: np.ndarray) -> None:
     """Raise `LogError` where samples are missing so often that no stretch without a gap can be fitted."""
     cuts = np.flatnonzero(gaps(t)) + 1
-    seconds, samples = SHORTEST_STRETCH
+    (least, fewest), (seconds, samples) = _TOO_SHORT, SHORTEST_STRETCH
     pieces = np.split(t, cuts)
-    if cuts.size and not any(len(p) >= _TOO_SHORT[1] and p[-1] - p[0] >= _TOO_SHORT[0] for p in pieces):
+    if cuts.size and not any(len(p) >= fewest and p[-1] - p[0] >= least for p in pieces):
         longest = max(float(p[-1] - p[0]) for p in pieces)
         places = "one place" if cuts.size == 1 else f"{cuts.size} places"
         raise LogError(
             f"{name}: samples are missing in {places}, and the longest stretch without a gap lasts "
-            f"{longest:.3g} s. Expected one of {seconds:g} s and {samples} samples at least. Record again with a "
-            "logger that keeps up, or with a longer sample time."
+            f"{longest:.3g} s. Expected one of at least {least:g} s and {fewest} samples; {seconds:g} s and {samples} "
+            "samples are safe. Record again with a logger that keeps up, or with a longer sample time."
         )
 
 
