@@ -104,6 +104,17 @@ def test_a_first_look_takes_longer_steps_that_are_stable(rate):
     assert coarse * rate < 2.78 or coarse == SHORTEST_FITTED  # never shorter, whatever a fit tries
 
 
+@pytest.mark.parametrize("stiffness", [30.0, 300.0, 1e4])
+def test_a_first_look_follows_the_stiffest_bristle(stiffness):
+    """Samples of 10 ms leave room for steps at which Runge–Kutta would leave all bounds."""
+    plant = QUBE.with_effects(Effect("arm_presliding", {"σ0": stiffness * QUBE.theta[7]}))
+    t_u = np.arange(40) * 0.01
+    u, x0 = 0.8 * QUBE.u_max * square_waves(t_u), np.array([0.0, np.pi, 0.0, 0.0])
+    longest = fitted_step(plant.friction_rate, 0.0, 10.0)
+    apart = run(plant, x0, t_u, u, 0.4, longest) - run(plant, x0, t_u, u, 0.4, 1e-5)
+    assert np.abs(apart[:, :2]).max() < 0.02  # of some radians
+
+
 @pytest.mark.parametrize("lost", [0.0, np.nan])
 def test_a_fit_that_went_astray_still_ends(lost):
     """θ1 θ4 = θ3²: no inertia is left upright."""

@@ -218,3 +218,19 @@ def test_a_dragged_scale_of_the_pendulum_is_left_for_the_anchors() -> None:
     np.testing.assert_array_equal(start.plant.theta, little.theta)
     later = replace(a_fit(), plant=drift.with_effects(TABLE_3.default_effect("input_delay")))
     np.testing.assert_array_equal(with_effect(later, effect, search({})).plant.theta, drift.theta)
+
+
+def test_an_effect_without_a_small_size_starts_with_friction_to_act_on() -> None:
+    """Where Coulomb friction ended at zero, the bristle that stands for it would be infinitely stiff for its size."""
+    lost = TABLE_3.replace(theta=TABLE_3.theta * np.array([1, 1, 1, 1, 1, 1, 1, 1e-4, 1]))
+    effect = lost.default_effect("arm_presliding")
+    for plant in (lost, lost.with_effects(TABLE_3.default_effect("input_delay"))):
+        start = with_effect(replace(a_fit(), plant=plant), effect, search({}))
+        np.testing.assert_array_equal(np.delete(start.plant.theta, 7), np.delete(lost.theta, 7))
+        assert start.plant.theta[7] == lost.noticeable("theta8") > 100 * lost.theta[7]
+        assert np.isfinite(predicted(start.plant))
+        assert not np.isfinite(predicted(plant.with_effects(effect)))
+    kept = with_effect(replace(a_fit(), plant=TABLE_3), effect, search({}))
+    np.testing.assert_array_equal(kept.plant.theta, TABLE_3.theta)
+    other = with_effect(replace(a_fit(), plant=lost), lost.default_effect("arm_stribeck"), search({}))
+    np.testing.assert_array_equal(other.plant.theta, lost.theta)
