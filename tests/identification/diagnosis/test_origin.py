@@ -18,7 +18,7 @@ from tests.identification.diagnosis.fits import naming, suspect
 
 def test_a_fit_that_the_search_made_was_not_started_by_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
     log = loop_log(duration=3.0)[0]
-    refitted = identify(log, TABLE_3, iterations=1, model_error=False)
+    refitted = identify(log, TABLE_3, "filtered-ls")
     assert refitted.plant.provenance["start"] == "a plant given"
     before: Any = SimpleNamespace(plant=TABLE_3.replace(provenance={"start": "from the logs", "u_max": "given"}))
     monkeypatch.setattr(searched, "identify", lambda *_, **__: refitted)
