@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -11,6 +12,8 @@ from joblib import parallel_config
 from furuta_gym.processes import worker_options
 
 BACKENDS = ("loky", "dask")
+_REPLACED = "A worker stopped while some jobs were given to the executor"
+"""loky replaces a worker whose memory grew, and says so as a warning; nothing is lost."""
 
 
 @contextmanager
@@ -24,6 +27,8 @@ def workers(backend: str, jobs: int) -> Iterator[None]:
     if backend not in BACKENDS:
         raise ValueError(f"backend {backend!r} given, expected one of: {', '.join(BACKENDS)}")
     with ExitStack() as stack:
+        stack.enter_context(warnings.catch_warnings())
+        warnings.filterwarnings("ignore", message=_REPLACED)
         if backend == "dask":
             stack.enter_context(_dask(jobs))
             stack.enter_context(parallel_config("dask", n_jobs=-1))

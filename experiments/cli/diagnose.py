@@ -180,6 +180,8 @@ def _evidence(x: Examination) -> list[str]:
         ratios = " before, ".join(f"{x.gap.over_floor(gap):.2f}" for _, gap in x.gap.sides)
         ending = " after" if x.gap.changed else ""
         lines.append(f"gap: {ratios}{ending} times the noise floor on {data}")
+        if resting := x.gap.after.at_rest:
+            lines.append(f"in doubt: {resting}")
         if x.gap.changed:
             adequate = x.gap.before.judgement.adequacy is Adequacy.ADEQUATE
             closed = "not defined, the error was at the floor before" if adequate else x.gap.closed

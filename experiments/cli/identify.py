@@ -89,7 +89,6 @@ def identify_command(
         only = "--fix, --prior, --effects, --physical and --profile"
         raise ValueError(f"{only} work with --method {DEFAULT}, not with {method}")
     opt.library_effects("--effects", named)
-    _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
 
     for name in ("theta1", "theta4"):
@@ -97,6 +96,7 @@ def identify_command(
             raise ValueError(f"--fix {name}={value:g}: it is an inertia; expected a number above 0")
     known = None if start is None else Plant.resolve(start)  # a wrong name is told before the logs are read
     _check_known([*fixed, *priors], named, known)
+    _check_profiles(profiled, fixed, priors, named, known)
     read = read_logs(logs, reading, known)
     from identification.estimation.identify import identify
 
@@ -210,20 +210,35 @@ def _drawn(gap: Gap, logs: Sequence[Log]) -> bytes:
 
 def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | None) -> None:
     """Before the fit: a name in --fix or --prior that no parameter has. Raises ValueError."""
-    from furuta_gym.plant import EFFECTS, THETA_NAMES
+    from furuta_gym.plant import THETA_NAMES
 
-    own = [EFFECTS[name] for name in effects] + [effect.type for effect in (start.effects if start else ())]
-    known = [*THETA_NAMES, "r", *(f"{kind.name}.{p.name}" for kind in own for p in kind.parameters)]
+    own = _of_effects(effects, start)
+    known = [*THETA_NAMES, "r", "r1", "r2", *own]  # a value of r1 or r2 gives each joint its own
     if strange := [name for name in names if name not in known]:
         more = "" if own else ", and NAME.PARAMETER of the effects in --effects"
         raise ValueError(f"--fix or --prior {', '.join(strange)}: expected one of {', '.join(known)}{more}")
 
 
-def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:
+def _of_effects(effects: Sequence[str], start: Plant | None) -> list[str]:
+    """The parameters that effects have in a fit, as `NAME.PARAMETER`."""
+    from furuta_gym.plant import EFFECTS
+
+    own = dict.fromkeys((*effects, *(effect.name for effect in (start.effects if start else ()))))
+    return [f"{name}.{p.name}" for name in own for p in EFFECTS[name].parameters]
+
+
+def _check_profiles(
+    names: list[str], fixed: Iterable[str], priors: Iterable[str], effects: Sequence[str], start: Plant | None
+) -> None:
     """Before the fit: a name that cannot be profiled. Raises ValueError."""
     from furuta_gym.plant import THETA_NAMES
 
-    known = [n for n in (*THETA_NAMES, "r") if n not in set(fixed)]
+    held, given = set(fixed), {*fixed, *priors}
+    if "r" in held:
+        held |= {"r1", "r2"}
+    apart = bool({"r1", "r2"} & given) or isinstance(start.friction_sharpness if start else None, tuple)
+    free = (*THETA_NAMES, *(("r1", "r2") if apart else ("r",)), *_of_effects(effects, start))
+    known = [n for n in free if n not in held]
     if strange := [n for n in names if n not in known]:
         raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(known)}")
 

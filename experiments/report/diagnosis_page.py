@@ -220,6 +220,8 @@ def _errors(x: Examination) -> Section:
         floor = f"The noise floor is what readings and torque noise leave if the plant is right{source}."
         if changed := gap.before.changed:
             floor += f" {changed[:1].upper()}{changed[1:]}."
+        if resting := gap.after.at_rest:
+            floor += f" Here {resting}."
         inner: tuple[Block, ...] = (tables.gaps(gap), _likelier(gap))
         if len(gap.logs) > 1:
             inner += (tables.parts(gap.by_log, "log"), tables.parts(gap.by_kind, "kind of experiment"))

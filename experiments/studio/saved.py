@@ -225,7 +225,10 @@ def _is_array(kind: Any) -> bool:
 
 
 def _array(value: Any, kind: Any) -> np.ndarray:
-    whole = "int" in str(get_args(kind)[-1])
+    holds = str(get_args(kind)[-1])
+    if "bool" in holds:
+        return np.array(_each(lambda v: _exactly(v, bool), value), dtype=np.bool_)
+    whole = "int" in holds
     numbers = _each(lambda v: _whole(v, int) if whole else _number(v, float), value)
     return np.array(numbers, dtype=np.int64 if whole else np.float64)  # raises ValueError where it is ragged
 

@@ -107,7 +107,8 @@ class Setup:
 
     @property
     def rig_limits(self) -> Limits:
-        """What the plant says that its rig bears (`Plant.limits`), and no saturation of the command."""
+        """What the plant says that its rig bears (`Plant.limits`), and no saturation of the command. Its `arm_speed` is
+        none of them: a design keeps to angles and the command; `export` and `compare` keep to it."""
         rig = self.plant
         return Limits(rig.limit("arm_travel", math.inf), math.inf, rig.supply, rig.limit("slew", math.inf))
 

@@ -40,4 +40,4 @@ def _as_well(own: Gap, other: Gap | None, policy: DecisionPolicy) -> bool:
     if other is None:
         return False
     apart = np.sqrt(np.mean((own.errors - other.errors) ** 2, axis=0))
-    return bool(np.all(apart < np.maximum(policy.negligible * own.counts, policy.unnoticed * own.rms)))
+    return bool(np.all(apart < np.maximum(policy.negligible * own.least_counts, policy.unnoticed * own.rms)))

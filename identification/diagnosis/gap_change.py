@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 class Part:
     """Prediction errors before and after on some of the logs: one of them, or all of one kind of experiment.
 
-    rms_before, rms_after (2,) [rad]: at the horizon, for q1 and q2. over_floor: the same over the floor that both
-    sides share, before and after. closed: share of the squared gap above the floor.
+    rms_before, rms_after (2,) [rad]: at the horizon, for q1 and q2. over_floor: the same over the floor of these logs
+    that both sides share, before and after. closed: share of the squared gap above that floor.
     """
 
     name: str
@@ -117,7 +117,9 @@ class GapChange:
         return tuple(self._part(kind, which) for kind, which in kinds.items())
 
     def _part(self, name: str, which: list[int]) -> Part:
-        sides = [_of_logs(side, which, self.floor) for side in (self.before, self.after)]
+        sides = [_of_logs(side, which) for side in (self.before, self.after)]
+        shared = np.minimum(sides[0].floor, sides[1].floor)
+        sides = [replace(side, floor=shared) for side in sides]
         ratios = [float(np.sqrt(np.mean((side.rms / side.floor) ** 2))) for side in sides]
         closed = closed_fraction(sides[0], sides[1]) if self.changed else self.closed
         return Part(name, len(which), sides[0].rms, sides[1].rms, (ratios[0], ratios[1]), closed)
@@ -162,11 +164,11 @@ def speaks_against(gap: GapChange, policy: DecisionPolicy) -> bool:
     return gap.changed and (high <= 0.0 or not (low > 0.0 or gap.likelier > policy.likelier))
 
 
-def _of_logs(gap: Gap, which: list[int], floor: Array) -> Gap:
-    """A gap in the windows of some logs, over a floor (2,) [rad]."""
+def _of_logs(gap: Gap, which: list[int]) -> Gap:
+    """A gap in the windows of some logs, over their own floor: that of all would hide what a quiet log shows."""
     kept = np.isin(gap.log, which)
     errors = gap.errors[kept]
-    rms = np.sqrt(np.mean(errors**2, axis=0))
+    rms, floor = (np.sqrt(np.mean(x, axis=0)) for x in (errors**2, gap.floors[kept]))
     windows = {name: getattr(gap, name)[kept] for name in ("floors", "reading_floors", "times", "log")}
     return replace(gap, rms=rms, floor=floor, errors=errors, **windows)
 

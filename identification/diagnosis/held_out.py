@@ -202,6 +202,8 @@ def _of_tails(plant: Plant, logs: Sequence[Log], tail: float) -> Gap:
         reading_floors=gap.reading_floors[late],
         times=gap.times[late],
         log=gap.log[late],
+        still=gap.still[late],
+        resting=gap.still[late].mean(axis=0),
         surprise=gap.surprise[gap.surprise[:, 1] >= cut[gap.surprise[:, 0].astype(int)]],
     )
 

@@ -20,6 +20,7 @@ from ..logs.kind import kind_of
 from .gap_change import GapChange, closes
 from .held_out import HeldOut
 from .learned import Learned
+from .origin import with_origin
 from .outcome import Diagnosis
 
 
@@ -67,7 +68,7 @@ def learned_from(
         return Learned(found, surface.evidence, None, False, reason)
     if refitted:
         bare = found.replace(covariance=None, checks={}, provenance={})
-        found = identify(held.logs, bare, noise=noise, zeros=zeros).plant
+        found = with_origin(identify(held.logs, bare, noise=noise, zeros=zeros), plant).plant
     change, reason = _judged(plant, found, held)
     return Learned(found, surface.evidence, change, not reason, reason or _praise(change))
 

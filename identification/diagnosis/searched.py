@@ -23,7 +23,7 @@ from . import sentences
 from .diagnosis_file import Verdict
 from .equals import interchangeable
 from .held_out import HeldOut
-from .leftovers import Leftovers
+from .leftovers import Leftovers, unexplained_torque
 from .locate.locate import locate
 from .locate.location import Where
 from .locate.seen import long_enough
@@ -32,6 +32,7 @@ from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
 from .naming.upheld import preferred, upheld
+from .origin import with_origin
 from .outcome import Diagnosis
 from .policy import DecisionPolicy
 
@@ -55,7 +56,7 @@ def searched(
         return Diagnosis("insufficient_excitation", text, None, None, None, None, math.nan, rms, 0.0, policy)
     long_enough(logs, policy)  # or nothing could be said after the search
     starts = _own_starts(logs, before.plant)
-    unexplained = math.sqrt(before.noise.torque[0] / 0.1) if before.noise else 0.0
+    unexplained = unexplained_torque(before.noise.torque[0]) if before.noise else 0.0
     memories = _memories(logs, before.plant)
     dragged = unexplained > policy.strong * rms or any(m.left < policy.remembered for m in memories)
     anchor = _anchor(_middle(starts, policy) if starts and dragged else before.plant, policy)
@@ -74,7 +75,7 @@ def searched(
     if abs(zero := _zero_in_counts(naming.final)) > policy.zero_told:
         summary += f" {sentences.zero(zero)}"
     before = _without_sharpness(before, naming, logs, policy)
-    left = math.sqrt(naming.final.noise.torque[0] / 0.1)
+    left = unexplained_torque(naming.final.noise.torque[0])
     return Diagnosis(verdict, summary, before, after, naming, rest, left, rms, 0.0, policy)
 
 
@@ -89,7 +90,7 @@ def _named(
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
-        after = _with_origin(_all_together(logs, naming.final, policy), before)
+        after = with_origin(_all_together(logs, naming.final, policy), before.plant)
     search.progress("looking at what is left")
     remains = locate(after.plant, moved(logs, after.zeros), policy)
     naming = unsettled(naming, remains, policy)
@@ -107,13 +108,6 @@ def _all_together(logs: Sequence[Log], final: Fit, policy: DecisionPolicy) -> Es
         return fitted
     afresh = identify(logs, final.plant, zeros=final.zeros)
     return afresh if afresh.log_likelihood > fitted.log_likelihood else fitted
-
-
-def _with_origin(after: Estimate, before: Estimate) -> Estimate:
-    """The estimate, which says that it started from the search, and has its limits from where `before` has them."""
-    known = before.plant.provenance
-    origin = dict(after.plant.provenance) | {"start": "the search for missing effects", "u_max": known["u_max"]}
-    return replace(after, plant=after.plant.replace(provenance=origin))
 
 
 def _zero_in_counts(fitted: Fit) -> float:
@@ -176,7 +170,8 @@ def _middle(starts: Sequence[Start], policy: DecisionPolicy) -> Plant:
 def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:
     """The estimate without effects. Where a sharpness was found, r is what model (5) has; `before` has it free."""
     if any(suspect.name == "friction_sharpness" for suspect in naming.accepted):
-        return identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
+        plain = identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
+        return with_origin(plain, before.plant)
     return before
 
 

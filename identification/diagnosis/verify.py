@@ -10,18 +10,23 @@ from furuta_gym.plant import Effect
 
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
+from ..estimation.zeros import moved
 from ..validation.adequacy import ADEQUATE_BELOW, Adequacy
 from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
+from .leftovers import unexplained_torque
+from .locate.locate import locate
 from .naming.suspects import follows_clock
+from .origin import with_origin
 from .outcome import Diagnosis
 
 
 def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     """The diagnosis in the light of data that no fit saw: with its gap, names taken back that do not hold there.
 
-    Where no gap can be had, the verdict stays and `gap_remark` says why.
+    Where no gap can be had, the verdict stays and `gap_remark` says why. What was found is not dropped as needless
+    where the plant without it leaves structure that matters: nothing named beside that would be "unknown".
     """
     if diagnosis.before is None or diagnosis.after is None:
         return diagnosis
@@ -31,12 +36,17 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         return replace(diagnosis, gap_remark=str(error))
     if _sharpness_alone(diagnosis):
         if gap.before.judgement.adequacy is Adequacy.ADEQUATE:
-            return _with_free_sharpness(diagnosis, held, gap, sentences.only_sharpness(gap.before.ratio_to_floor))
-        if (fitted := _with_usual_sharpness(diagnosis, held, gap)) is not None:
+            told = sentences.only_sharpness(gap.before.ratio_to_floor)
+            without = _with_free_sharpness(diagnosis, held, gap, told)
+            if not without.leftover:
+                return without
+        elif (fitted := _with_usual_sharpness(diagnosis, held, gap)) is not None:
             return fitted
-    if _of_no_size(diagnosis) and gap.before.judgement.adequacy is Adequacy.ADEQUATE:
+    if not diagnosis.leftover and _of_no_size(diagnosis) and gap.before.judgement.adequacy is Adequacy.ADEQUATE:
         told = sentences.of_no_size([suspect.name for suspect in diagnosis.named], gap.before.ratio_to_floor)
-        return _with_nothing(diagnosis, diagnosis.before, held.change(gap.before, gap.before), told)
+        without = _with_nothing(diagnosis, diagnosis.before, held, held.change(gap.before, gap.before), told)
+        if not without.leftover:
+            return without
     plant = (diagnosis.after if diagnosis.added else diagnosis.before).plant
     return judged(replace(diagnosis, gap=gap), gap, lambda: held.together(plant))
 
@@ -71,7 +81,7 @@ def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -
     assert found is not None
     assert change is not None
     ratio = change.before.ratio_to_floor
-    if not _one_value(apart) and ratio > ADEQUATE_BELOW * gap.after.ratio_to_floor:
+    if fitted.leftover or (not _one_value(apart) and ratio > ADEQUATE_BELOW * gap.after.ratio_to_floor):
         return None
     told = sentences.usual_sharpness(
         found.plant.sharpness[0], diagnosis.policy.sharpness, ratio if ratio <= diagnosis.policy.far else None
@@ -89,18 +99,21 @@ def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange, su
     """Nothing is named; r is a parameter like the others."""
     assert diagnosis.before is not None
     try:
-        fitted = identify(held.logs, diagnosis.before.plant)
+        fitted = with_origin(identify(held.logs, diagnosis.before.plant), diagnosis.before.plant)
         again = held.gap(fitted.plant)
     except ValueError:  # then the paper's r is as good
         fitted, again = diagnosis.before, gap.before
-    return _with_nothing(diagnosis, fitted, held.change(again, again), summary)
+    return _with_nothing(diagnosis, fitted, held, held.change(again, again), summary)
 
 
-def _with_nothing(diagnosis: Diagnosis, fitted: Estimate, gap: GapChange, summary: str) -> Diagnosis:
-    """The diagnosis without a name: the plant is that of `fitted`, before and after."""
+def _with_nothing(diagnosis: Diagnosis, fitted: Estimate, held: HeldOut, gap: GapChange, summary: str) -> Diagnosis:
+    """The diagnosis without a name: the plant is that of `fitted`, before and after, and so is what is left."""
     assert diagnosis.naming is not None
     naming = replace(diagnosis.naming, accepted=(), equals=(), same=(), final=diagnosis.naming.nominal)
-    return replace(diagnosis, verdict="none", summary=summary, before=fitted, after=fitted, naming=naming, gap=gap)
+    told = replace(diagnosis, verdict="none", summary=summary, before=fitted, after=fitted, naming=naming, gap=gap)
+    rest = locate(fitted.plant, moved(held.logs, fitted.zeros), diagnosis.policy)
+    left = unexplained_torque(fitted.noise.torque[0]) if fitted.noise else diagnosis.left_over
+    return replace(told, rest=rest, left_over=left)
 
 
 def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:

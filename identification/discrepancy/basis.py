@@ -22,7 +22,8 @@ from ..kalman.path import FilterPath
 
 Array = NDArray[np.float64]
 
-_LAGS = (1, 2, 3, 4, 5, 6, 8, 10, 13, 17)  # samples, of the command's changes
+_LAGS = (0, 1, 2, 3, 4, 5, 6, 8, 10, 13, 17)  # samples of the fastest clock, of the command's changes
+_SAME_CLOCK = 0.02  # of a sample time: medians of one clock that jitters differ by less
 _MEMORY = (0.03, 0.1)  # s
 _BRISTLES = (0.002, 0.008, 0.03)  # rad, of travel until a bristle slips
 
@@ -100,9 +101,9 @@ def families(
     r1, r2 = plant.sharpness
     c1, c2 = np.tanh(r1 * v1), np.tanh(r2 * v2)  # which way friction acts
     T = float(np.median(np.diff(t)))
-    changes = np.diff(u, prepend=u[0])
+    share = 1.0 if T / knots.clock < 1.0 + _SAME_CLOCK else knots.clock / T
     late = [u - _low_pass(u, tau / T) for tau in (0.005, 0.015, 0.04)]
-    late += [changes] + [np.concatenate([np.zeros(d), changes[:-d]]) for d in _LAGS]
+    late += [_delayed(u, d * share) - _delayed(u, (d + 1) * share) for d in _LAGS]
     angle1, angle2 = hats(q1, knots.q1), hats(np.sin(q2), knots.q2)
     speed1 = [hats(v1, knots.v1), np.abs(c1), np.tanh(10.0 * v1), v1 * np.abs(v1)]
     speed2 = [hats(v2, knots.v2), np.abs(c2), np.tanh(10.0 * v2), v2 * np.abs(v2)]
@@ -150,13 +151,15 @@ def parameter_torques(signals: Signals, plant: Plant) -> Array:
 
 @dataclass(frozen=True)
 class Knots:
-    """Where the piecewise linear functions bend: of q1, sin q2, q̇1, q̇2, u."""
+    """What columns along several logs share: where the piecewise linear functions bend, of q1, sin q2, q̇1, q̇2, u;
+    and the sample time [s] of the fastest clock, in which delays are counted."""
 
     q1: Array
     q2: Array
     v1: Array
     v2: Array
     u: Array
+    clock: float
 
     @classmethod
     def of(cls, logs: Sequence[Signals]) -> Knots:
@@ -164,7 +167,8 @@ class Knots:
         q, v = np.concatenate([s.q for s in logs]), np.concatenate([s.v for s in logs])
         u = np.concatenate([s.u for s in logs])
         columns = ((q[:, 0], 9), (np.sin(q[:, 1]), 7), (v[:, 0], 11), (v[:, 1], 11), (u, 9))
-        return cls(*(np.unique(np.quantile(x, np.linspace(0.005, 0.995, m))) for x, m in columns))
+        bends = (np.unique(np.quantile(x, np.linspace(0.005, 0.995, m))) for x, m in columns)
+        return cls(*bends, clock=min(float(np.median(np.diff(s.t))) for s in logs))
 
 
 def hats(x: Array, knots: Array) -> Array:
@@ -186,6 +190,12 @@ def on_row(row: int, *columns: Array) -> Array:
     out = np.zeros((len(stacked), 2, stacked.shape[1]))
     out[:, row] = stacked
     return out
+
+
+def _delayed(u: Array, samples: float) -> Array:
+    """A held command (N,) so many samples later, as its mean over each sample: between two values it is a mix."""
+    at = np.arange(len(u))
+    return np.interp(at - samples, at, u)
 
 
 def _low_pass(x: Array, samples: float) -> Array:

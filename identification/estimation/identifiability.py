@@ -22,8 +22,9 @@ _SHORTEST = 1.0  # s
 WEAK, LOST = 0.3, 1.0  # relative standard deviations from which a parameter is called weak, or not identified
 
 PENDULUM = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
+"""Of the pendulum's row, which has no input: they share a scale."""
 EVERYTHING = tuple(f"theta{i}" for i in range(1, 10))
-_SCALED = ("theta3", "theta4", "theta5", "theta7", "theta9")  # only the pendulum's pull on the arm shows their scale
+_BY_PULL = PENDULUM[1:]  # only the pendulum's pull on the arm shows their scale; θ2 is in the arm's inertia too
 
 
 class NotIdentifiable(ValueError):
@@ -179,7 +180,7 @@ def judge(
     relative = dict(zip(names, (std / reference).tolist(), strict=True))
     # the sharpness of tanh is a numerical detail of friction near rest: reported, never a reason for alarm
     judged = {n: s for n, s in relative.items() if not n.startswith("r")}
-    lost = tuple(n for n, s in judged.items() if not s < LOST or (_scale_is_lost(judged) and n in _SCALED))
+    lost = tuple(n for n, s in judged.items() if not s < LOST or (_scale_is_lost(judged) and n in _BY_PULL))
     weak = tuple(n for n, s in judged.items() if WEAK < s < LOST and n not in lost)
     weakest = {n: float(c) for n, c in zip(names, direction, strict=True) if abs(c) > 0.25}
     level = "not identifiable" if lost else "weak" if weak else "good"
@@ -190,7 +191,7 @@ def judge(
 def _scale_is_lost(relative: Mapping[str, float]) -> bool:
     """Whether the scale that the pendulum's row shares is not identified. Then its frictions are not, either, though at
     their bound, or as a share of what the fit makes of θ5, they may seem to be."""
-    own = [n for n in _SCALED[:3] if n in relative]
+    own = [n for n in _BY_PULL[:3] if n in relative]
     return len(own) == 3 and not any(relative[n] < LOST for n in own)
 
 
@@ -214,7 +215,7 @@ def _shown(name: str, relative: Mapping[str, float]) -> str:
 
 
 def _advice(names: Sequence[str], relative: Mapping[str, float], m: Motion) -> Iterable[str]:
-    scale = [n for n in _SCALED if n in names]
+    scale = [n for n in _BY_PULL if n in names]
     arm = [n for n in names if n in ("theta1", "theta6", "theta8")]
     for name in names:
         shown = _shown(name, relative)

@@ -65,6 +65,8 @@ def _most_likely(
 ) -> Estimate:
     fixed, priors = dict(fixed), dict(priors)
     if sharpness is not None:
+        if twice := [name for name in SHARPNESS_NAMES if name in {*fixed, *priors}]:
+            raise ValueError(f"sharpness = {sharpness:g} is r, and {spoken(twice)} is given too; give one of them")
         fixed |= {"r": float(sharpness)}
     if not (noise is None or isinstance(noise, Noise)):
         raise ValueError(

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kalman.noise_model import TORQUE
+from .identifiability import PENDULUM
 from .long_logs import glimpse_of
 from .optimise import Optimum, minimise
 from .pool import mapped
 from .prediction_error import PredictionError, quietest
 from .uncertainty import inverse_information
 
-_SCALED = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")
 _SCALES = (1.0, 4.0, 0.25)  # times the pendulum's row
 _LOUDER = 100.0  # times the torque noise
 _HIDING = 10.0  # times the least torque noise, from which noise may hide that a fit has stalled
@@ -132,6 +132,6 @@ def _shifted(problem: PredictionError, z: NDArray[np.float64], scale: float) -> 
     for i, c in enumerate(problem.coordinates):
         if c.noise and c.row < TORQUE.stop:
             z[i] += math.log(_LOUDER)
-        elif c.of_plant and c.name in _SCALED:
+        elif c.of_plant and c.name in PENDULUM:
             z[i] = z[i] + math.log(scale) if c.log else z[i] * scale
     return np.clip(z, problem.low, problem.high)

@@ -24,6 +24,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.declaration import EffectType
 
 from ..kalman.coordinates import Coordinate
+from .identifiability import PENDULUM
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,6 @@ _INSIDE = 1e-9  # of a coordinate: a search between bounds must not start on one
 _EXACT = 1e-10  # tolerances of that search
 _SEARCH = 50  # evaluations of it
 _FACTOR = 1.0  # of a logarithm at most: straight in the value, a step would lead below zero
-_SCALED = ("theta2", "theta3", "theta4", "theta5", "theta7", "theta9")  # of the pendulum's row
 _REFERENCE = "theta4"
 _SQUARED = "torque_noise2"  # its intensity goes with the square of the scale
 
@@ -55,7 +55,7 @@ class CommonScale:
         index = {c.name: i for i, c in enumerate(coordinates)}
         if _REFERENCE not in index or not coordinates[index[_REFERENCE]].log:
             return None
-        scaled = [*_SCALED, *(f"{e.name}.{p.name}" for e in plant.effects for p in e.type.parameters if p.scales)]
+        scaled = [*PENDULUM, *(f"{e.name}.{p.name}" for e in plant.effects for p in e.type.parameters if p.scales)]
         free = [index[name] for name in scaled if name in index]
         rates = np.zeros(len(coordinates))
         rates[[i for i in free if coordinates[i].log]] = 1.0

@@ -2,7 +2,7 @@
 
 The second row of (21) has no input, so every error in Ω_f is an error in the variables and pulls θ2 … θ5, θ7, θ9
 towards zero, by tens of percent with real encoders. The result says so where it shows;
-`identification.prediction_error` has the estimator without that bias.
+`identification.estimation.prediction_error` has the estimator without that bias.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ sample multiplies both by √μ and rotates the two new rows of (21) in (Givens)
 covariance matrix, this cannot lose symmetry or sign, and with μ = 1 it is Eq. (2) at every k to rounding.
 
 The regressors must be computed causally for a true on-line use; from a recorded log they are those of
-`identification.regression`, zero-phase filter included, so that on-line and batch are compared on equal data.
+`filtered_model`, zero-phase filter included, so that on-line and batch are compared on equal data.
 """
 
 from __future__ import annotations

@@ -29,11 +29,13 @@ from ..kalman.whiteness import FEWEST, Innovations, innovations
 from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .free_run import PER_HORIZON, Windows
-from .noise_floor import ALIKE, RESTING, RESTING_SAYS, repeats, spread
+from .noise_floor import RESTING, RESTING_SAYS
 from .predicted import SETTLE, predicted
+from .repeated import floors_of
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
 _CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
+_SAME_COUNT = 1e-3  # of a count: encoders whose steps differ by less are alike
 
 Array = NDArray[np.float64]
 
@@ -50,7 +52,8 @@ class Gap:
 
     rms, floor (2,) [rad] and fit_percent (2,): at the horizon, for q1 and q2. reading_floor (2,): the part of the
     floor that the readings alone leave; the rest is torque noise. curve (J, 5): horizon [s], rms and floor of q1 and
-    q2 at shorter horizons. counts (2,): one encoder count [rad], declared or seen in the samples, 0 where unknown.
+    q2 at shorter horizons. counts (2,): one encoder count [rad], declared or seen in the samples, 0 where unknown or
+    not the same in all logs. least_counts (2,): the smallest that is known, 0 where none is.
     repeats: whether all logs were repeated, and the floor is their spread. differ: how many times what their noise
     explains the runs of one command differ, where that is too much for a floor; None else. whiteness: largest
     correlation of an innovation with the one before.
@@ -58,7 +61,8 @@ class Gap:
     floors, reading_floors (M, 2) [rad²]: of every window, whose means are the squares of the two floors.
     surprise (K, 3): log, time [s] and −ln likelihood [nats] of every reading one step ahead, the noise fitted.
     zeros: of the encoders [rad] in each log, estimated before it was predicted.
-    resting (2,): share of windows in which q1 and q2 change by at most one count.
+    still (M, 2): whether q1 and q2 change by at most one count in a window; resting (2,): share of such windows.
+    whiteness and tests are of whole logs, also where the windows are of their last parts.
     """
 
     horizon: float
@@ -80,6 +84,8 @@ class Gap:
     zeros: Zeros = field(default_factory=dict, repr=False)
     differ: float | None = None
     resting: Array = field(default_factory=lambda: np.zeros(2), repr=False)
+    still: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 2), dtype=bool), repr=False)
+    least_counts: Array = field(default_factory=lambda: np.zeros(2), repr=False)
 
     @property
     def ratio_to_floor(self) -> float:
@@ -246,22 +252,14 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         )
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
-    by_log = {p.log: p for p in kept}
-    own, differ = {i: p.floor for i, p in enumerate(kept)}, None
-    groups = [g for g in repeats(logs) if all(sum(p.log == i for p in kept) == 1 for i in g)]
-    groups = [g for g in groups if len({by_log[i].errors.shape for i in g}) == 1]
-    for group in list(groups):
-        between = spread([by_log[i].errors for i in group])
-        noise = np.mean([by_log[i].floor.mean(axis=0) for i in group], axis=0)
-        if (apart := float(np.sqrt(np.max(between / noise, axis=1)[-1]))) > ALIKE:
-            differ, groups = max(differ or 0.0, apart), [g for g in groups if g is not group]
-            continue
-        own |= {i: np.broadcast_to(between, p.errors.shape) for i, p in enumerate(kept) if p.log in group}
-    floors = np.concatenate(list(own.values()))
+    own = floors_of(logs, kept)
+    floors = np.concatenate(own.each)
     only = np.concatenate([p.readings_floor for p in kept])[:, -1]
     floor = np.sqrt(np.mean(floors, axis=0))
     log = np.concatenate([np.full(len(p.errors), p.log) for p in kept])
     tests = tuple(innovations(p.whitened) for p in kept)
+    still = np.concatenate([p.still for p in kept])
+    steps = np.stack([stretch.record.quantum for stretch in long])
     return Gap(
         horizon=horizon,
         rms=rms[-1],
@@ -269,8 +267,8 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         reading_floor=np.minimum(np.sqrt(np.mean(only, axis=0)), floor[-1]),
         fit_percent=fit_percent(rms[-1], reading, log),
         whiteness=max(float(np.abs(test.correlation[0]).max()) for test in tests),
-        counts=long[0].record.quantum,
-        repeats=sum(map(len, groups)) == len(by_log),
+        counts=np.where(np.ptp(steps, axis=0) <= _SAME_COUNT * steps[0], steps[0], 0.0),
+        repeats=own.repeats,
         curve=np.column_stack([[f * horizon for f in _CURVE], rms, floor]),
         tests=tests,
         errors=error[:, -1],
@@ -280,9 +278,17 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         log=log,
         surprise=np.concatenate([p.surprise for p in kept]),
         zeros=dict(zeros),
-        differ=differ,
-        resting=np.concatenate([p.still for p in kept]).mean(axis=0),
+        differ=own.differ,
+        resting=still.mean(axis=0),
+        still=still,
+        least_counts=_smallest(steps),
     )
+
+
+def _smallest(steps: Array) -> Array:
+    """Of encoder steps (L, 2) [rad] the smallest on each axis; those of 0 are unknown, and 0 where all are."""
+    least = np.where(steps > 0, steps, np.inf).min(axis=0)
+    return np.where(np.isfinite(least), least, 0.0)
 
 
 def fit_percent(rms: Array, readings: Array, log: NDArray[np.int_]) -> Array:

@@ -33,6 +33,7 @@ below 0.1, 0 to 3.05 times above."""
 RESTING_SAYS = 4.0
 """Error over such a floor from which a plant misses something all the same."""
 _SAME_PLACE = 0.1  # of the range of an angle
+_COMMON = 0.9  # of the longer run: one that was stopped earlier than that is no repeat of it
 _SAME_TIME = 0.5  # of a sample time: a clock that is read jitters, and every run is predicted at its own stamps
 
 Array = NDArray[np.float64]
@@ -60,7 +61,8 @@ def noise_floor(plant: Plant, record: Record, windows: Windows) -> Floor:
 
 
 def repeats(logs: Sequence[Log]) -> list[list[int]]:
-    """Groups of two or more logs that ran the same command at the same times from the same place.
+    """Groups of two or more logs that ran the same command at the same times from the same place, for as long as the
+    shorter lasts: a logger that is stopped by hand gives no equal lengths.
 
     Free decays from different places have their command in common too, but not their motion: what a plant misses in
     them would pass for the spread of repeated runs.
@@ -69,8 +71,7 @@ def repeats(logs: Sequence[Log]) -> list[list[int]]:
     for i, log in enumerate(logs):
         for group in groups:
             other = logs[group[0]]
-            same = len(log) == len(other) and np.allclose(log.u, other.u, atol=1e-9)
-            if same and _same_times(log, other) and _same_start(log, other):
+            if _same_command(log, other) and _same_times(log, other) and _same_start(log, other):
                 group.append(i)
                 break
         else:
@@ -78,9 +79,16 @@ def repeats(logs: Sequence[Log]) -> list[list[int]]:
     return [group for group in groups if len(group) > 1]
 
 
+def _same_command(log: Log, other: Log) -> bool:
+    """Whether two logs have nearly all of their time in common, and the same command in it."""
+    both = min(len(log), len(other))
+    return both >= _COMMON * max(len(log), len(other)) and np.allclose(log.u[:both], other.u[:both], atol=1e-9)
+
+
 def _same_times(log: Log, other: Log) -> bool:
     """Whether stamps, counted from the first one, differ by no more than half a sample time."""
-    apart = np.abs((log.t - log.t[0]) - (other.t - other.t[0]))
+    both = min(len(log), len(other))
+    apart = np.abs((log.t - log.t[0])[:both] - (other.t - other.t[0])[:both])
     return float(apart.max()) <= _SAME_TIME * min(log.sample_time, other.sample_time)
 
 

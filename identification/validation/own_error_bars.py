@@ -12,9 +12,11 @@ from furuta_gym.plant.sampling import sampled_plants
 
 from ..estimation.informative import informative
 from ..estimation.zeros import aligned
+from ..kalman.noise import fit_noise
+from ..kalman.record import stretches
 from ..logs.log import Log
 from .free_run import Windows, free_run
-from .gap import Gap, filtered
+from .gap import Gap
 from .predicted import SETTLE
 
 ENOUGH = 20_000
@@ -29,8 +31,8 @@ def expected_ratio(plant: Plant, logs: Sequence[Log], gap: Gap, seed: int = 0) -
     """Error over the noise floor that a plant of these error bars has on average, if its equations are right.
 
     Plants are drawn from the covariance and run freely from the states that the plant's own filter finds. How far they
-    end from the plant itself is how far it ends from the rig. gap: of the plant on these logs. None without a
-    covariance, and where no drawn plant is possible or follows a log.
+    end from the plant itself is how far it ends from the rig; runs that leave all bounds are left out. gap: of the
+    plant on these logs. None without a covariance, and where no drawn plant is possible or follows a log.
     """
     if plant.covariance is None:
         return None
@@ -38,18 +40,21 @@ def expected_ratio(plant: Plant, logs: Sequence[Log], gap: Gap, seed: int = 0) -
     apart = []
     try:
         plants = list(sampled_plants(plant, DRAWS, np.random.default_rng(seed)))
-        for log in aligned(plant, logs if part is None else part.logs).logs:
-            path = filtered(plant, log)
-            if not Windows.fit_into(path.record.t, (gap.horizon,), SETTLE):
+        for stretch in stretches(aligned(plant, logs if part is None else part.logs).logs):
+            record = stretch.record
+            if not Windows.fit_into(record.t, (gap.horizon,), SETTLE):
                 continue
-            windows = Windows.over(path.record.t, (gap.horizon,), SETTLE)
-            own = free_run(path, windows)
-            apart += [free_run(replace(path, plant=drawn), windows) - own for drawn in plants]
+            path = fit_noise(plant, record).path
+            windows = Windows.over(record.t, (gap.horizon,), SETTLE)
+            own = free_run(path, windows)[:, -1]
+            with np.errstate(invalid="ignore"):  # of two runs that both leave all bounds
+                ends = [free_run(replace(path, plant=drawn), windows)[:, -1] - own for drawn in plants]
+            apart += [end[np.isfinite(end).all(axis=1)] for end in ends]
     except ValueError:
         return None
-    if not apart:
+    if not sum(map(len, apart)):
         return None
-    squares = np.mean(np.concatenate(apart)[:, -1] ** 2, axis=0)
+    squares = np.mean(np.concatenate(apart) ** 2, axis=0)
     return float(np.sqrt(np.mean(1.0 + squares / gap.floor**2)))
 
 

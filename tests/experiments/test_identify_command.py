@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli.app import app
+from experiments.cli.identify import _check_known, _check_profiles
 from experiments.cli.reading import Reading
 from experiments.replaced import limits_lost
 from furuta_gym.plant import QUBE, Plant
@@ -212,3 +213,25 @@ def test_what_a_rig_toml_says_need_not_be_typed_again(tmp_path: Path, monkeypatc
     assert Reading(RigMapping()).again([Path("log.csv")], [log]) == ""
     assert Reading(RigMapping(skip=1.0), as_given=True).again([Path("log.csv")], [log]) == " --skip 1 --as-given"
     assert Reading(RigMapping(), Path("my rig.toml")).again([Path("log.csv")], [log]) == " --mapping 'my rig.toml'"
+
+
+def test_every_free_parameter_may_be_profiled() -> None:
+    _check_profiles(["arm_spring.k", "r"], [], [], ["arm_spring"], None)
+    apart = QUBE.replace(friction_sharpness=(80.0, 300.0)).with_effects(QUBE.default_effect("input_delay"))
+    _check_profiles(["r2", "input_delay.d"], ["r1"], [], [], apart)
+    _check_profiles(["r2"], [], ["r1"], [], None)  # a value of one gives each its own
+    for names, fixed, start in (
+        (["arm_spring.k"], [], None),
+        (["arm_spring.k"], ["arm_spring.k"], QUBE.with_effects(QUBE.default_effect("arm_spring"))),
+        (["r"], [], apart),
+        (["r1"], ["r"], apart),
+        (["r1"], [], None),
+    ):
+        with pytest.raises(ValueError, match="expected a free parameter"):
+            _check_profiles(names, fixed, [], [], start)
+
+
+def test_the_sharpness_of_each_joint_may_be_given() -> None:
+    _check_known(["r1", "r2", "r", "arm_spring.k"], ["arm_spring"], QUBE)
+    with pytest.raises(ValueError, match="r3: expected one of"):
+        _check_known(["r3"], [], None)

@@ -229,11 +229,15 @@ def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, cou
     }.get(best.variable, f"depends on the {best.variable}")
     rms = np.sqrt(np.mean(np.concatenate([t.mean for t in torques]) ** 2, axis=0))
     lasting = [sum(b - a for a, b in s) > 0.7 * (t.t[-1] - t.t[0]) for s, t in zip(spans, torques, strict=True)]
-    first = [f"{a:.2f} to {b:.2f} s" for s in spans for a, b in s][:3]
+    several = len({torque.log for torque in torques}) > 1
+    times = [(t.source, f"{a:.2f} to {b:.2f} s") for s, t in zip(spans, torques, strict=True) for a, b in s][:3]
+    first = [f"{span} of {source}" if several else span for source, span in times]
     when = "all along" if all(lasting) or not first else "most at " + ", ".join(first)
+    # an error of a reading is no torque: what the smoother makes of it says nothing of its size
+    size = "it changes" if best.channel == "sensor" else f"smoothed, it is {rms[row]:.2g} {unit} rms, which changes"
     return (
         f"The model fails {place}: what is missing {against} ({100 * best.share:.0f} % of what any function could "
-        f"explain), {when}; smoothed, it is {rms[row]:.2g} {unit} rms, "
-        f"which changes a prediction {HORIZON:g} s ahead by {number(float(counts.max()), 2)} counts of the encoder "
+        f"explain), {when}; {size} a prediction "
+        f"{HORIZON:g} s ahead by {number(float(counts.max()), 2)} counts of the encoder "
         f"(evidence {evidence:.0f} nats)."
     )

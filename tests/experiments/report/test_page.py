@@ -13,7 +13,10 @@ import pytest
 pytest.importorskip("plotly", reason="the report needs the extra 'report'")
 pytest.importorskip("jinja2", reason="the report needs the extra 'report'")
 
-from experiments.report import examine, render
+from experiments.cli.diagnose import _evidence
+from experiments.report import Examination, examine, render
+from experiments.report.contents import Text
+from experiments.report.diagnosis_page import _errors
 from experiments.report.drawing import MOST_POINTS
 from experiments.report.page import plotly_js
 from experiments.report.prediction_figures import closed_loop
@@ -286,3 +289,14 @@ def test_what_follows_the_clock_of_its_log_is_not_called_untested_beside_its_fig
     assert "Another log cannot judge what follows the clock of its own." in headline
     assert f"{change.after_over_floor:.1f} times with it" in headline
     assert "could not be tested on held-out data" in first_screen(replace(drift, gap=None), "").headline
+
+
+@pytest.mark.parametrize("resting", [0.4, 0.0])
+def test_a_floor_that_is_not_to_be_trusted_is_said_on_the_page_and_in_the_terminal(resting: float) -> None:
+    change = a_change(after=1.2)
+    change = replace(change, after=replace(change.after, resting=np.array([0.0, resting])))
+    x = Examination(a_diagnosis("arm_spring", gap=change), (), (), None, None, None, None, None, {}, 0.0)
+    told = "the floor is not to be trusted, as q2 rests or creeps: in 40 % of the windows"
+    (page,) = (block.text for block in _errors(x).blocks if isinstance(block, Text))
+    assert (f"Here {told}" in page) is (resting > 0)
+    assert any(line.startswith(f"in doubt: {told}") for line in _evidence(x)) is (resting > 0)

@@ -237,7 +237,7 @@ def naming(
 
 def an_estimate(plant: Plant) -> Any:
     """What a diagnosis asks of an `Estimate`."""
-    return SimpleNamespace(plant=plant, zeros={}, zeros_by_log={}, zeros_told=[], gain_changes=())
+    return SimpleNamespace(plant=plant, zeros={}, zeros_by_log={}, zeros_told=[], gain_changes=(), noise=None)
 
 
 def a_diagnosis(*names: str, verdict: str = "named", **more: Any) -> Diagnosis:

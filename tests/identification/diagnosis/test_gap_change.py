@@ -80,7 +80,8 @@ def test_what_is_written_has_every_log_and_kind(change: GapChange) -> None:
 
 def test_both_sides_are_measured_by_the_floor_of_the_better_plant() -> None:
     """What a wrong plant misses grows from run to run and passes for their spread: its floor excuses it."""
-    before = replace(_gap(5.0, 5.0, 5.0), floor=np.full(2, 4.0 * FLOOR))
+    before = _gap(5.0, 5.0, 5.0)
+    before = replace(before, floor=np.full(2, 4.0 * FLOOR), floors=16.0 * before.floors)
     change = _change(before, _gap(1.5, 1.5, 1.5))
     assert change.over_floor(change.before) == pytest.approx(5.0)
     assert change.over_floor(change.after) == pytest.approx(1.5)
@@ -114,3 +115,21 @@ def test_windows_of_one_moment_make_nothing_certain(seconds: float, certain: boo
         assert "too few windows" in str(change.closed)
     assert speaks_against(change, DecisionPolicy()) == (not certain or after > 5.0)
     assert change.to_dict()["closed_interval"] == pytest.approx([low, high], nan_ok=True)
+
+
+def test_a_quiet_log_is_measured_by_its_own_floor() -> None:
+    """Two chirps at a floor ten times that of the swing-up, whose error falls from ten to five times its own."""
+
+    def quiet_in_the_middle(gap: Gap, times_floor: float) -> Gap:
+        quiet = gap.log == 1
+        errors, floors = gap.errors.copy(), gap.floors.copy()
+        errors[quiet], floors[quiet] = times_floor * 0.1 * FLOOR, (0.1 * FLOOR) ** 2
+        pooled = (np.sqrt(np.mean(x, axis=0)) for x in (errors**2, floors))
+        return replace(gap, errors=errors, floors=floors, **dict(zip(("rms", "floor"), pooled, strict=True)))
+
+    change = _change(quiet_in_the_middle(_gap(1.0, 1.0, 1.0), 10.0), quiet_in_the_middle(_gap(1.0, 1.0, 1.0), 5.0))
+    hanging, turns = change.by_kind
+    assert hanging.over_floor == pytest.approx((1.0, 1.0))
+    assert turns.over_floor == pytest.approx((10.0, 5.0))
+    assert turns.closed.value == pytest.approx((10.0**2 - 5.0**2) / (10.0**2 - 1.0))
+    assert change.by_log[1].over_floor == pytest.approx((10.0, 5.0))

@@ -73,6 +73,7 @@ def test_it_is_added_where_it_holds_in_another_experiment_and_the_gap_shrinks():
     assert found.change.over_floor(found.change.after) < 0.6 * found.change.over_floor(found.change.before)
     assert found.plant.effect("arm_learned") is not None
     assert found.to_dict()["added"] is True
+    assert found.plant.provenance["start"] == "the search for missing effects"
 
 
 @pytest.mark.parametrize(

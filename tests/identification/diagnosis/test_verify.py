@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
+from identification.diagnosis import verify
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import speaks_against
 from identification.diagnosis.held_out import HeldOut, _of_tails
@@ -19,10 +20,11 @@ from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
+from identification.estimation.estimate import NoiseReport
 from identification.kalman.record import Record
 from identification.validation.gap import validate
 from tests.factories import loop_log, open_loop_log, paper_log
-from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, an_estimate, naming, suspect
+from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, an_estimate, naming, rest, suspect
 
 POLICY = DecisionPolicy()
 
@@ -176,6 +178,15 @@ def test_the_likelihood_of_a_tail_is_the_tails() -> None:
     assert tail.surprise[:, 1].max() > log.t[-1] - 0.1
 
 
+def test_whether_an_angle_rests_is_asked_of_the_tail() -> None:
+    """A rig that rests for the first seven seconds of ten, and moves in the last three."""
+    t = np.arange(2500) * 0.004
+    log = open_loop_log(np.where(t > 6.5, 0.5 * np.sin(2 * np.pi * t), 0.0), torque_noise=(1e-10, 1e-12))
+    tail = _of_tails(TABLE_3, [log], 0.3)
+    assert tail.resting.max() < 0.1
+    assert tail.still.shape == tail.errors.shape
+
+
 def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_last_three_tenths() -> None:
     """The refit to the first part of the log must not lose it again in the noise that it starts from."""
     log, truth = loop_log("periodic_torque", 0.2, duration=12.0)
@@ -224,6 +235,8 @@ def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
     assert "another sharpness" in found.summary
     assert found.plant is not None
     assert found.plant.sharpness[0] == pytest.approx(40.0, rel=0.2)
+    assert found.plant.provenance["start"] == "the search for missing effects"
+    assert found.plant.provenance["u_max"] == "guessed from the logs' largest command"
     assert found.to_dict()["effects"] == []
     assert found.rest is not None
     named = replace(found, naming=replace(found.naming, accepted=found.naming.rankings[0][:1], equals=((),)))
@@ -258,9 +271,31 @@ def test_a_name_whose_size_may_be_zero_is_none_where_model_5_is_adequate() -> No
     assert "may as well be zero" in told.summary
     assert told.gap is not None
     assert told.gap.before.ratio_to_floor < 1.1
+    # what is left is that of the plant that is given, not of the one with the drift
+    assert told.rest is not None
+    assert "Nothing is left" in told.rest.sentence
+    assert told.left_over == pytest.approx(math.sqrt(3e-7 / 0.1))
+    assert not told.leftover
+
+
+@pytest.mark.parametrize("where", ["with it", "without it"])
+def test_a_name_is_not_needless_where_structure_is_left(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing named, and something left that matters, would be "unknown"."""
+    monkeypatch.setattr(verify, "locate", lambda *_: rest(40.0))
+    gap = replace(a_change(), before=a_gap(1.0))
+    monkeypatch.setattr(verify, "measure_gap", lambda *_: gap)
+    found = _a_drift_known_within(1.0)
+    if where == "with it":
+        found = replace(found, rest=rest(40.0))
+        monkeypatch.setattr(verify, "locate", lambda *_: pytest.fail("a plant that is not asked for"))
+    told = verified(found, HeldOut((loop_log(duration=2.0)[0],), (loop_log(duration=2.0, seed=1)[0],), POLICY))
+    assert told.verdict == "named"
+    assert told.rest is found.rest
 
 
 def _a_drift_known_within(std: float) -> Diagnosis:
     drift = TABLE_3.default_effect("arm_friction_drift")
     known = Effect(drift.name, drift.parameters, {"a": std})
-    return a_diagnosis(drift.name, after=an_estimate(TABLE_3.with_effects(known)))
+    before = an_estimate(TABLE_3)
+    before.noise = NoiseReport((3e-7, 1e-9), ())
+    return a_diagnosis(drift.name, before=before, after=an_estimate(TABLE_3.with_effects(known)))

@@ -362,3 +362,9 @@ def test_parts_of_one_file_are_fitted_together_unless_they_overlap(upright: Log)
     for overlapping in ([log, log], [log.slice(stop=4.0), log.slice(3.0)], [upright, upright]):
         with pytest.raises(ValueError, match="is given twice; expected each log once"):
             identify(overlapping)
+
+
+@pytest.mark.parametrize("given", [{"fixed": {"r": 80.0}}, {"priors": {"r2": (80.0, 1.0)}}])
+def test_a_sharpness_that_is_given_twice_is_refused(upright: Log, given: dict[str, dict]) -> None:
+    with pytest.raises(ValueError, match=r"sharpness = 100 is r, and r2? is given too"):
+        identify(upright, sharpness=100.0, **given)

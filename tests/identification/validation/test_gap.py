@@ -349,3 +349,30 @@ def test_the_change_of_a_rig_between_two_runs_is_no_noise_floor():
     assert same.repeats
     assert same.differ is None
     assert "changed" not in str(same)
+
+
+def test_counts_are_told_where_they_are_those_of_all_logs():
+    fine, coarse = loop_log(duration=4.0)[0], loop_log(duration=4.0, seed=1, counts=2048)[0]
+    gap = validate(TABLE_3, [coarse, fine])
+    assert gap.counts.tolist() == [0.0, 0.0]
+    assert gap.least_counts == pytest.approx([2 * np.pi / 4096] * 2)
+    assert gap.to_dict()["gap"]["rms_counts_q1"] is None
+    assert "counts" not in str(gap)
+    alike = validate(TABLE_3, fine)
+    assert alike.counts == pytest.approx(alike.least_counts)
+    assert alike.to_dict()["gap"]["rms_counts_q1"] == pytest.approx(alike.rms[0] * 4096 / (2 * np.pi))
+
+
+def test_a_logger_that_is_stopped_by_hand_gives_repeats_all_the_same():
+    t = np.arange(1500) * 0.004
+    u = 0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t)
+    logs = [open_loop_log(u, torque_noise=(1e-5, 1e-7), seed=seed) for seed in range(3)]
+    uneven = [log.taken(slice(None, len(log) - short)) for log, short in zip(logs, (0, 1, 60), strict=True)]
+    assert repeats(uneven) == [[0, 1, 2]]
+    gap, even = validate(TABLE_3, uneven), validate(TABLE_3, logs)
+    assert gap.repeats
+    assert gap.ratio_to_floor == pytest.approx(even.ratio_to_floor, abs=0.05)
+    assert gap.floor == pytest.approx(even.floor, rel=0.1)
+    assert repeats([logs[0], logs[1].taken(slice(None, 1200))]) == []  # a fifth is missing
+    late = replace(uneven[1], u=np.r_[uneven[1].u[:-1], 0.3])
+    assert repeats([logs[0], late]) == []

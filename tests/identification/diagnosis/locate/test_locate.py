@@ -13,7 +13,8 @@ import pytest
 from experiments.bench import Rig
 from furuta_gym.plant import QUBE, TABLE_3
 from identification.diagnosis.locate.constancy import constancy, tail
-from identification.diagnosis.locate.locate import _count, locate
+from identification.diagnosis.locate.locate import _count, _sentence, locate
+from identification.diagnosis.locate.location import MissingTorque, Suspicion
 from identification.diagnosis.locate.structure import largest_line, predictable
 from identification.discrepancy.basis import Knots, Signals, families
 from identification.discrepancy.correction import flexible
@@ -253,3 +254,27 @@ def test_a_count_does_not_depend_on_the_order_of_the_logs() -> None:
     np.testing.assert_allclose(_count(looks[::-1]), [1e-3, 2e-3])
     unknown = SimpleNamespace(record=SimpleNamespace(quantum=np.zeros(2), variance=np.array([3e-6, 12e-6])))
     np.testing.assert_allclose(_count([SimpleNamespace(plain=unknown)]), [6e-3, 12e-3])
+
+
+def _said(channel: str, variable: str, sources: tuple[str, ...] = ("run1.csv",)) -> str:
+    """What is said of a torque that stands out from 3.2 to 4.5 s of each log, 0.4 V on the arm and 0.1 V beside it."""
+    t = np.arange(1000) * 0.01
+    mean = np.tile([0.4, 0.1], (len(t), 1))
+    torques = [MissingTorque(i, source, t, mean, mean) for i, source in enumerate(sources)]
+    spans = [((3.2, 4.5),) for _ in sources]
+    best = Suspicion(channel, variable, 50.0, 45.0, 0.6)
+    return _sentence(best, spans, torques, np.array([1.0, 2.0]), 40.0, np.array([0.5, 2.0]), "V")
+
+
+def test_a_reading_that_is_wrong_has_no_torque():
+    told = _said("sensor", "pendulum angle")
+    assert "fails in the reading of the pendulum angle" in told
+    assert "rms" not in told
+    assert "it changes a prediction 0.3 s ahead by 2 counts" in told
+    assert "smoothed, it is 0.1 V rms, which changes a prediction" in _said("pendulum", "pendulum speed")
+
+
+def test_of_several_logs_it_is_said_which_one():
+    assert "most at 3.20 to 4.50 s; smoothed" in _said("arm", "arm angle")
+    told = _said("arm", "arm angle", ("run1.csv", "run2.csv"))
+    assert "most at 3.20 to 4.50 s of run1.csv, 3.20 to 4.50 s of run2.csv; smoothed" in told
