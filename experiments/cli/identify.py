@@ -21,6 +21,7 @@ from .reading import read as read_logs
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
+    from furuta_gym.plant.effects.declaration import EffectType
     from identification.estimation.estimate import Estimate
     from identification.logs.log import Log
     from identification.validation.gap import Gap
@@ -89,7 +90,6 @@ def identify_command(
         only = "--fix, --prior, --effects, --physical and --profile"
         raise ValueError(f"{only} work with --method {DEFAULT}, not with {method}")
     opt.library_effects("--effects", named)
-    _check_profiles(profiled, fixed)
     from furuta_gym.plant import Plant
 
     for name in ("theta1", "theta4"):
@@ -97,6 +97,7 @@ def identify_command(
             raise ValueError(f"--fix {name}={value:g}: it is an inertia; expected a number above 0")
     known = None if start is None else Plant.resolve(start)  # a wrong name is told before the logs are read
     _check_known([*fixed, *priors], named, known)
+    _check_profiles(profiled, fixed, priors, named, known)
     read = read_logs(logs, reading, known)
     from identification.estimation.identify import identify
 
@@ -210,22 +211,36 @@ def _drawn(gap: Gap, logs: Sequence[Log]) -> bytes:
 
 def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | None) -> None:
     """Before the fit: a name in --fix or --prior that no parameter has. Raises ValueError."""
-    from furuta_gym.plant import EFFECTS, THETA_NAMES
+    from furuta_gym.plant import THETA_NAMES
 
-    own = [EFFECTS[name] for name in effects] + [effect.type for effect in (start.effects if start else ())]
-    known = [*THETA_NAMES, "r", *(f"{kind.name}.{p.name}" for kind in own for p in kind.parameters)]
+    own = [f"{kind.name}.{p.name}" for kind in _kinds(effects, start) for p in kind.parameters]
+    known = [*THETA_NAMES, "r", "r1", "r2", *own]
     if strange := [name for name in names if name not in known]:
         more = "" if own else ", and NAME.PARAMETER of the effects in --effects"
         raise ValueError(f"--fix or --prior {', '.join(strange)}: expected one of {', '.join(known)}{more}")
 
 
-def _check_profiles(names: list[str], fixed: Iterable[str]) -> None:
+def _check_profiles(
+    names: list[str], fixed: Iterable[str], priors: Iterable[str], effects: Sequence[str], start: Plant | None
+) -> None:
     """Before the fit: a name that cannot be profiled. Raises ValueError."""
     from furuta_gym.plant import THETA_NAMES
 
-    known = [n for n in (*THETA_NAMES, "r") if n not in set(fixed)]
-    if strange := [n for n in names if n not in known]:
-        raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(known)}")
+    said = {*fixed, *priors}
+    apart = "r" not in said and ({"r1", "r2"} & said or isinstance(start and start.friction_sharpness, tuple))
+    kinds = [kind for kind in _kinds(effects, start) if not kind.learned]
+    own = [f"{kind.name}.{p.name}" for kind in kinds for p in kind.parameters if not p.integer]
+    free = [n for n in (*THETA_NAMES, *(("r1", "r2") if apart else ("r",)), *own) if n not in set(fixed)]
+    if strange := [n for n in names if n not in free]:
+        raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(free)}")
+
+
+def _kinds(effects: Sequence[str], start: Plant | None) -> list[EffectType]:
+    """The effects of --effects and of the start plant, each once."""
+    from furuta_gym.plant import EFFECTS
+
+    kinds = [EFFECTS[name] for name in effects] + [effect.type for effect in (start.effects if start else ())]
+    return list({kind.name: kind for kind in kinds}.values())
 
 
 def _interval(value: float, std: float) -> str:
