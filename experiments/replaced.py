@@ -7,10 +7,10 @@ from typing import Any
 
 from furuta_gym.plant import Plant
 from identification.logs.checks import LogError
-from identification.logs.mapping import SECONDS
 from identification.logs.proposal import Confidence, Proposal
 from identification.logs.rig_file import load_mapping
 from identification.logs.rig_mapping import RigMapping
+from identification.logs.said import SECONDS
 
 
 def limits_lost(path: Path, plant: Plant) -> str:

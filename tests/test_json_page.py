@@ -76,7 +76,7 @@ def plant_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str
 
 
 def test_identify(plant_file: tuple[Path, dict[str, Any]]) -> None:
-    compared("identify", plant_file[1], "gap_remark", "profiles", "one_by_one.")
+    compared("identify", plant_file[1], "gap_remark", "profiles", "one_by_one.", "gain_changes[")
 
 
 def test_identify_with_a_profile_and_without_a_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +86,7 @@ def test_identify_with_a_profile_and_without_a_gap(tmp_path: Path, monkeypatch: 
     assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
     assert answer["gap"] is None
-    compared("identify", answer, "stretches_s", "one_by_one.")
+    compared("identify", answer, "stretches_s", "one_by_one.", "gain_changes[")
 
 
 def test_validate(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from .reading import read as read_logs
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
+    from furuta_gym.plant.effects.declaration import EffectType
     from identification.estimation.estimate import Estimate
     from identification.logs.log import Log
     from identification.validation.gap import Gap
@@ -212,19 +213,11 @@ def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | No
     """Before the fit: a name in --fix or --prior that no parameter has. Raises ValueError."""
     from furuta_gym.plant import THETA_NAMES
 
-    own = _of_effects(effects, start)
-    known = [*THETA_NAMES, "r", "r1", "r2", *own]  # a value of r1 or r2 gives each joint its own
+    own = [f"{kind.name}.{p.name}" for kind in _kinds(effects, start) for p in kind.parameters]
+    known = [*THETA_NAMES, "r", "r1", "r2", *own]
     if strange := [name for name in names if name not in known]:
         more = "" if own else ", and NAME.PARAMETER of the effects in --effects"
         raise ValueError(f"--fix or --prior {', '.join(strange)}: expected one of {', '.join(known)}{more}")
-
-
-def _of_effects(effects: Sequence[str], start: Plant | None) -> list[str]:
-    """The parameters that effects have in a fit, as `NAME.PARAMETER`."""
-    from furuta_gym.plant import EFFECTS
-
-    own = dict.fromkeys((*effects, *(effect.name for effect in (start.effects if start else ()))))
-    return [f"{name}.{p.name}" for name in own for p in EFFECTS[name].parameters]
 
 
 def _check_profiles(
@@ -233,14 +226,21 @@ def _check_profiles(
     """Before the fit: a name that cannot be profiled. Raises ValueError."""
     from furuta_gym.plant import THETA_NAMES
 
-    held, given = set(fixed), {*fixed, *priors}
-    if "r" in held:
-        held |= {"r1", "r2"}
-    apart = bool({"r1", "r2"} & given) or isinstance(start.friction_sharpness if start else None, tuple)
-    free = (*THETA_NAMES, *(("r1", "r2") if apart else ("r",)), *_of_effects(effects, start))
-    known = [n for n in free if n not in held]
-    if strange := [n for n in names if n not in known]:
-        raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(known)}")
+    said = {*fixed, *priors}
+    apart = "r" not in said and ({"r1", "r2"} & said or isinstance(start and start.friction_sharpness, tuple))
+    kinds = [kind for kind in _kinds(effects, start) if not kind.learned]
+    own = [f"{kind.name}.{p.name}" for kind in kinds for p in kind.parameters if not p.integer]
+    free = [n for n in (*THETA_NAMES, *(("r1", "r2") if apart else ("r",)), *own) if n not in set(fixed)]
+    if strange := [n for n in names if n not in free]:
+        raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(free)}")
+
+
+def _kinds(effects: Sequence[str], start: Plant | None) -> list[EffectType]:
+    """The effects of --effects and of the start plant, each once."""
+    from furuta_gym.plant import EFFECTS
+
+    kinds = [EFFECTS[name] for name in effects] + [effect.type for effect in (start.effects if start else ())]
+    return list({kind.name: kind for kind in kinds}.values())
 
 
 def _interval(value: float, std: float) -> str:

@@ -210,8 +210,8 @@ def read(
 def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = None) -> list[_Source]:
     """Each log with the mapping that applies to it: the options, over a rig.toml, over the plant file's."""
     from identification.logs.formats import read_table
-    from identification.logs.mapping import COLUMNS
     from identification.logs.rig_mapping import RigMapping
+    from identification.logs.said import COLUMNS
 
     sources = []
     for path in paths:
@@ -233,8 +233,8 @@ def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -
 
     What an option says, and what one of the two leaves open, is no difference; other names of columns are one only
     where the log has both. Seconds left out change no reading."""
-    from identification.logs.mapping import COLUMNS
     from identification.logs.rig_mapping import RigMapping
+    from identification.logs.said import COLUMNS
 
     stored = plant.provenance.get("mapping") if plant is not None else None
     if not stored or not source.origin or source.origin == "the plant file":
@@ -289,8 +289,8 @@ def _base(path: Path, reading: Reading, plant: Plant | None) -> tuple[RigMapping
 def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None) -> None:
     """Raise LogError with everything that the data contradict, and the options that read the logs."""
     from identification.logs.checks import LogError
-    from identification.logs.mapping import COLUMNS
     from identification.logs.proposal import propose
+    from identification.logs.said import COLUMNS
 
     mappings = dict.fromkeys(s.mapping for s in sources)
     severity = constant_command or ("warn" if len(sources) > 1 else "error")

@@ -1,12 +1,11 @@
 """A plant as a value: parameters, effects, uncertainty and where they came from; one JSON file each."""
 
 import dataclasses
-import difflib
 import json
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +22,7 @@ from furuta_gym.files import in_short, read_json, write_whole
 from .covariance import Covariance
 from .effects.effect import Effect
 from .effects.library import NUMBERS
+from .file_remarks import remarks
 from .integration_step import friction_rate, rest_slopes
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
 from .parameters import THETA_NAMES, physical_consistency, theta_vector
@@ -38,21 +38,6 @@ class Packed(NamedTuple):
     p: NDArray[np.float64]
     codes: NDArray[np.int64]
     rows: int
-
-
-def _assumed(plant: "Plant", data: Mapping[str, Any]) -> Iterator[str]:
-    """What a plant file leaves open, and what is taken instead; what it says that nobody reads."""
-    if "unit" not in data:
-        yield 'has no "unit"; its command is taken to be in V. Write "unit": "V" or "unit": "N·m" into it.'
-    if "u_max" not in data:
-        yield (
-            f'has no "u_max"; its largest command is taken to be {plant.u_max:g} {plant.unit}. Write "u_max" with the '
-            "rig's own into it."
-        )
-    for key in sorted(set(data) - set(PlantFile.__struct_fields__)):
-        near = difflib.get_close_matches(key, PlantFile.__struct_fields__, n=1)
-        meant = f"; did you mean {near[0]!r}?" if near else "."
-        yield f"has the key {key!r:.80}, which is not known and is left out{meant}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,7 +263,8 @@ class Plant:
             raise FileNotFoundError(f"no plant file at {path}; make one with `furuta identify LOG -o {path}`") from None
         except ValueError as error:
             raise ValueError(f"{path}: {in_short(error)}") from error
-        for message in _assumed(plant, data):
+        carried = [f"{effect.name}.{name}" for effect in plant.effects for name in effect.parameters]
+        for message in remarks(data, plant.unit, plant.u_max, carried):
             warnings.warn(f"{path} {message}", stacklevel=2)
         return plant
 

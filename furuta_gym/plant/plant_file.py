@@ -50,7 +50,7 @@ class CovarianceEntry(Struct):
     matrix: Annotated[Matrix, Meta(description="One row and one column for each name")]
 
 
-class ParameterEntry(Struct):
+class ParameterEntry(Struct, forbid_unknown_fields=True):  # a slip in "value" would switch an effect off
     value: Annotated[Value | None, Meta(description="null is the neutral value")] = None
     std: Annotated[Annotated[float, Meta(ge=0)] | None, Meta(description="Standard deviation")] = None
     unit: Annotated[Any, Meta(description="Held against the one that follows from the command's")] = None

@@ -17,49 +17,57 @@ from furuta_gym.plant.covariance import Covariance
 from furuta_gym.plant.parameters import physical_consistency
 from furuta_gym.sensors import Sensors
 
+from ..kalman.record import counts_of
 from ..logs.log import Log
 from .estimate import Estimate
 
 
 def with_plant(
-    estimate: Estimate, logs: Sequence[Log], start: Plant | str | None = None, u_max: float | None = None
+    estimate: Estimate, logs: Sequence[Log], start: Plant | str | None, u_max: float | None, guessed: bool
 ) -> Estimate:
-    """The estimate with its plant completed: covariance, stds of effects, sensors, u_max, provenance, checks."""
+    """The estimate with its plant completed: covariance, stds of effects, sensors, u_max, provenance, checks.
+
+    guessed: whether the plant's u_max comes from the logs' largest command."""
     plant = estimate.plant
     std = {name: s for name, s in zip(estimate.names, estimate.std.tolist(), strict=True) if math.isfinite(s)}
     effects = tuple(
         Effect(e.name, e.parameters, {p: std[f"{e.name}.{p}"] for p in e.parameters if f"{e.name}.{p}" in std})
         for e in plant.effects
     )
-    sensors = plant.sensors
-    counts = np.asarray(logs[0].encoder_counts or (0.0, 0.0))
-    if estimate.noise is None and counts.any():
-        sensors = Sensors((float(counts[0]), float(counts[1]))).to_dict()
-    elif estimate.noise is not None:
-        quantum = np.divide(2 * np.pi, counts, out=np.zeros(2), where=counts > 0)
-        extra = np.sqrt(np.maximum(np.square(estimate.noise.reading_std[0]) - quantum**2 / 12.0, 0.0))
-        sensors = Sensors((float(counts[0]), float(counts[1])), (float(extra[0]), float(extra[1]))).to_dict()
     consistency = physical_consistency(plant.theta)
     plant = plant.replace(
         effects=effects,
         u_max=plant.u_max if u_max is None else float(u_max),
         covariance=Covariance(estimate.names, estimate.covariance),
-        sensors=sensors,
+        sensors=_sensors(estimate, logs),
         sample_time=float(f"{logs[0].sample_time:.9g}"),  # stamps differ in their last bits
-        provenance=_provenance(estimate, logs, start, u_max),
+        provenance=_provenance(estimate, logs, start, u_max, guessed),
         checks=consistency.to_dict()
         | {"identifiability": estimate.identifiability.to_dict()}
         | ({"error_bars": estimate.error_bars} if estimate.error_bars else {}),
     )
     largest = max(float(np.abs(log.u).max()) for log in logs)
-    return replace(estimate, plant=plant, u_max_guessed=start is None and u_max is None, largest_command=largest)
+    return replace(estimate, plant=plant, u_max_guessed=guessed, largest_command=largest)
+
+
+def _sensors(estimate: Estimate, logs: Sequence[Log]) -> dict[str, Any] | None:
+    """The encoders of the first log that was fitted; None where nothing is known of them. Those of a start plant may be
+    another rig's."""
+    noise, problem = estimate.noise, estimate.problem
+    counts = counts_of(logs[problem.records[0].log if problem is not None else 0])
+    if noise is None:
+        return Sensors(counts).to_dict() if any(counts) else None
+    quantum = np.array([2 * math.pi / count if count else 0.0 for count in counts])
+    extra = np.sqrt(np.maximum(np.square(noise.reading_std[0]) - quantum**2 / 12.0, 0.0))
+    return Sensors(counts, (float(extra[0]), float(extra[1]))).to_dict()
 
 
 def _provenance(
-    estimate: Estimate, logs: Sequence[Log], start: Plant | str | None, u_max: float | None
+    estimate: Estimate, logs: Sequence[Log], start: Plant | str | None, u_max: float | None, guessed: bool
 ) -> dict[str, Any]:
-    limit = "guessed from the logs' largest command" if start is None else "of the start plant"
-    mapping = logs[0].mapping.without("cut")  # a bad stretch is of one log and not of the rig
+    limit = "guessed from the logs' largest command" if guessed else "of the start plant"
+    mappings = [log.mapping.without("cut") for log in logs]  # a bad stretch is of one log and not of the rig
+    alike = len(set(mappings)) == 1
     versions = {"python": platform.python_version()}
     for package in ("furuta-gym", "numpy", "scipy", "numba"):
         try:
@@ -73,9 +81,10 @@ def _provenance(
             | ({"skipped_s": log.skipped} if log.skipped else {})
             | ({"cut_s": [list(span) for span in log.cut]} if log.cut else {})
             | ({"stretches_s": [list(span) for span in spans]} if spans else {})
-            for log, spans in zip(logs, estimate.stretches or ((),) * len(logs), strict=True)
+            | ({} if alike or mapping.empty else {"mapping": mapping.to_dict()})
+            for log, mapping, spans in zip(logs, mappings, estimate.stretches or ((),) * len(logs), strict=True)
         ],
-        **({} if mapping.empty else {"mapping": mapping.to_dict()}),
+        **({"mapping": mappings[0].to_dict()} if alike and not mappings[0].empty else {}),
         "method": estimate.method,
         "start": "from the logs" if start is None else start if isinstance(start, str) else "a plant given",
         "fixed": dict(estimate.fixed),

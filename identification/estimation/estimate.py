@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -213,6 +213,9 @@ class Estimate:
             "message": self.message,
             "at_bound": list(self.at_bound),
             "valid": self.valid,
+            "verdict": self.verdict,
+            "uncertain": self.uncertain,
+            "gain_changes": [asdict(change) for change in self.gain_changes],
             "identifiability": self.identifiability.to_dict(),
             "physical_consistency": physical_consistency(self.plant.theta).to_dict(),
             "zeros": self.zeros_by_log,

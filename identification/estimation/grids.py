@@ -52,13 +52,13 @@ def from_grids(
     what the plant leaves without the effects. pool: where the fits run side by side, each in one thread. further: the
     plant with other start values.
     """
-    duration = max(float(r.t[-1]) for r in records)
+    clock = clock_of(records)
     thin = [reduced(r, math.inf, THINNED, clock=True) for r in records]
     given = [e for e in plant.effects if e.name in names]
     hertz: tuple[float, ...] = ()
     if any(p.grid == "frequencies" and f"{e.name}.{p.name}" not in known for e in given for p in e.type.parameters):
         hertz = _spectrum(make, plant.replace(effects=tuple(e for e in plant.effects if e not in given)), thin)
-    waiting = {e.name: at_grid_points(e, plant, known, duration, hertz) for e in given}
+    waiting = {e.name: at_grid_points(e, plant, known, clock, hertz) for e in given}
     if not further and len(waiting) < 2 and all(len(points) == 1 for points in waiting.values()):
         return plant
 
@@ -80,7 +80,7 @@ def from_grids(
         value, current = ends[best]
         name = starts[best][1]
         for apart in _CLOSER:
-            finer = between(current, name, known, duration, apart * duration)
+            finer = between(current, name, known, clock[1], apart * (clock[1] - clock[0]))
             closer = list(mapped(pool, lambda plant, name=name: ended(plant, name), finer))
             value, current = min([(value, current), *closer], key=lambda end: end[0])
         del waiting[name]
@@ -113,16 +113,21 @@ def _spectrum(
     return () if path is None else spectral_peaks(path, _FREQUENCIES).hertz
 
 
+def clock_of(records: Sequence[Record]) -> tuple[float, float]:
+    """The first and the last time [s] of records, on their recordings' clocks."""
+    return min(float(r.t[0]) for r in records), max(float(r.t[-1]) for r in records)
+
+
 def at_grid_points(
-    effect: Effect, plant: Plant, known: Container[str], duration: float, hertz: Sequence[float] = ()
+    effect: Effect, plant: Plant, known: Container[str], clock: tuple[float, float], hertz: Sequence[float] = ()
 ) -> list[Effect]:
     """The effect at every combination of the values worth starting from. plant: for values that are relative to it.
-    known: "effect.parameter" of what is not tried. duration [s]: of the longest log. hertz: frequencies to try; its
-    own where there are none."""
+    known: "effect.parameter" of what is not tried. clock: of the records (see `clock_of`). hertz: frequencies to
+    try; its own where there are none."""
     usual = plant.default_effect(effect.name).parameters
     grids: dict[str, tuple[float, ...]] = {}
     for p in effect.type.parameters:
-        points = () if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], duration, hertz)
+        points = () if f"{effect.name}.{p.name}" in known else _points(p, usual[p.name], clock, hertz)
         if len(points) * math.prod(map(len, grids.values())) <= _MOST and len(points) > 1:
             grids[p.name] = points
     return [
@@ -131,13 +136,14 @@ def at_grid_points(
     ]
 
 
-def _points(p: Parameter, usual: float, duration: float, hertz: Sequence[float]) -> tuple[float, ...]:
+def _points(p: Parameter, usual: float, clock: tuple[float, float], hertz: Sequence[float]) -> tuple[float, ...]:
     """Values worth starting from; none for what has one optimum."""
     if not _several(p):
         return ()
     if p.grid == "frequencies":
         return tuple(hertz)
-    return tuple((_TIMES * duration).tolist()) if p.grid == "times" else p.grid_on(usual)
+    first, last = clock
+    return tuple((first + _TIMES * (last - first)).tolist()) if p.grid == "times" else p.grid_on(usual)
 
 
 def _several(p: Parameter) -> bool:

@@ -13,6 +13,7 @@ from furuta_gym.plant import Effect, Plant
 
 from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
+from ..logs.checks import warn
 from ..logs.log import Log, as_logs, check_each_once
 from .completed import with_plant
 from .estimate import Estimate
@@ -70,7 +71,8 @@ def identify(
     `start`: the fit goes on from there and no other start is tried. zeros: of the logs' encoders, to start from (see
     `estimation.zeros`).
     u_max [{u}]: largest command that the rig can give; by default the start
-    plant's, else a guess from the largest command. pool: where filters run side by side (default: `shared_pool`).
+    plant's, else, or where the logs exceed that, a guess from the largest command. pool: where filters run side by
+    side (default: `shared_pool`).
     every_sample: else "prediction-error" takes of logs with more than
     `informative.BUDGET` samples together the stretches that say most about θ.
     model_error: whether error bars allow for what the model lacks (see `model_error.model_error`), which takes a
@@ -103,6 +105,9 @@ def identify(
     if verdict := gate(logs, known={*options["fixed"], *options["priors"], *(["r"] if sharpness is not None else [])}):
         raise NotIdentifiable(verdict)
     template = _template(logs, start)
+    guessed = u_max is None and (start is None or _exceeded(template, logs))
+    if guessed and start is not None:
+        template = _with_limit(template, logs)
     best = informative(logs) if method == DEFAULT and not every_sample else None
     estimator = chosen.load()
     given = {name: options[name] for name in used}
@@ -113,7 +118,7 @@ def identify(
     if best is not None:
         estimate = replace(estimate, stretches=best.spans)
     warn_about_zeros(estimate.plant, logs, estimate.zeros)
-    return with_plant(estimate, logs, start, u_max)
+    return with_plant(estimate, logs, start, u_max, guessed)
 
 
 def _is_given(value: Any, absent: Any) -> bool:
@@ -139,6 +144,20 @@ def _template(logs: Sequence[Log], start: Plant | str | None) -> Plant:
             raise ValueError(f"the start plant's command is in {plant.unit}, the logs' in {unit}; they must agree")
         return plant.replace(covariance=None, checks={}, provenance={})
     return Plant(np.array([1e-2, 1e-3, 1e-3, 1e-3, 1e-2, 1e-3, 1e-4, 1e-2, 1e-4]), unit=unit, u_max=_limit(logs))
+
+
+def _exceeded(plant: Plant, logs: Sequence[Log]) -> bool:
+    return plant.u_max * (1 + 1e-9) < max(float(np.abs(log.u).max()) for log in logs)
+
+
+def _with_limit(plant: Plant, logs: Sequence[Log]) -> Plant:
+    """The start plant with a u_max that its rig's logs allow, and a warning."""
+    limit, largest = _limit(logs), max(float(np.abs(log.u).max()) for log in logs)
+    warn(
+        f"the start plant's u_max is {plant.u_max:g} {plant.unit}, and the logs' command reaches {largest:g}: taking "
+        f"{limit:g}. Give the rig's own with --u-max (u_max in Python)."
+    )
+    return plant.replace(u_max=limit)
 
 
 def _limit(logs: Sequence[Log]) -> float:

@@ -52,7 +52,7 @@ def with_gain_changes(estimate: Estimate, logs: Sequence[Log]) -> Estimate:
     for i, log in enumerate(logs):
         paths = [path_at(problem, optimum.z, _looked_at(r)) for r in problem.records if r.log == i]
         kept = [path for path in paths if path is not None]
-        if paths and len(kept) == len(paths) and (change := gain_change(log.source, kept, float(log.t[0]))):
+        if paths and len(kept) == len(paths) and (change := gain_change(log.source, kept, log.origin)):
             found.append(change)
     return replace(estimate, gain_changes=tuple(found), warnings=(*estimate.warnings, *map(str, found)))
 
@@ -60,7 +60,7 @@ def with_gain_changes(estimate: Estimate, logs: Sequence[Log]) -> Estimate:
 def gain_change(source: str, paths: Sequence[FilterPath], start: float = 0.0) -> GainChange | None:
     """What changed in a log's command, from the paths of its stretches at a fit; None where nothing did for certain.
 
-    start [s]: the log's first stamp."""
+    start [s]: the stamp that the paths' clock counts from."""
     first, last = float(paths[0].record.t[0]), float(paths[-1].record.t[-1])
     if last - first < _SHORTEST:
         return None

@@ -28,7 +28,8 @@ _LEAST = 1e-14  # rad², of a reading's variance
 
 @dataclass(frozen=True)
 class Record:
-    """t (N,) [s] from the log's first sample, y (N, 2) readings [rad], u (N, 1) commands, held from their sample on.
+    """t (N,) [s] from the recording's first sample, y (N, 2) readings [rad], u (N, 1) commands, held from their
+    sample on.
 
     quantum (2,): one count of each encoder [rad], 0 where the reading is not rounded. variance (2,): of a reading
     taken as noise, rounding included [rad²]. velocity (2,) and velocity_std: of the first state [rad/s].
@@ -73,7 +74,7 @@ class Record:
     @classmethod
     def from_log(cls, log: Log) -> Record:
         """Of a log without gaps; counts as declared, or as the samples show them."""
-        return _record(log, log, *_encoders([log])[0])
+        return _record(log, *_encoders([log])[0])
 
     @classmethod
     def from_arrays(
@@ -140,7 +141,7 @@ def stretches(logs: Sequence[Log]) -> list[Stretch]:
                 f"{log.source}: {len(log) - kept} of {len(log)} samples stand in stretches of fewer than {SHORTEST} "
                 "between gaps of the clock, and are not used. Record without dropping samples where that can be done."
             )
-        found += [Stretch(i, piece, replace(_record(piece, log, *known), log=i)) for piece in pieces]
+        found += [Stretch(i, piece, replace(_record(piece, *known), log=i)) for piece in pieces]
     if not found:
         raise LogError(
             f"{', '.join(log.source for log in logs)}: no stretch of {SHORTEST} samples without a gap of the clock. "
@@ -162,8 +163,8 @@ def _first_velocity(
     return np.polyfit(t, y, 2 if curved else 1)[-2], 3.0 * spread
 
 
-def _record(piece: Log, log: Log, quantum: NDArray[np.float64], variance: NDArray[np.float64]) -> Record:
-    return Record.from_arrays(piece.t, piece.angles, piece.u, variance, quantum, float(piece.t[0] - log.t[0]))
+def _record(piece: Log, quantum: NDArray[np.float64], variance: NDArray[np.float64]) -> Record:
+    return Record.from_arrays(piece.t, piece.angles, piece.u, variance, quantum, piece.begins)
 
 
 def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -184,6 +185,19 @@ def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np
             known[i][0][axis] = known[k][0][a]
             known[i][1][axis] = max(known[i][1][axis], known[k][1][a])
     return known
+
+
+def counts_of(log: Log) -> tuple[float, float]:
+    """Counts per revolution of a log's encoders: as declared, or as the samples show them where these contradict; 0
+    where neither tells."""
+
+    def of(seen: float | None, count: float) -> float:
+        declared = 2 * math.pi / count if count > 0 else 0.0
+        step = _step(seen, declared)
+        return count if step == declared else float(round(2 * math.pi / step))
+
+    arm, pendulum = map(of, log.encoder_steps, log.encoder_counts or (0.0, 0.0))
+    return arm, pendulum
 
 
 def _step(seen: float | None, declared: float) -> float:

@@ -17,6 +17,7 @@ _LONGEST = 16  # entries of a list in a message; a longer one is an image or a s
 _FEWEST = 20  # messages of a topic that can be a signal
 _MOST = 20_000_000  # messages
 _WIDEST = 2000  # different numbers in the messages
+_SILENT = 5.0, 0.1  # of a topic's median period, and s; a longer pause is told, and what was said last holds in it
 
 
 @dataclass
@@ -32,7 +33,8 @@ class Refused(Exception):
 
 
 def read(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Facts `notes` (list of text) and columns by name; or the fact `refused`, a sentence, and none."""
+    """Facts `notes` (list of text), `silent` (a sentence by column) and columns by name; or the fact `refused`, a
+    sentence, and none."""
     topics: dict[str, _Topic] = {}
     try:
         if path.lower().endswith(".mcap"):
@@ -141,7 +143,8 @@ def _stamp(message: Any) -> int | None:
 
 
 def _joined(topics: Mapping[str, _Topic]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """One table: the busiest topic's clock, and of each other topic the message nearest in time."""
+    """One table: the busiest topic's clock, and of each other topic the message nearest in time, or where it pauses the
+    last one before."""
     used = {topic: held for topic, held in topics.items() if len(held.stamps) >= _FEWEST}
     if not used:
         raise Refused(f"no topic has {_FEWEST} messages with numbers. Expected angles and a command over time.")
@@ -153,17 +156,41 @@ def _joined(topics: Mapping[str, _Topic]) -> tuple[dict[str, Any], dict[str, np.
     clock = max(ordered, key=lambda topic: len(ordered[topic][0]))
     base = np.unique(ordered[clock][0])
     columns = {"time": (base - base[0]) * 1e-9}
-    furthest = 0.0
+    furthest, silent = 0.0, {}
     for topic, (stamps, rows) in ordered.items():
         order = np.argsort(stamps, kind="stable")
         nearest = _nearest(stamps[order], base)
+        pauses = [] if topic == clock else _pauses(stamps[order], base)
+        for start, stop in pauses:
+            held = int(np.searchsorted(stamps[order], start, side="right")) - 1
+            nearest[(base > start) & (base < stop)] = max(held, 0)
         furthest = max(furthest, float(np.max(np.abs(stamps[order][nearest] - base))) * 1e-9)
         chosen = [rows[order[i]] for i in nearest]
         for key in fields[topic]:
             label = f"{topic}.{key.removesuffix('.data')}" if key != "data" else topic
             columns[label] = np.array([row.get(key, np.nan) for row in chosen])
+            if pauses:
+                silent[label] = _told(topic, [((a - base[0]) * 1e-9, (b - base[0]) * 1e-9) for a, b in pauses])
     several = f"topics {', '.join(ordered)} are joined by the nearest stamp, at most {1e3 * furthest:.3g} ms apart."
-    return {"notes": [several] if len(ordered) > 1 else []}, columns
+    return {"notes": [several] if len(ordered) > 1 else [], "silent": silent}, columns
+
+
+def _pauses(stamps: np.ndarray, base: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches [ns] of the table in which a topic has no message: pauses, before the first, after the last."""
+    least = max(_SILENT[0] * float(np.median(np.diff(stamps))), _SILENT[1] * 1e9)
+    ends = np.concatenate([[min(base[0], stamps[0])], stamps, [max(base[-1], stamps[-1])]])
+    return [(int(ends[k]), int(ends[k + 1])) for k in np.flatnonzero(np.diff(ends) > least)]
+
+
+def _told(topic: str, pauses: list[tuple[float, float]]) -> str:
+    start, stop = max(pauses, key=lambda pause: pause[1] - pause[0])
+    more = len(pauses) - 1
+    others = f", and in {more} other pause{'s' if more > 1 else ''}" if more else ""
+    return (
+        f"topic {topic} has no message from {start:.4g} to {stop:.4g} s{others}: its last value is held there (before "
+        "the first message, the first). That is right for a command which is published only when it changes. If "
+        f"messages were lost, leave these seconds out (--cut {start:.4g}:{stop:.4g})"
+    )
 
 
 def _nearest(stamps: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 Every number of a message is a column, `topic.field`; entries of a list are named as the message names them (`name` of
 a JointState), else numbered. The topic with the most messages gives the clock, the others are taken at the stamp
-nearest to it. Needs the extra `ros`. A child process reads them: a small file can unfold without end.
+nearest to it, and hold their last value where they pause. Needs the extra `ros`. A child process reads them: a small
+file can unfold without end.
 """
 
 from __future__ import annotations
@@ -44,4 +45,5 @@ def _table(path: Path, reader: Apart, package: str) -> Table:
     if "refused" in facts:
         raise LogError(f"{path.name}: {facts['refused']}")
     notes = tuple(f"{path.name}: {note}" for note in facts["notes"])
-    return Table(path.name, columns, units={"time": "s"}, notes=notes)
+    silent = {column: f"{path.name}: {said}" for column, said in facts["silent"].items()}
+    return Table(path.name, columns, units={"time": "s"}, notes=notes, silent=silent)

@@ -21,14 +21,9 @@ from .checks import LogError, LogWarning
 from .encoders import encoder_step, noise_std, shortest_for_noise
 from .formats import write_table
 from .gaps import gaps
-from .mapping import (
-    COLUMNS,
-    KNOWN_KEYS,
-    parse_counts,
-    parse_gain,
-    parse_unit,
-)
+from .mapping import KNOWN_KEYS
 from .rig_mapping import RigMapping
+from .said import COLUMNS, parse_counts, parse_gain, parse_unit
 
 __all__ = ["Log", "LogError", "LogWarning", "write_log"]
 
@@ -56,7 +51,8 @@ class Log:
     t [s], q1, q2 [rad], u [input_unit]. encoder_counts: counts per revolution of (q1, q2), None if unknown.
     controller_gain: K of u = −K (q1, q̇1, q2, q̇2) + d, None if unknown. source, sha256: the file it came from.
     read_as: what the mapping did to the file's columns, as formulas. skipped: seconds left out at its start.
-    cut: stretches (from, to) [s] of its clock whose samples are left out.
+    cut: stretches (from, to) [s] of its clock whose samples are left out. begins [s]: its first sample after that of
+    the recording, whose part it is; from there the effects that follow the clock count.
     mapping: what was said of how to read it, so that the rig's other files can be read likewise.
     metadata: further `# key: value` pairs of that file. Raises LogError if any of this does not hold.
     """
@@ -74,6 +70,7 @@ class Log:
     read_as: str = ""
     skipped: float = 0.0
     cut: tuple[tuple[float, float], ...] = ()
+    begins: float = 0.0
     mapping: RigMapping = field(default_factory=RigMapping)
     metadata: Mapping[str, str] = field(default_factory=dict)
 
@@ -91,6 +88,8 @@ class Log:
             object.__setattr__(self, name, values)
         if not (np.diff(self.t) > 0).all():
             raise LogError(f"{self.source}: t does not increase strictly. Sort the samples, drop repeated ones.")
+        if not 0.0 <= self.begins < np.inf:
+            raise LogError(f"{self.source}: begins = {self.begins!r}. Expected seconds after the first sample.")
         object.__setattr__(self, "input_unit", parse_unit(self.input_unit))
         if self.encoder_counts is not None:
             object.__setattr__(self, "encoder_counts", parse_counts(self.encoder_counts))
@@ -142,6 +141,16 @@ class Log:
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0])
+
+    @property
+    def origin(self) -> float:
+        """The stamp [s] of the recording's first sample, from which the effects that follow the clock count."""
+        return float(self.t[0]) - self.begins
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Its first and last sample [s after `origin`]."""
+        return self.begins, self.begins + self.duration
 
     @property
     def sample_time(self) -> float:
@@ -228,8 +237,10 @@ class Log:
             )
 
     def taken(self, index: _Index) -> Log:
-        """The samples of an index that increases."""
-        return replace(self, t=self.t[index], q1=self.q1[index], q2=self.q2[index], u=self.u[index])
+        """The samples of an index that increases, by the same clock."""
+        t = self.t[index]
+        begins = self.begins + float(t[0] - self.t[0]) if len(t) else 0.0
+        return replace(self, t=t, q1=self.q1[index], q2=self.q2[index], u=self.u[index], begins=begins)
 
     def __str__(self) -> str:
         clock = "even clock" if self.regular else "uneven clock, stamps are used"
@@ -264,8 +275,8 @@ def check_each_once(logs: Iterable[Log], lest: str) -> None:
 def write_log(path: str | os.PathLike[str], log: Log) -> None:
     """Write a log as .csv, .parquet, .npz or .mat, whole or not at all; `read_log` gives the same log back.
 
-    (The same but for whole turns of q2, and the hash. A finite float is written with all its digits.) Raises LogError
-    for an ending that has no writer.
+    (The same but for whole turns of q2, the hash and `begins`, as a file is a recording of its own. A finite float is
+    written with all its digits.) Raises LogError for an ending that has no writer.
     """
     facts: dict[str, str] = {"input_unit": log.input_unit, "pendulum_zero": "upright"}
     if log.encoder_counts is not None:

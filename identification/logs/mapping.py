@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import difflib
-import math
 import re
-import reprlib
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,25 +15,30 @@ import numpy as np
 from . import checks as log_checks
 from .checks import LogArgumentError, LogError
 from .jumps import warn_about_jumps
+from .said import (
+    COLUMNS,
+    SECONDS,
+    parse_angle_units,
+    parse_columns,
+    parse_counts,
+    parse_flip,
+    parse_gain,
+    parse_scale,
+    parse_unit,
+    parse_zero,
+    seconds_of,
+)
 from .signs import motion_signs
 from .table import Table, listed
 from .vocabulary import ROLES, core, fits, unit_in
 from .wrapping import unwrap
 
-COLUMNS = ("t", "q1", "q2", "u")
 KNOWN_KEYS = ("input_unit", "pendulum_zero", "encoder_counts", "device", "controller_gain", "angle_unit")
 """Metadata that a file may declare about itself; any other key is kept as it is."""
 
-_short = reprlib.Repr()  # of what a file says of itself, which may be a page
-_short.maxstring = _short.maxother = 100
-
-_UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
-"""What one unit of a time column is in s."""
 _LOOKED_AT = 500  # columns of a file, when guessing which one is meant
 _LONGEST_NAME = 80  # letters of such a column
 _TURN = 2 * np.pi
-_CUT = "expected FROM:TO in seconds of the log's own clock, FROM before TO, such as 12:14"
 _DATE = 1e7  # s; stamps beyond this count from some date, and lose digits unless they are counted from the first
 
 
@@ -46,145 +49,6 @@ class Mapped:
     signals: dict[str, np.ndarray]
     facts: dict[str, Any]
     metadata: dict[str, str]
-
-
-def parse_columns(columns: str | Mapping[str, str] | None) -> dict[str, str]:
-    """Names in the file by our names, from "t=Time,q1=theta" or a mapping. Raises LogError."""
-    if columns is None:
-        return {}
-    if isinstance(columns, str):
-        pairs = [pair.split("=", 1) for pair in columns.split(",") if pair.strip()]
-        if any(len(pair) != 2 or not pair[1].strip() for pair in pairs):
-            raise LogArgumentError("columns", repr(columns), "expected pairs such as t=Time,q1=theta,q2=alpha,u=volts")
-        names = [pair[0].strip() for pair in pairs]
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise LogArgumentError("columns", repr(columns), f"{twice} is given twice. Expected each once.")
-        columns = {ours.strip(): theirs.strip() for ours, theirs in pairs}
-    unknown = [ours for ours in columns if ours not in COLUMNS]
-    if unknown:
-        expected = f"expected one of {', '.join(COLUMNS)} (ours=theirs)"
-        raise LogArgumentError("columns", f"{unknown[0]!r} on the left", expected)
-    return dict(columns)
-
-
-def parse_flip(flip: str | Iterable[str]) -> tuple[str, ...]:
-    """Axes whose sign is turned, from "q1,q2" or a sequence. Raises LogError."""
-    names = tuple(n for n in re.split(r"[,\s]+", flip) if n) if isinstance(flip, str) else tuple(flip)
-    names = tuple(part for name in names for part in name.split(","))
-    for name in names:
-        if name not in ("q1", "q2", "u"):
-            raise LogArgumentError("flip", repr(name), "expected q1, q2 or u")
-    if len(set(names)) < len(names):
-        raise LogArgumentError("flip", ",".join(names), "an axis is given twice, which would change nothing")
-    return names
-
-
-def parse_unit(value: str) -> str:
-    """The command's unit, "V" or "N·m", from any common spelling. Raises LogError."""
-    plain = re.sub(r"[\s·*.⋅-]", "", value).lower()
-    if plain not in _UNITS:
-        hint = " (scale the command first if it is anything else)"
-        raise LogArgumentError("input_unit", _short.repr(value), "expected V or N·m", hint)
-    return _UNITS[plain]
-
-
-def parse_counts(value: float | str | Sequence[float]) -> tuple[float, float]:
-    """Counts per revolution of both encoders, from one number or two. Raises LogError."""
-    counts = _floats("encoder_counts", value)
-    if len(counts) not in (1, 2) or not all(np.isfinite(c) and c >= 2 for c in counts):
-        expected = "expected one or two numbers above 2, as 2048 or 2048,4096"
-        raise LogArgumentError("encoder_counts", _short.repr(value), expected)
-    return counts[0], counts[-1]
-
-
-def parse_zero(value: str) -> str:
-    """Where the file's q2 is 0: "upright" or "hanging". Raises LogError."""
-    if str(value).strip().lower() not in ("upright", "hanging"):
-        expected = "expected upright or hanging (the position where q2 is 0)"
-        raise LogArgumentError("pendulum_zero", _short.repr(value), expected)
-    return value.strip().lower()
-
-
-def parse_angle_units(value: str | Mapping[str, str], both: bool = True) -> dict[str, str]:
-    """Units of q1 and q2, "rad", "deg" or "counts", from one word or one for each, "q1=deg,q2=rad".
-
-    both: with rad for an angle that is not named. Raises LogError."""
-    units: dict[str, str]
-    if isinstance(value, Mapping):
-        units = dict(value)
-    elif "=" in value:
-        units = {k.strip(): v.strip() for k, _, v in (part.partition("=") for part in value.split(","))}
-    else:
-        units = dict.fromkeys(("q1", "q2"), str(value).strip())
-    for column, unit in units.items():
-        if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
-            expected = "expected rad, deg or counts, for q1 and q2"
-            raise LogArgumentError("unit", f"{column}={_short.repr(unit)}", expected)
-    return {"q1": "rad", "q2": "rad"} | units if both else units
-
-
-def parse_time_unit(value: str) -> str:
-    """Unit of the time column: one of `SECONDS`, or the seconds of one count, as "0.002". Raises LogError."""
-    if value in SECONDS:
-        return value
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError):
-        seconds = np.nan
-    if not 0.0 < seconds < np.inf:
-        expected = f"expected one of {', '.join(SECONDS)}, or the seconds of one count, as 0.002"
-        raise LogArgumentError("time_unit", _short.repr(value), expected)
-    return repr(seconds)
-
-
-def seconds_of(time_unit: str) -> float:
-    """Seconds of one unit of the time column. Raises LogError."""
-    unit = parse_time_unit(time_unit)
-    return SECONDS[unit] if unit in SECONDS else float(unit)
-
-
-def parse_scale(value: float) -> float:
-    """What the command's numbers are multiplied by. Raises LogError."""
-    (scale,) = _floats("input_scale", value)[:1] or (0.0,)
-    if not (np.isfinite(scale) and scale > 0):
-        raise LogArgumentError("input_scale", repr(value), "expected a positive number", " (use flip for the sign)")
-    return scale
-
-
-def parse_cuts(value: str | Iterable[str | Sequence[float]]) -> tuple[tuple[float, float], ...]:
-    """Stretches of a log's clock [s], each "FROM:TO" or a pair. Raises LogError."""
-    cuts = []
-    for one in (value,) if isinstance(value, str) else value:
-        try:
-            start, stop = (float(part) for part in (one.split(":") if isinstance(one, str) else one))
-        except (TypeError, ValueError, OverflowError):
-            raise LogArgumentError("cut", _short.repr(one), _CUT) from None
-        if not (math.isfinite(start) and math.isfinite(stop)):
-            raise LogArgumentError("cut", _short.repr(one), _CUT)
-        if start >= stop:
-            raise LogArgumentError("cut", f"{start:g}:{stop:g}", f"{start:g} s is not before {stop:g} s; {_CUT}")
-        cuts.append((start, stop))
-    return tuple(cuts)
-
-
-def parse_skip(value: float) -> float:
-    """Seconds left out at the start. Raises LogError."""
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError, OverflowError):
-        seconds = -1.0
-    if not 0.0 <= seconds < np.inf:
-        raise LogArgumentError("skip", repr(value), "expected seconds, not negative")
-    return seconds
-
-
-def parse_gain(value: str | Sequence[float]) -> tuple[float, float, float, float]:
-    """K of u = −K (q1, q̇1, q2, q̇2), four numbers. Raises LogError."""
-    gain = _floats("controller_gain", value)
-    if len(gain) != 4 or not np.isfinite(gain).all():
-        raise LogArgumentError("controller_gain", _short.repr(value), "expected four numbers, for q1, q1', q2, q2'")
-    return gain[0], gain[1], gain[2], gain[3]
 
 
 def map_table(
@@ -211,7 +75,7 @@ def map_table(
     names = _find_columns(table, parse_columns(columns))
     metadata = _named(table.metadata)
     stored = metadata.get
-    units = _prefer(name, "angle unit", unit, stored("angle_unit"), parse_angle_units) or parse_angle_units("rad")
+    units = _angle_units(name, unit, stored("angle_unit"))
     zero = _prefer(name, "pendulum_zero", pendulum_zero, stored("pendulum_zero"), parse_zero) or "upright"
     flips = parse_flip(flip)
     sign = dict.fromkeys(("q1", "q2", "u"), 1.0) | dict.fromkeys(flips, -1.0)
@@ -225,7 +89,8 @@ def map_table(
         log_checks.check_numbers(name, names[ours], values, table.where, clock=ours == "t")
     if table.columns[names["t"]].dtype.kind in "Mm":  # `Table.numbers` gives seconds
         factor = 1.0
-    t = own_clock(raw["t"], factor)
+    first = first_stamp(raw["t"], factor)
+    t = (raw["t"] - first) * factor
     log_checks.check_clock(name, t, table.where)
     log_checks.check_length(name, len(t))
     log_checks.check_command(name, raw["u"], constant_command)
@@ -256,9 +121,11 @@ def map_table(
         factors = (sign[q] * sign["u"] * gain_of_u / scale[q] for q in ("q1", "q1", "q2", "q2"))
         gain = tuple(k * factor for k, factor in zip(gain, factors, strict=True))
     facts["controller_gain"] = gain
-    facts["read_as"] = _read_as(names, units, zero, sign, known, gain_of_u)
+    facts["read_as"] = _read_as(names, units, zero, sign, known, gain_of_u, _seconds(names["t"], factor, first))
 
     log_checks.warn_about_clock(name, t)
+    for said in dict.fromkeys(table.silent[column] for column in names.values() if column in table.silent):
+        log_checks.warn(said)
     log_checks.warn_about_command(name, names["u"], u)
     log_checks.check_motion(name, q1, q2)
     log_checks.warn_about_held(name, {names["q1"]: q1, names["q2"]: q2})
@@ -276,8 +143,20 @@ def map_table(
 
 def own_clock(stamps: np.ndarray, factor: float) -> np.ndarray:
     """Stamps in s, whose unit is `factor` s. Those that count from some date are counted from the first one."""
-    start = stamps[0] if len(stamps) and abs(stamps[0]) * factor > _DATE else 0.0
-    return (stamps - start) * factor
+    return (stamps - first_stamp(stamps, factor)) * factor
+
+
+def first_stamp(stamps: np.ndarray, factor: float) -> float:
+    """The stamp that a log's clock counts from: the first one where stamps count from some date, else 0."""
+    return stamps[0] if len(stamps) and abs(stamps[0]) * factor > _DATE else 0.0
+
+
+def _seconds(column: str, factor: float, first: float) -> str:
+    """The column of time as a formula in s."""
+    counted = f"{column} - {column}[0]" if first else column
+    if factor == 1.0:
+        return counted
+    return f"({counted})*{factor:g}" if first else f"{counted}*{factor:g}"
 
 
 def _radians(name: str, unit: str, counts: float | None) -> float:
@@ -296,9 +175,11 @@ def _read_as(
     sign: Mapping[str, float],
     counts: Mapping[str, float | None],
     gain_of_u: float = 1.0,
+    time: str = "t",
 ) -> str:
-    """What the mapping does to the file's columns, as formulas; "" where it does nothing."""
-    said = {}
+    """What the mapping does to the file's columns, as formulas; "" where it does nothing. time: the formula of t, which
+    is left out where it is the file's."""
+    said = {} if time == "t" else {"t": time}
     for ours in ("q1", "q2", "u"):
         unit = units.get(ours, "")
         text = names[ours] + {"deg": "*pi/180", "counts": f"*2*pi/{counts.get(ours) or 1:g}"}.get(unit, "")
@@ -354,6 +235,16 @@ def _guess(ours: str, free: Sequence[str]) -> str | None:
     return plain[near[0]] if near else None
 
 
+def _angle_units(name: str, given: str | Mapping[str, str] | None, stored: str | None) -> dict[str, str]:
+    """Units of q1 and q2: of each what the user says, else what the file says, else rad."""
+    try:
+        said, held = ({} if units is None else parse_angle_units(units) for units in (given, stored))
+    except LogError as error:
+        raise LogError(f"{name}: {error}") from None
+    chosen = {q: _prefer(name, f"the angle unit of {q}", said.get(q), held.get(q)) for q in ("q1", "q2")}
+    return {q: unit or "rad" for q, unit in chosen.items()}
+
+
 def _prefer(name: str, key: str, explicit: Any, stored: str | None, parse: Any = None) -> Any:
     """What the user says, else what the file says; a warning where they differ."""
     try:
@@ -364,15 +255,6 @@ def _prefer(name: str, key: str, explicit: Any, stored: str | None, parse: Any =
     if said is not None and held is not None and said != held:
         log_checks.warn(f"{name}: {key} is {held} in the file and {said} as given. Using what was given.")
     return held if said is None else said
-
-
-def _floats(key: str, value: float | str | Sequence[float]) -> tuple[float, ...]:
-    try:
-        if isinstance(value, str):
-            return tuple(float(part) for part in re.split(r"[,;\s]+", value.strip(" []()")) if part)
-        return tuple(float(part) for part in np.atleast_1d(np.asarray(value, dtype=float)))
-    except (TypeError, ValueError):
-        raise LogArgumentError(key, _short.repr(value), "expected numbers, separated by a comma") from None
 
 
 def _named(metadata: Mapping[str, str]) -> dict[str, str]:

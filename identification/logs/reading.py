@@ -14,8 +14,9 @@ import numpy as np
 from .checks import LogError, check_length, warn
 from .formats import read_table
 from .log import Log
-from .mapping import map_table, parse_counts, parse_cuts, parse_flip, parse_skip
+from .mapping import map_table
 from .rig_mapping import RigMapping
+from .said import parse_counts, parse_cuts, parse_flip, parse_skip
 from .table import Table
 
 
@@ -92,12 +93,14 @@ def read_log(
     digest = file_hash(path)
     about: dict[str, Any] = {**mapped.signals, **mapped.facts}
     log = Log(**about, source=table.name, sha256=digest, mapping=said, metadata=mapped.metadata)
-    begin = float(log.t[0])
+    whole, begin = log, float(log.t[0])
     if cuts:
         log = _without(log, cuts)
     if not skip:
         return log
-    rest = replace(log.slice(begin + skip), skipped=float(skip))
+    rest = log.slice(begin + skip)
+    since = float(whole.t[np.searchsorted(whole.t, begin + skip)])  # what is skipped is no part of the recording
+    rest = replace(rest, skipped=float(skip), begins=float(rest.t[0]) - since)
     check_length(f"{log.source} after the {skip:g} s that are left out (--skip)", len(rest))
     return rest
 

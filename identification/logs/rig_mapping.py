@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from .checks import LogArgumentError, LogError
-from .mapping import (
+from .said import (
     COLUMNS,
     parse_angle_units,
     parse_columns,
@@ -82,7 +82,7 @@ class RigMapping:
         **said: Any,
     ) -> RigMapping:
         """From arguments as `read_log` takes them: names by our names, and one unit or one for each angle."""
-        units = {} if unit is None else parse_angle_units(unit, both=False)
+        units = {} if unit is None else parse_angle_units(unit)
         named: dict[str, Any] = parse_columns(columns) | {f"unit_{axis}": value for axis, value in units.items()}
         return cls(**named, **said)
 

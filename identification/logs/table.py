@@ -21,6 +21,7 @@ class Table:
     lines: np.ndarray | None = None  # line of the file for each row, in text files
     units: dict[str, str] = field(default_factory=dict)  # as the file states them, by column
     notes: tuple[str, ...] = ()  # what a person should know of how it was read
+    silent: dict[str, str] = field(default_factory=dict)  # by column, where nothing was recorded and what stands there
 
     def where(self, row: int) -> str:
         """The place of a row as a person would look for it."""

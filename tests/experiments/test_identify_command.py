@@ -16,7 +16,7 @@ from experiments.cli.app import app
 from experiments.cli.identify import _check_known, _check_profiles
 from experiments.cli.reading import Reading
 from experiments.replaced import limits_lost
-from furuta_gym.plant import QUBE, Plant
+from furuta_gym.plant import QUBE, Effect, Plant
 from identification.estimation.estimate import Estimate
 from identification.logs.log import write_log
 from identification.logs.rig_file import save_mapping
@@ -235,3 +235,39 @@ def test_the_sharpness_of_each_joint_may_be_given() -> None:
     _check_known(["r1", "r2", "r", "arm_spring.k"], ["arm_spring"], QUBE)
     with pytest.raises(ValueError, match="r3: expected one of"):
         _check_known(["r3"], [], None)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--effects", "arm_spring", "--profile", "arm_spring.k"],
+        ["--fix", "r1=90", "--profile", "r2"],
+        ["--prior", "r1=90±9", "--profile", "r1"],
+        ["--start", "PLANT", "--profile", "r2,arm_spring.k", "--fix", "r1=90"],
+    ],
+)
+def test_every_free_parameter_can_be_profiled(file: Path, tmp_path: Path, arguments: list[str]) -> None:
+    """What is refused here is the limit of the command, which is looked at after the names."""
+    apart = QUBE.replace(friction_sharpness=(80.0, 120.0)).with_effects(Effect("arm_spring", {"k": 0.1}))
+    plant = apart.save(tmp_path / "start.json")
+    given = [str(plant) if a == "PLANT" else a for a in arguments]
+    result = run(file, "-o", tmp_path / "rig.json", *given, "--u-max", "0.001")
+    assert result.exit_code == 2
+    assert "--u-max" in result.stderr
+    assert "--profile" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--effects", "arm_spring", "--profile", "arm_spring.x"], "arm_spring.k"),
+        (["--fix", "r=90", "--profile", "r"], "expected a free parameter"),
+        (["--fix", "r1=90", "--profile", "r"], "r2"),
+        (["--effects", "arm_spring", "--fix", "arm_spring.k=0", "--profile", "arm_spring.k"], "arm_spring.q1n"),
+    ],
+)
+def test_what_is_not_free_cannot_be_profiled(file: Path, tmp_path: Path, arguments: list[str], words: str) -> None:
+    result = run(file, "-o", tmp_path / "rig.json", *arguments)
+    assert result.exit_code == 2
+    assert "--profile" in result.stderr
+    assert words in result.stderr

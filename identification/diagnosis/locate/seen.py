@@ -36,17 +36,17 @@ class Seen:
     @one_blas_thread
     def of(cls, plant: Plant, logs: Sequence[Log], policy: DecisionPolicy) -> Seen:
         """Raises as `locate`."""
-        looks = tuple(_look(plant, stretch, float(logs[stretch.log].t[0])) for stretch in long_enough(logs, policy))
+        looks = tuple(_look(plant, stretch, logs[stretch.log].origin) for stretch in long_enough(logs, policy))
         knots = Knots.of([look.signals for look in looks])
         peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
-        columns = tuple(families(look.signals, plant, knots, peaks, (0.0, logs[look.log].duration)) for look in looks)
+        columns = tuple(families(look.signals, plant, knots, peaks, logs[look.log].span) for look in looks)
         return cls(plant, tuple(logs), looks, columns)
 
     @one_blas_thread
     def another_law(self, name: str) -> float:
         """Evidence [nats] that the law of the plant's effect `name` is another: that a further function of what the
         effect depends on makes the logs likelier."""
-        own = [own_families(name, self.plant, look.signals, (0.0, self.logs[look.log].duration)) for look in self.looks]
+        own = [own_families(name, self.plant, look.signals, self.logs[look.log].span) for look in self.looks]
         columns = [[*known, *further] for known, further in zip(self.columns, own, strict=True)]
         return max(evidence_of(self.looks, columns, chosen).nats for chosen in ways(name, own[0]))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Plant
 
-from ...estimation.grids import at_grid_points
+from ...estimation.grids import at_grid_points, clock_of
 from ...estimation.pool import mapped, shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
@@ -158,7 +158,7 @@ def from_best(
     noise = between(fits[best], current)
     plant = without(fits[best], current)
     zeros = fits[best].zeros
-    duration = max(record.duration for record in current.records)
+    clock = clock_of(current.records)
     starts = []
     for name, effect in rivals.items():
         if related(best, name):
@@ -166,7 +166,7 @@ def from_best(
             starts.append(Start((name,), plant.with_effects(near), fits[best].noise, zeros))
         tried = [
             effect,
-            *(at_grid_points(effect, plant, (), duration) if _degenerate(name, fits, setting.policy) else ()),
+            *(at_grid_points(effect, plant, (), clock) if _degenerate(name, fits, setting.policy) else ()),
         ]
         starts += [Start((name,), plant.with_effects(e), noise, zeros) for e in tried]
     return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)

@@ -72,17 +72,19 @@ class Cell:
         return Effect(self.effect, values)
 
 
-def cells(effect: EffectType, plant: Plant, duration: float, frequencies: NDArray[np.float64]) -> list[Cell]:
+def cells(effect: EffectType, plant: Plant, clock: tuple[float, float], frequencies: NDArray[np.float64]) -> list[Cell]:
     """Cells of an effect on a plant (which scales sizes; its u_max is best the largest command seen) and a log.
 
-    duration [s] places the "times" of a grid; frequencies [Hz] are the ones worth trying.
+    clock: the first and last time [s], between which the "times" of a grid lie; frequencies [Hz] are
+    the ones worth trying.
     """
     default = plant.default_effect(effect.name).parameters
     sizes = [p for p in effect.parameters if p.role == "size" and not p.optional]
     shapes = [p for p in effect.parameters if p.role == "shape"]
     spanned = next((p for p in shapes if p.span and not p.grid), None)
     gridded = [p for p in shapes if p.grid or not p.span]
-    choices = {"times": np.linspace(0.05, 0.95, 37) * duration, "frequencies": frequencies}
+    first, last = clock
+    choices = {"times": first + np.linspace(0.05, 0.95, 37) * (last - first), "frequencies": frequencies}
     grids = [_grid(p, default[p.name], choices) for p in gridded]
     size_grid = max((len(p.grid) for p in sizes), default=0)
     result = []

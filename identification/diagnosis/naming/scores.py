@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ...discrepancy.correction import HIGHEST_FREQUENCY
+from ...estimation.grids import clock_of
 from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
 from ...kalman.coordinates import Coordinate, tells_the_zero
@@ -54,11 +55,10 @@ def scores(
     noise = Noise(np.maximum(nominal.noise.torque / quieter, least), nominal.noise.reading_factor)
     taken = {e.name for e in nominal.plant.effects}
     peak = max(float(np.abs(r.u).max()) for r in nominal.records)
-    duration = max(float(r.t[-1]) for r in nominal.records)
     scale = nominal.plant.replace(u_max=max(peak, 1e-6))
     frequencies = _peaks(nominal, noise, policy.periods)
     chosen = [n for n in (names or EFFECTS) if n not in taken]
-    trial = {name: cells(EFFECTS[name], scale, duration, frequencies) for name in chosen}
+    trial = {name: cells(EFFECTS[name], scale, clock_of(nominal.records), frequencies) for name in chosen}
     tables = [_answers(nominal, noise, record, [c for n in chosen for c in trial[n]]) for record in nominal.moved]
     found: dict[str, Score] = {}
     position = 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..checks import LogError
-from ..mapping import COLUMNS
+from ..said import COLUMNS
 from ..table import Table
 from ..vocabulary import OTHER, fits, words
 from .values import Confidence

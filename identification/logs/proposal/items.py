@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..encoders import encoder_step
-from ..mapping import COLUMNS, parse_unit
+from ..said import COLUMNS, parse_unit
 from ..signs import Signs
 from .columns import SPOKEN
 from .look import Look

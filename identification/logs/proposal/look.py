@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from .. import checks
-from ..mapping import SECONDS, parse_counts, parse_zero, seconds_of
 from ..rig_mapping import RigMapping
+from ..said import SECONDS, parse_counts, parse_zero, seconds_of
 from ..signs import Signs
 from ..table import Table
 from .columns import Choice, angle_candidates, named, numeric

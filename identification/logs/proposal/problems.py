@@ -11,7 +11,8 @@ import numpy as np
 
 from .. import checks
 from ..jumps import warn_about_jumps
-from ..mapping import COLUMNS, SECONDS, own_clock
+from ..mapping import own_clock
+from ..said import COLUMNS, SECONDS
 from ..signs import Signs
 from ..vocabulary import fits
 from ..wrapping import unwrap
@@ -73,7 +74,8 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found += _said(name, lambda: checks.check_motion(name, q1, q2))
         found += _said(name, lambda: checks.warn_about_held(name, {used["q1"]: q1, used["q2"]: q2}))
         found += _jumps(look, used, (q1, q2))
-    notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in look.table.notes]
+    silent = dict.fromkeys(look.table.silent[column] for column in used.values() if column in look.table.silent)
+    notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in (*look.table.notes, *silent)]
     return [*found, *look.found, *_zero_problems(look), *notes]
 
 

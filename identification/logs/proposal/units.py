@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..encoders import encoder_step, moves_by
-from ..mapping import SECONDS
+from ..said import SECONDS
 from ..table import Table
 from ..vocabulary import fits, is_current, unit_in, unit_of, words
 from .motion import RADIANS, Motion, Pair

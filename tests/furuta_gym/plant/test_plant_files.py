@@ -14,7 +14,7 @@ from controllers import make_controller
 from controllers.exports.c import c_header
 from furuta_gym.envs.options import Options, Setup
 from furuta_gym.files import in_short
-from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, Effect, Plant
+from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, Covariance, Effect, Plant
 from furuta_gym.plant.effects.library import CARRIED
 from furuta_gym.plant.sets import with_spread
 from furuta_gym.sensors import Sensors
@@ -162,6 +162,7 @@ def used(path: Path) -> None:
     c_header(make_controller("lqr", plant))
 
 
+@pytest.mark.filterwarnings("ignore:.* is left out")
 @seed(20)
 @settings(max_examples=250, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), _STRANGE), min_size=1, max_size=3))
@@ -176,6 +177,7 @@ def test_changed_values(tmp_path_factory: pytest.TempPathFactory, draws: list[tu
         assert reason
 
 
+@pytest.mark.filterwarnings("ignore:.* is left out")
 @seed(20)
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 10**5), st.integers(0, 255)), min_size=1, max_size=10))
@@ -236,3 +238,46 @@ def test_a_key_that_nobody_reads_is_said(key: str, meant: str, tmp_path: Path) -
     (tmp_path / "rig.json").write_text(json.dumps(told))
     with pytest.warns(UserWarning, match=f"{key!r}.*not known.*{re.escape(meant)}"):
         assert Plant.load(tmp_path / "rig.json").theta == pytest.approx(QUBE.theta)
+
+
+def test_a_slip_in_an_effects_parameter_is_refused(tmp_path: Path) -> None:
+    """Read as its default, it would switch the effect off."""
+    effect = {"name": "arm_spring", "parameters": {"k": {"vaule": 0.3, "unit": "V/rad"}}}
+    with pytest.raises(ValueError, match=r"effects\[arm_spring\]\.parameters\.k has no 'vaule'; it takes value"):
+        Plant.load(write(tmp_path / "rig.json", effects=[effect]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sensors": {"encoder_count": 2048}}, "'encoder_count' in its sensors.*did you mean 'encoder_counts'?"),
+        (
+            {"effects": [{"name": "arm_spring", "parameters": {"k": 0.3}, "sdt": 0.1}]},
+            r"the key 'sdt' in effects\[arm_spring\], which is not known",
+        ),
+        (
+            {"covariance": {"names": ["thta1", "theta2"], "matrix": [[1e-8, 0], [0, 1e-10]]}},
+            "covariance of 'thta1', which is no parameter.*did you mean 'theta1'?",
+        ),
+        (
+            {
+                "effects": [{"name": "arm_stribeck", "parameters": {"ΔF": 0.05}}],
+                "covariance": {"names": ["arm_stribeck.dF"], "matrix": [[1e-4]]},
+            },
+            "covariance of 'arm_stribeck.dF'.*did you mean 'arm_stribeck.ΔF'?",
+        ),
+    ],
+)
+def test_what_is_left_out_is_said(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=words):
+        Plant.load(write(tmp_path / "rig.json", **changes))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_file_that_is_used_whole_says_nothing(tmp_path: Path) -> None:
+    """A note about the sensors is the user's own, and their covariance may name r1."""
+    plant = FULL.replace(
+        covariance=Covariance(("theta1", "r1", "arm_spring.k"), 1e-8 * np.eye(3)),
+        sensors=Sensors().to_dict() | {"made_by": "a shop"},
+    )
+    assert Plant.load(plant.save(tmp_path / "rig.json")) == plant

@@ -11,6 +11,7 @@ from identification import Log, identify
 from identification.estimation import identify as module
 from identification.estimation.informative import informative
 from identification.estimation.long_logs import part_of
+from identification.kalman.record import stretches
 from tests.factories import noisy_log
 
 
@@ -100,3 +101,12 @@ def test_long_logs_start_on_a_part_of_them(monkeypatch: pytest.MonkeyPatch) -> N
     quick = identify(log)
     assert quick.log_likelihood == pytest.approx(usual.log_likelihood, abs=0.05)
     np.testing.assert_allclose(quick.values, usual.values, atol=0.1 * usual.std.max(), rtol=0.01)
+
+
+def test_what_follows_the_clock_counts_from_the_recordings_start() -> None:
+    log = quiet_then_lively(60.0)
+    chosen = informative([log], budget=5_500)
+    assert chosen is not None
+    (first, *_) = stretches(chosen.logs)
+    assert first.record.t[0] == pytest.approx(first.piece.t[0] - log.t[0])
+    assert first.record.t[0] > 30.0

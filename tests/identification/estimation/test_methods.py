@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ from typer.testing import CliRunner
 from experiments.cli.app import app
 from furuta_gym import Plant
 from identification import Estimate, Log, identify, read_log, write_log
+from identification.estimation.estimate import GainChange
 from identification.estimation.identifiability import Motion, judge
 from identification.estimation.methods import METHODS, Method
 from identification.kalman.noise_model import Noise
+from identification.logs.rig_mapping import RigMapping
 from tests.factories import paper_log
 
 
@@ -118,3 +121,52 @@ def test_what_was_skipped_is_in_the_plant_file(log: Log, tmp_path: Path) -> None
     ]
     assert [entry.get("skipped_s") for entry in entries] == [None, 1.5]
     assert entries[0]["duration_s"] - entries[1]["duration_s"] == pytest.approx(1.5, abs=0.006)
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_start_plants_limit_below_the_command_is_not_kept(log: Log) -> None:
+    largest = float(np.abs(log.u).max())
+    start = identify(log, method="table3").plant.replace(u_max=0.5 * largest)
+    with pytest.warns(UserWarning, match="the start plant's u_max is .* reaches .* --u-max"):
+        found = identify(log, start, method="table3")
+    assert found.plant.u_max >= largest
+    assert found.u_max_guessed
+    assert found.plant.provenance["u_max"].startswith("guessed")
+    assert identify(log, start, method="table3", u_max=24.0).plant.u_max == 24.0
+
+
+@pytest.mark.usefixtures("toy")
+def test_the_sensors_are_those_of_the_log(log: Log) -> None:
+    """Not those of a start plant, and not the declared counts where the readings contradict them."""
+    start = identify(log, method="table3").plant.replace(sensors={"encoder_counts": [512, 512]})
+    smooth = replace(log, q1=np.sin(log.t), q2=np.sin(3.0 * log.t), encoder_counts=None)
+    assert identify(smooth, start, method="table3").plant.sensors is None
+    for declared in (None, (1024.0, 1024.0), (4096.0, 4096.0)):
+        sensors = identify(replace(log, encoder_counts=declared), start, method="table3").plant.sensors
+        assert sensors is not None
+        assert list(sensors["encoder_counts"]) == [4096.0, 4096.0]
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_plant_file_carries_one_mapping_where_its_logs_have_one(log: Log) -> None:
+    degrees, radians = RigMapping(unit_q1="deg", unit_q2="deg"), RigMapping(flip=("q2",), cut=((1.0, 2.0),))
+
+    def stored(*mappings: RigMapping) -> dict[str, Any]:
+        logs = [replace(log, mapping=mapping, q1=log.q1 + i) for i, mapping in enumerate(mappings)]
+        return dict(identify(logs, method="table3").plant.provenance)
+
+    assert stored(radians, radians.without("cut"))["mapping"] == {"flip": ["q2"]}
+    unlike = stored(degrees, radians)
+    assert "mapping" not in unlike
+    assert [entry["mapping"] for entry in unlike["logs"]] == [{"unit_q1": "deg", "unit_q2": "deg"}, {"flip": ["q2"]}]
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_script_reads_what_the_verdict_says(log: Log) -> None:
+    change = GainChange("a.csv", 0.8, None, 9.0)
+    estimate = replace(identify(log, method="table3"), gain_changes=(change,))
+    told = estimate.to_dict()
+    assert told["verdict"] == estimate.verdict
+    assert "θ is a mean" in told["verdict"]
+    assert told["uncertain"] == estimate.uncertain
+    assert told["gain_changes"] == [{"source": "a.csv", "factor": 0.8, "since": None, "sure": 9.0}]

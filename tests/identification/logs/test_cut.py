@@ -111,3 +111,13 @@ def test_the_options_of_a_mapping_give_the_same_numbers_again() -> None:
     said = mapping.options()
     for words in ("--encoder-counts 1048576", "--input-scale 0.00123456789", "--skip 0.1234567", "--cut 1:2.3456789"):
         assert words in said
+
+
+def test_a_cut_at_the_start_leaves_the_clock_and_a_skip_starts_it_anew(tmp_path: Path) -> None:
+    log = paper_log(duration=4.0)[0]
+    write_log(path := tmp_path / "log.csv", log)
+    assert read_log(path, cut="0:0.5").origin == pytest.approx(log.t[0])
+    assert read_log(path, skip=1.0).begins == 0.0
+    both = read_log(path, skip=1.0, cut="0:1.5")
+    assert both.t[0] > 1.5
+    assert both.origin == pytest.approx(1.0)

@@ -13,9 +13,12 @@ import pandas as pd
 import pytest
 
 from identification import Log, LogError, read_log
+from identification.logs.bag_child import _joined, _Topic
+from identification.logs.checks import LogWarning
 from identification.logs.formats import read_table
 from identification.logs.layouts import from_variables
 from identification.logs.proposal import propose
+from identification.logs.table import Table
 from tests.factories import paper_log
 
 LOG = paper_log(0.004, 3.0, 4096)[0]
@@ -323,3 +326,33 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path: Path, monkeypatch, 
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(LogError, match=rf"pip install .\.\[{extra}\]"):
         read_log(tmp_path / file)
+
+
+def joined(times: np.ndarray) -> tuple[Table, np.ndarray]:
+    """Joint states at 200 Hz for 10 s, and a command that counts its messages at `times` [s]."""
+    stamps = np.arange(2000) * 5_000_000
+    states = [{"arm": float(np.sin(3.0 * t)), "pendulum": float(np.pi + 0.3 * np.sin(7.0 * t))} for t in stamps * 1e-9]
+    commands = [{"data": float(k % 7)} for k in range(len(times))]
+    facts, columns = _joined(
+        {"joints": _Topic(stamps.tolist(), states), "cmd": _Topic((times * 1e9).astype(int).tolist(), commands)}
+    )
+    return Table("x.bag", columns, silent=facts["silent"]), columns["cmd"]
+
+
+@pytest.mark.filterwarnings("ignore:x.bag. zero or signs")  # of a made-up motion
+def test_a_topic_that_stops_is_told_and_holds_its_last_value(tmp_path: Path) -> None:
+    (tmp_path / "x.bag").write_bytes(b"x")
+    names = {"t": "time", "q1": "joints.arm", "q2": "joints.pendulum", "u": "cmd"}
+    table, command = joined(np.arange(400) * 0.005)
+    assert set(command[400:]) == {command[399]}
+    with pytest.warns(LogWarning, match=r"topic cmd has no message from 1.995 to 9.995 s: .*--cut 1.995:9.995"):
+        read_log(tmp_path / "x.bag", names, table=table)
+    assert joined(np.arange(2000) * 0.005)[0].silent == {}
+
+
+def test_a_command_is_held_until_the_next_message() -> None:
+    times = np.concatenate([np.arange(200) * 0.005, 6.0 + np.arange(200) * 0.005])
+    command = joined(times)[1]
+    assert set(command[200:1200]) == {command[199]}  # not from the middle of the pause on what comes after it
+    late = joined(7.0 + np.arange(600) * 0.005)[0].silent["cmd"]
+    assert "topic cmd has no message from 0 to 7 s: " in late

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import pickle
+import shlex
 
 import numpy as np
 import pytest
 
 from identification.logs.checks import LogArgumentError
 from identification.logs.log import Log, LogError
-from identification.logs.mapping import parse_columns, parse_flip
 from identification.logs.reading import read_log
 from identification.logs.rig_mapping import RigMapping
+from identification.logs.said import parse_columns, parse_flip
 from tests.factories import paper_log
 from tests.files import changed, csv, quietly, rows, warned
 
@@ -396,3 +397,13 @@ def test_measured_logs_ask_for_the_options_that_their_laboratories_need(real_dat
     for path in sorted(real_data.glob("*/*.csv")):
         assert "read it with --pendulum-zero hanging --flip q2." in warned(path), path.name
         assert warned(path, pendulum_zero="hanging", flip="q2", encoder_counts=2048) == "", path.name
+
+
+def test_columns_with_commas_can_be_typed_as_they_are_suggested():
+    columns = {"t": "Time, s", "q1": "Arm, deg", "q2": "Pendulum, deg", "u": "U, V"}
+    (option, text) = shlex.split(RigMapping(**columns).options())
+    assert option == "--columns"
+    assert parse_columns(text) == columns
+    assert parse_columns("t=Time , q1 = Arm,") == {"t": "Time", "q1": "Arm"}
+    with pytest.raises(LogError, match="'theta' on the left"):
+        parse_columns("t=Time,theta=Arm")

@@ -119,3 +119,29 @@ def test_the_log_says_how_it_was_read(tmp_path, mapping, said):
         value = eval(formula[ours], {"pi": np.pi, **table})  # the test's own text
         turns = (getattr(log, ours) - value) / (2 * np.pi)
         assert turns == pytest.approx(np.round(turns[0]), abs=1e-9)
+
+
+def test_a_unit_given_for_one_angle_leaves_the_other_as_the_file_says(tmp_path):
+    log, _ = paper_log(counts=4096)
+    path = tmp_path / "log.csv"
+    columns = np.column_stack([log.t, np.rad2deg(log.q1), np.rad2deg(log.q2), log.u])
+    path.write_text("# angle_unit: deg\nt,q1,q2,u\n" + "\n".join(",".join(map(str, row)) for row in columns.tolist()))
+    for unit in (None, "deg", {"q2": "deg"}, "q1=deg"):
+        read = read_log(path, unit=unit)
+        assert read.q1 == pytest.approx(log.q1)
+        assert read.q2 == pytest.approx(log.q2)
+    assert "the angle unit of q2 is deg in the file and rad as given" in warned(path, unit={"q2": "rad"})
+
+
+@pytest.mark.parametrize(
+    ("stamps", "unit", "said"),
+    [
+        (lambda t: 1e3 * t, "ms", "t = t*0.001, q1 = q1, q2 = q2, u = u"),
+        (lambda t: 1.7e12 + 1e3 * t, "ms", "t = (t - t[0])*0.001, q1 = q1, q2 = q2, u = u"),
+        (lambda t: 1.7e9 + t, "s", "t = t - t[0], q1 = q1, q2 = q2, u = u"),
+    ],
+)
+def test_the_log_says_how_its_stamps_were_read(tmp_path, stamps, unit, said):
+    table = rows()
+    table["t"] = stamps(table["t"])
+    assert quietly(csv(tmp_path, table), time_unit=unit).read_as == said

@@ -130,3 +130,15 @@ def test_resampling_interpolates_angles_and_holds_the_command():
 def test_a_device_keeps_its_last_letters_in_text(tmp_path, device):
     write_log(tmp_path / "log.csv", made_log(device=device))
     assert read_log(tmp_path / "log.csv").device == device
+
+
+def test_a_part_keeps_the_recordings_clock():
+    log = made_log(t=5.0 + 0.01 * np.arange(200))
+    part = log.slice(5.5, 6.5)
+    assert part.begins == pytest.approx(0.5)
+    assert part.slice(6.0).begins == pytest.approx(1.0)
+    assert part.origin == pytest.approx(5.0)
+    assert part.span == pytest.approx((0.5, 1.49))
+    assert pickle.loads(pickle.dumps(part)).begins == part.begins
+    with pytest.raises(LogError, match="begins = -1"):
+        replace(log, begins=-1.0)

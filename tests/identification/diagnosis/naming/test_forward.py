@@ -23,7 +23,7 @@ SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_st
 
 @pytest.mark.parametrize("name", list(EFFECTS))
 def test_every_effect_has_probes_that_are_possible(name: str) -> None:
-    found = cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))
+    found = cells(EFFECTS[name], TABLE_3, (0.0, 20.0), np.array([1.0, 2.0]))
     assert found
     for cell in found:
         assert len(cell.probes) == len(cell.sizes)
@@ -54,7 +54,7 @@ def _linear(name: str) -> bool:
 def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
     """Also where a phase or a product of two parameters makes it so."""
     weights = np.array([0.7, 0.4, 1.3, 0.5])
-    for cell in cells(EFFECTS[name], TABLE_3, 20.0, np.array([1.0, 2.0]))[:3]:
+    for cell in cells(EFFECTS[name], TABLE_3, (0.0, 20.0), np.array([1.0, 2.0]))[:3]:
         start = cell.start(weights[: len(cell.probes)])
         assert start is not None
         signals = [_signal(name, p, np.random.default_rng(0)) for p in (*cell.probes, dict(start.parameters))]
@@ -66,7 +66,7 @@ def test_a_start_is_the_combination_of_its_probes(name: str) -> None:
 def test_a_cable_with_its_rest_far_away_is_a_start_too() -> None:
     """As an offset of the command looks: the descent to it is long and curved."""
     cable = EFFECTS["arm_cable"]
-    (cell, *_) = cells(cable, TABLE_3, 20.0, np.array([1.0]))
+    (cell, *_) = cells(cable, TABLE_3, (0.0, 20.0), np.array([1.0]))
     far = {"k": 0.02, "q1n": 15.0, "k3": 0.001, "q1s": 4.0}
     probes = np.array([cable.coefficients(probe) for probe in cell.probes]).T
     start = cell.start(np.linalg.lstsq(probes, cable.coefficients(far))[0])
@@ -173,7 +173,7 @@ def test_scores_start_a_cable_near_the_hidden_one(name: str) -> None:
 
 
 def test_weights_beyond_the_bounds_start_the_nearest_possible_cable() -> None:
-    (cell,) = cells(EFFECTS["arm_cable"], TABLE_3, 20.0, np.array([1.0]))
+    (cell,) = cells(EFFECTS["arm_cable"], TABLE_3, (0.0, 20.0), np.array([1.0]))
     spring = {"k": 0.2, "q1n": 0.4, "k3": 0.0, "q1s": 0.0}
     columns = np.array([EFFECTS["arm_cable"].coefficients(p) for p in cell.probes]).T
     weights = np.linalg.solve(columns, EFFECTS["arm_cable"].coefficients(spring) + np.array([0, 0, 0, 1e-3]))  # k3 < 0
@@ -186,7 +186,7 @@ def test_weights_beyond_the_bounds_start_the_nearest_possible_cable() -> None:
 
 def test_a_tilt_beyond_its_bounds_starts_within_them() -> None:
     """Weights that a score suggests know no bounds: a strong cable asks for a base that stands upright."""
-    (cell, *_) = cells(EFFECTS["base_tilt"], TABLE_3, 20.0, np.array([1.0]))
+    (cell, *_) = cells(EFFECTS["base_tilt"], TABLE_3, (0.0, 20.0), np.array([1.0]))
     start = cell.start(np.array([400.0, 0.5]))
     assert start is None or abs(start.parameters["αx"]) <= 0.5
     within = cell.start(np.array([2.0, 0.5]))
