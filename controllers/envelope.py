@@ -2,9 +2,9 @@
 
 The same rules in Python (`Guarded`) and in the C headers (`exports.envelope_c`), in this order, once a sample:
 
-1. A reading or reference that is no number or beyond ±10⁴ rad, and a q2 more than half a turn from the last good one,
-   as of readings that are wrapped, command 0 and are not shown to the controller; after `bad_readings` of them in a
-   row the controller goes off.
+1. A reading or reference that is no number or beyond ±10⁴ rad, and an angle more than half a turn from the last good
+   one, as of readings that are wrapped, command 0 and are not shown to the controller; after `bad_readings` of them in
+   a row the controller goes off. An arm whose angle is wrapped would never leave a travel of half a turn and more.
 2. Arm beyond `arm_travel`; arm since the last good reading faster than `arm_speed`, by more than one count of its
    encoder; pendulum beyond `tilt` from upright; arm's reading the very same while the command was beyond `breakaway`
    for `held` seconds in all and the pendulum moved by `stirred`, as an encoder that came unplugged reads: off.
@@ -41,7 +41,7 @@ MOST_BAD_READINGS = 1000  # in a row; a rig that reads nothing for so long is no
 REASONS = ("on", "reading", "arm", "speed", "tilt", "law", "held")  # indexed by the C header's numbers
 FARTHEST = 1e4  # rad; no rig turns so far
 LARGEST = 1e30  # a single-precision number still, and no command
-JUMP = math.pi  # rad; no pendulum turns so far in a sample
+JUMP = math.pi  # rad; neither arm nor pendulum turns so far in a sample
 _FRICTIONS = 3.0  # times θ8, which surely moves the arm: friction at rest may be twice that of a motion
 _COUNTS = 10.0  # of the arm's encoder, by which a command at the limit moves it within `held`
 _STIRRED, _STIRRED_COUNTS = 0.011, 3.5  # rad, and counts: more than a pendulum moves while arm and pendulum rest
@@ -125,6 +125,7 @@ class Guarded:
         self.controller = controller
         self.envelope = envelope or Envelope.of(controller)
         self.name, self.sample_time, self.u_max = controller.name, controller.sample_time, self.envelope.u_max
+        self.tasks, self.plant = controller.tasks, controller.plant
         self.reset()
 
     def reset(self) -> None:
@@ -145,7 +146,7 @@ class Guarded:
         e, T = self.envelope, self.sample_time
         if self.off != REASONS[0]:
             return 0.0
-        jumped = self._good > 0 and abs(q[1] - self._last[1]) > JUMP
+        jumped = self._good > 0 and np.abs(q - self._last).max() > JUMP
         if jumped or not all(abs(x) <= FARTHEST for x in (*q, reference)):
             self._missed += 1
             return self._latch("reading") if self._missed >= e.bad_readings else 0.0

@@ -106,8 +106,8 @@ def trial_period(plant: Plant, sample_time: float | None, controllers: Sequence[
     """Sample time [s] of trials: the caller's, the plant's, or one that the first policy's period is a multiple of."""
     if sample_time is None and plant.sample_time is None:
         for given in controllers:
-            if isinstance(given, Controller):
-                return given.sample_time
+            if (own := getattr(given, "sample_time", None)) is not None:  # also of one inside an envelope
+                return float(own)
             if str(given).endswith(".zip"):
                 from .learned import trained_sample_time
 

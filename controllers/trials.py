@@ -151,8 +151,9 @@ def run_trials(
 
     A balance trial succeeds if |q2| never passes π/2; a swing-up trial if the last `hold` seconds are all within
     0.2 rad of upright. In both the arm must stay within `arm_travel` [rad], by default its plant's limit or 2π. It must
-    turn no faster than its plant's limit `arm_speed`. Noise depends on `seed` and the number of trials only, so every
-    policy meets the same.
+    turn no faster than its plant's limit `arm_speed`. sensors: default is what the plants say, else 4096 counts. Noise
+    depends on `seed` and the number of trials only, so every policy meets the same. Raises ValueError where plants
+    differ in their effects or, without `sensors`, in these.
     """
     L, T = starts.lanes, sample_time
     plants = [plant] * L if isinstance(plant, Plant) else list(plant)
@@ -163,7 +164,10 @@ def run_trials(
     if n < 1 or (swing_up and duration <= hold):
         least = f"more than the {hold:g} s that it must stay up" if swing_up else f"at least one sample of {T:g} s"
         raise ArgumentError("duration", f"{duration:g} s", f"expected {least}")
-    sensors = sensors or Sensors()
+    if sensors is None:
+        sensors, *others = {Sensors.of_file(p.sensors) for p in plants}
+        if others:
+            raise ArgumentError("sensors", "None", "the plants differ in them; expected those of all trials")
     rng = np.random.default_rng(seed)
     control = as_lanes(policy, L)
     P, codes, rows = pack(plants)

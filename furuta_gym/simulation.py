@@ -122,9 +122,10 @@ def check_clock(policy: Any, sample_time: float) -> None:
 class LivePlant:
     """One plant, its encoders and its clock. `read`, then `step`, once a sample.
 
-    sample_time [s]: default is the plant's, else 2 ms. x0: q1, q2, q̇1, q̇2 [rad, rad/s]. seed: of the sensors' noise.
-    samples: the length of the run where it is known. Raises ValueError where a sample takes too many steps, or an
-    argument cannot be.
+    sample_time [s]: default is the plant's, else 2 ms. sensors: default is what the plant file says, else 4096 counts;
+    they stay where the plant is exchanged. x0: q1, q2, q̇1, q̇2 [rad, rad/s]. seed: of the sensors' noise. samples: the
+    length of the run where it is known. Raises ValueError where a sample takes too many steps, or an argument cannot
+    be.
     """
 
     def __init__(
@@ -138,7 +139,7 @@ class LivePlant:
         samples: int = _KEPT,
     ) -> None:
         self.sample_time = period_of(sample_time, plant.sample_time)
-        self.sensors = sensors or Sensors()
+        self.sensors = sensors or Sensors.of_file(plant.sensors)
         self.rng = np.random.default_rng(seed)
         self.samples = 0
         if not longest_step > 0:
@@ -244,12 +245,12 @@ def simulate(
 
     plant: a `Plant`, a plant file or a known set.
     policy: called with readings y (2,) [rad] once a sample, gives the command [{u}]; `open_loop()` commands nothing.
-    sample_time [s]: default is the controller's own, else the plant's. sensors: default 4096-count encoders.
-    excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2, q̇1, q̇2. torque_noise:
-    intensities [{u}² s] of white torque on the two rows, held over each sample. Stops early when |q2| passes q2_limit
-    [rad]. Raises ValueError on impossible durations or excitations, a controller made for another sample time or one
-    whose command is NaN, or a sample of more than `MOST_STEPS` steps, and FloatingPointError if the motion leaves all
-    bounds.
+    sample_time [s]: default is the controller's own, else the plant's. sensors: default is what the plant file says,
+    else 4096-count encoders. excitation: d(t) as a function of an array of times or as one value a sample. x0: q1, q2,
+    q̇1, q̇2. torque_noise: intensities [{u}² s] of white torque on the two rows, held over each sample. Stops early when
+    |q2| passes q2_limit [rad]. Raises ValueError on impossible durations or excitations, a controller made for another
+    sample time or one whose command is NaN, or a sample of more than `MOST_STEPS` steps, and FloatingPointError if the
+    motion leaves all bounds.
     """
     plant = Plant.resolve(plant)
     T = period_of(sample_time, getattr(policy, "sample_time", None), plant.sample_time)

@@ -9,7 +9,7 @@ _C = """\
 /* Why the controller is off; it stays off, with a command of 0, until {prefix}_reset. */
 enum {{
     {P}_ON = 0,      /* it works */
-    {P}_READING = 1, /* {bad} readings in a row were no angles, or q2 was half a turn from the last good one */
+    {P}_READING = 1, /* {bad} readings in a row were no angles, or half a turn from the last good one */
     {P}_ARM = 2,     /* arm beyond {arm_text} */
     {P}_SPEED = 3,   /* arm faster than {speed_text}{count_text} */
     {P}_TILT = 4,    /* pendulum farther from upright than {tilt_text} */
@@ -62,7 +62,7 @@ static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {rea
     {real} u;
     if (s->off != {P}_ON) return {zero};
     if (!({prefix}_within(q1, {far}) && {prefix}_within(q2, {far}) && {prefix}_within(reference, {far}))
-        || (s->good > 0 && !{prefix}_within(q2 - s->q2, {jump}))) {{
+        || (s->good > 0 && !({prefix}_within(q1 - s->q1, {jump}) && {prefix}_within(q2 - s->q2, {jump})))) {{
         s->u = {zero};
         if (s->missed < {bad}) s->missed += 1;
         return s->missed >= {bad} ? {prefix}_latch(s, {P}_READING) : {zero};

@@ -26,7 +26,7 @@ _MODEL = """\
   Carried exactly: M, C, g, viscous friction{carried}.
   Carried closely: Coulomb friction. `frictionloss` is a dry friction that sticks; the plant's is
   Fc tanh(r v) with r = {sharpness} s/rad, which is the same at speeds well above 1/r and creeps below.
-  Not carried: encoders, {slew}{short}and the sampling of the command; hold ctrl for one sample time of the rig.
+  Not carried: encoders, {slew}{short}{limits}and the sampling of the command; hold ctrl for one sample time of the rig.
 -->
 <mujoco model="furuta">
   <compiler angle="radian" autolimits="true"/>
@@ -102,6 +102,10 @@ def mjcf(plant: Plant) -> str:
         short = f"the actuator's lag of {T:g} s, too short for this time step, " if T > 0 else ""
         carried.remove(lag.name)
         T = 0.0
+    # where a rig is switched off; as a range of the joint it would be a stop that the arm does not have
+    told = [
+        (name, unit) for name, unit in (("arm_travel", "rad"), ("arm_speed", "rad/s")) if name in (plant.limits or {})
+    ]
     return _MODEL.format(
         theta=", ".join(f"{v:.6g}" for v in plant.theta),
         unit=plant.unit,
@@ -112,6 +116,7 @@ def mjcf(plant: Plant) -> str:
         sharpness=" and ".join(f"{r:g}" for r in dict.fromkeys(plant.sharpness)),
         gravity=GRAVITY,
         slew="" if plant.limit("slew", math.inf) == math.inf else "the largest slew of the command, ",
+        limits="".join(f"the rig's {name} of {plant.limit(name, 0.0):g} {unit}, " for name, unit in told),
         far=4 * (abs(L1) + l2),
         J1=J1,
         J2=J2,

@@ -30,7 +30,7 @@ _HEADER = """\
  *     {prefix}_reset(&s);
  *     for (;;) u = {prefix}_step(&s, q1, q2, 0.0);
  *
- * q1        arm angle [rad]
+ * q1        arm angle [rad], not wrapped
  * q2        pendulum angle [rad], 0 upright, not wrapped
  * reference arm angle to hold [rad], well within the arm's travel: nothing here limits it
  * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off

@@ -7,13 +7,16 @@ import secrets
 import shutil
 import socket
 import webbrowser
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Thread
 
-from fastapi import Request, Response
 from nicegui import app, background_tasks, ui
 from nicegui.server import Server
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
 
 from furuta_gym.processes import temporary_folder
 
@@ -51,11 +54,13 @@ def require_free(port: int) -> None:
             ) from None
 
 
-def refusal(host: str, method: str, length: str | None) -> tuple[int, str] | None:
-    """Why a request is refused: status and sentence, or None. host, length: its headers."""
+def refusal(host: str, method: str, length: str | None, origin: str | None = None) -> tuple[int, str] | None:
+    """Why a request is refused: status and sentence, or None. host, length, origin: its headers."""
     name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
     if name not in (HOST, "localhost"):
         return 403, f"furuta studio answers to {HOST} only"
+    if origin not in (None, f"http://{host}"):  # by the host's name, as a tunnel's port is not the server's
+        return 403, "furuta studio answers to its own page only"
     if method in ("POST", "PUT", "PATCH"):
         if length is None or not length.isdigit():
             return 411, "the size of the upload is missing"
@@ -64,21 +69,38 @@ def refusal(host: str, method: str, length: str | None) -> tuple[int, str] | Non
     return None
 
 
+class Guard:
+    """Around the whole application, its sockets too: refuses strangers, and says what the browser may load."""
+
+    def __init__(self, inside: ASGIApp) -> None:
+        self.inside = inside
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def with_policy(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["Content-Security-Policy"] = POLICY
+                headers["Referrer-Policy"] = "no-referrer"
+                headers["X-Content-Type-Options"] = "nosniff"
+            await send(message)
+
+        if scope["type"] in ("http", "websocket"):
+            told = Headers(scope=scope)
+            host, length, origin = told.get("host", ""), told.get("content-length"), told.get("origin")
+            if refused := refusal(host, scope.get("method", "GET"), length, origin):
+                status, why = refused
+                answer = Response(why, status) if scope["type"] == "http" else WebSocketClose(1008, why)
+                await answer(scope, receive, send)
+                return
+        await self.inside(scope, receive, with_policy)
+
+
 def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> str:
     """Add the page to the application and give its path, which holds the token."""
     token = token or secrets.token_urlsafe(24)
     path = f"/{token}/"
 
-    @app.middleware("http")
-    async def guard(request: Request, go_on: Callable[[Request], Awaitable[Response]]) -> Response:
-        headers = request.headers
-        if refused := refusal(headers.get("host", ""), request.method, headers.get("content-length")):
-            return Response(refused[1], refused[0])
-        response = await go_on(request)
-        response.headers["Content-Security-Policy"] = POLICY
-        response.headers["Referrer-Policy"] = "no-referrer"
-        response.headers["X-Content-Type-Options"] = "nosniff"
-        return response
+    app.add_middleware(Guard)
 
     @ui.page(path, title="furuta studio", dark=None)
     async def page() -> None:

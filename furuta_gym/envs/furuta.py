@@ -205,7 +205,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             (u,) = action.tolist() if isinstance(action, np.ndarray) else action  # Python's numbers are the faster ones
             u = float(u)
         except (TypeError, ValueError):
-            raise ValueError(f"action must be an array of one number, shape (1,), got {action!r}") from None
+            raise ValueError(f"action must be an array of one number, shape (1,), as [0.5], got {action!r}") from None
         if u != u:
             raise ValueError("action is NaN; check the policy that made it")
         # three small arrays are made faster than two and the parts of one

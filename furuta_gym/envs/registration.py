@@ -1,5 +1,6 @@
 """The names under which Gymnasium knows the environments, their options, and how long an episode lasts."""
 
+import importlib
 import math
 import os
 import warnings
@@ -8,7 +9,7 @@ from typing import Any
 
 from gymnasium.envs.registration import EnvSpec, registry, spec
 from gymnasium.envs.registration import register as gymnasium_register
-from gymnasium.error import UnregisteredEnv
+from gymnasium.error import Error
 
 from ..arguments import ArgumentError
 
@@ -33,20 +34,29 @@ REWARD_THRESHOLDS = {"balance": 96.0, "swing_up": 95.0}  # of at most 100
 
 
 def options_of(env_id: str) -> dict[str, Any]:
-    """The options that a registered id sets. Of an id that was registered with our entry point they hold its
-    `max_episode_steps` too. Raises ValueError for another id."""
+    """The options that a registered id sets; "module:id" imports the module first, as `gymnasium.make` does.
+
+    Of an id that was registered with our entry point they hold its `max_episode_steps` too. Raises ValueError for
+    another id, and for a module that cannot be found."""
+    module, _, name = env_id.rpartition(":")
+    if module:
+        try:
+            importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            raise ValueError(f"{env_id!r}: {error}. Expected MODULE:ID with a module that registers {name!r}") from error
     for task, own in TASK_IDS.items():
-        if env_id == own:
+        if name == own:
             return {"task": task} | TASK_OPTIONS
-    if env_id == ENV_ID:
+    if name == ENV_ID:
         return {}
     try:
-        own_id = spec(env_id)  # imports the module of "module:id"
-    except (UnregisteredEnv, ModuleNotFoundError):
+        own_id = spec(name)
+    except Error:
         own_id = None
     if own_id is not None and _entry_of(own_id) == _ENTRY:
         return {"max_episode_steps": own_id.max_episode_steps} | own_id.kwargs
-    raise ValueError(f"no environment {env_id!r} here; expected one of {', '.join((ENV_ID, *TASK_IDS.values()))}")
+    known = ", ".join((ENV_ID, *TASK_IDS.values()))
+    raise ValueError(f"no environment {env_id!r} here; expected one of {known}, or an id registered with {_ENTRY}")
 
 
 def _entry_of(own_id: Any) -> str:

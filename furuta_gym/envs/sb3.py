@@ -15,15 +15,19 @@ from .vector import FurutaVectorEnv
 class FurutaVecEnv(VecEnv):
     """`FurutaVectorEnv` for stable-baselines3: the registered `env_id`, with its options, and any others.
 
-    The defaults are those of `gymnasium.make(env_id)`; a `time_limit` takes the place of the 1000 actions of
-    `FurutaID-v0`, also where it is longer. Gaussian policies of stable-baselines3 start with a spread of
-    one, so for `FurutaID-v0` give `normalize_action=True`; the other ids have it. Where an episode ends, info holds
-    `terminal_observation` and `TimeLimit.truncated` (True only if it did not also terminate). Wrap it in `VecMonitor`
-    for episode returns. `last_info` has the arrays (state, measured_state, command, …) of the last step or reset.
+    The defaults are those of `gymnasium.make(env_id)`; env_id may be "module:id". A `time_limit` that is given takes
+    the place of the id's `max_episode_steps`, also where it is longer. Gaussian policies of stable-baselines3 start
+    with a spread of one, so for `FurutaID-v0` give `normalize_action=True`; the other ids have it. Where an episode
+    ends, info holds `terminal_observation` and `TimeLimit.truncated` (True only if it did not also terminate). Wrap it
+    in `VecMonitor` for episode returns. `last_info` has the arrays (state, measured_state, command, …) of the last
+    step or reset.
     """
 
     def __init__(self, num_envs: int = 16, env_id: str = ENV_ID, **options: Any) -> None:
-        options = options_of(env_id) | options
+        own = options_of(env_id)
+        if "time_limit" in options:
+            own.pop("max_episode_steps", None)
+        options = own | options
         self.batch = FurutaVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
         super().__init__(self.batch.num_envs, self.batch.single_observation_space, self.batch.single_action_space)
         self.metadata |= {"render_fps": self.batch.metadata["render_fps"]}

@@ -204,9 +204,11 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         return [self.setup.random.drawn_plant(P[:, i]) for i in (range(self.num_envs) if indices is None else indices)]
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A frame (height, width, 3) of each env; None without a render mode."""
-        if self.render_mode is None or not self._ready:
+        """A frame (height, width, 3) of each env; None without a render mode. Raises ResetNeeded before a reset."""
+        if self.render_mode is None:
             return None
+        if not self._ready:
+            raise ResetNeeded("call reset() before render()")
         self._viewer = self._viewer or Viewer()
         rows = self._columns()
         return tuple(self._viewer.draw(Scene.of(self.setup, rows[:, i])) for i in range(self.num_envs))

@@ -70,18 +70,19 @@ def hostile(n: int, seed: int) -> list[tuple[int, float, float, float]]:
         if rng.random() < 0.05 or gone > 0:
             row[rng.integers(3)] = float(rng.choice(STRANGE))
         if rng.random() < 0.01:
-            row[rng.integers(2)] += float(10.0 ** rng.uniform(-3, 300))
+            row[rng.integers(2)] += float(rng.choice([2.5, 10.0 ** rng.uniform(-3, 300)]))  # 2.5: out of the limits
         rows.append((int(again), *row))
     return rows
 
 
 def unreadable(rows: list[tuple[int, float, float, float]], off: np.ndarray) -> np.ndarray:
-    """Which rows are no numbers, beyond 10⁴ rad, or half a turn of the pendulum from the last good one."""
+    """Which rows are no numbers, beyond 10⁴ rad, or half a turn of arm or pendulum from the last good one."""
     bad, last = [], None
     for (again, *row), reason in zip(rows, off, strict=True):
         last = None if again else last
-        bad.append(not all(abs(v) <= 1e4 for v in row) or (last is not None and abs(row[1] - last) > math.pi))
-        last = row[1] if not bad[-1] and reason == 0 else last
+        jumped = last is not None and any(abs(row[i] - last[i]) > math.pi for i in range(2))
+        bad.append(jumped or not all(abs(v) <= 1e4 for v in row))
+        last = row if not bad[-1] and reason == 0 else last
     return np.array(bad)
 
 
@@ -217,6 +218,7 @@ class TestEachRule:
             ({"arm_speed": 5.0}, [(0.0, 0.0), (math.nan, 0.0), (0.05, 0.0)], "speed"),
             ({"bad_readings": 2}, [(math.nan, 0.0), (0.0, math.inf)], "reading"),
             ({"tilt": math.inf}, [(0.0, 3.1), (0.0, -3.1), (0.0, -3.0), (0.0, -2.9)], "reading"),  # wrapped
+            ({}, [(3.1, 0.0), (-3.1, 0.0), (-3.0, 0.0), (-2.9, 0.0)], "reading"),  # so is the arm, with 2π of travel
         ],
     )
     def test_it_goes_off_with_a_reason_until_reset(self, changes, readings, reason):
@@ -276,11 +278,17 @@ class TestEachRule:
         assert [inside((0.1, 0.02)) for _ in range(3)] == [0.0] * 3
         assert inside.off == "reading"
 
-    def test_a_pendulum_may_turn_by_nearly_half_a_turn_in_a_sample(self):
-        inside = guarded(tilt=math.inf)
+    def test_both_may_turn_by_nearly_half_a_turn_in_a_sample(self):
+        inside = guarded(tilt=math.inf, arm_travel=100.0)
         for k in range(20):
-            inside((0.0, 3.1 * k))
+            inside((3.1 * k, 3.1 * k))
         assert inside.off == "on"
+
+    def test_one_jump_of_the_arm_costs_one_sample(self):
+        inside, plain = guarded(), guarded()
+        told = [inside((0.01 * k + (5.0 if k == 5 else 0.0), 0.0)) for k in range(10)]
+        expected = [plain((0.01 * k, 0.0)) for k in range(10)]
+        assert told == pytest.approx([0.0 if k == 5 else u for k, u in enumerate(expected)], abs=1e-9)
 
     def test_soft_start_and_slew(self):
         full, soft = guarded()((0.0, 0.1)), guarded(soft_start=0.04)
@@ -308,6 +316,31 @@ BALANCERS = [
     *((plant, name) for plant in (QUBE, TABLE_3, LARGE_RIG) for name in ("dlqr", "lqg", "lqi", "lqr-friction"))
 ]
 BALANCERS += [(QUBE, "lqr"), (QUBE, "lqg-friction"), (QUBE, POLICIES / "balance-qube.zip")]
+
+
+class TestAnArmWhoseAngleIsWrapped:
+    """Into (−π, π], which never leaves a travel of 2π."""
+
+    def test_a_motor_of_the_wrong_sign_does_not_turn_it_for_ever(self):
+        inside = Guarded(make_controller(POLICIES / "swing-up-qube.zip", QUBE, 0.02))
+        rig = LivePlant(QUBE, 0.02, x0=(0.0, math.pi, 0.0, 0.0))
+        while rig.t < 5.0:
+            q1, q2 = rig.read()
+            rig.step(-inside((math.remainder(q1, 2 * math.pi), q2)))
+        assert inside.off == "reading"
+
+    @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+    @pytest.mark.parametrize("name", ["lqg", "swing-up-qube.zip"])
+    def test_c_goes_off_at_the_same_sample(self, name, tmp_path):
+        policy = name.endswith(".zip")
+        controller = make_controller(POLICIES / name if policy else name, QUBE, 0.02 if policy else 0.004)
+        rows = [(int(k == 0), math.remainder(0.1 * k, 2 * math.pi), 0.01, 0.0) for k in range(60)]
+        header = policy_c_header if policy else c_header
+        u, off = played(compiled(header(controller, "c"), tmp_path, "double"), rows)
+        ours, reasons = in_python(controller, Envelope.of(controller), rows)
+        assert reasons == off.tolist()
+        assert reasons.index(REASONS.index("reading")) == math.ceil(math.pi / 0.1) + 2
+        np.testing.assert_allclose(u, ours, atol=1e-3 * controller.u_max)
 
 
 class TestAnEncoderThatStands:

@@ -13,6 +13,7 @@ from controllers.conditions import (
     conditions,
     map_name,
 )
+from controllers.envelope import Guarded
 from controllers.evaluation import compare
 from controllers.plots import draw_comparison
 from controllers.statistics import Interval
@@ -165,6 +166,27 @@ def test_swing_up_group_takes_those_that_can(monkeypatch):
     assert {"success", "worst_settling", "worst_largest_q1"} <= set(told["swing-up"])
     assert rows["swing-up"]["worst_settling"].value >= rows["swing-up"]["settling"].value
     assert "worst 5 %" in str(result)
+
+
+def test_a_controller_inside_its_envelope_swings_up_at_its_own_period(monkeypatch):
+    monkeypatch.setattr(conditions_module, "_harder", lambda plain, trials, *rest: [])
+    plant = QUBE.replace(sample_time=None)
+    inside = Guarded(make_controller("swing-up", plant, 0.004))
+    result = compare(plant, [inside], trials=2, duration=5.0, groups=("swing_up",))
+    assert result.settings["sample_time"] == 0.004
+    assert result.scores["swing-up"]["swing-up"]["success"].value == 1.0
+
+
+def test_trials_are_read_by_the_encoders_of_the_plant_file():
+    rig = QUBE.replace(sensors={"offset": [0.3, 0.0], "encoder_counts": 512})
+    policy = make_controller("dlqr", rig)
+    starts = balance_starts(rig, 3, 2.0, np.random.default_rng(0))
+    told, given = (run_trials(rig, policy, starts, 2.0, 0.004, s) for s in (None, Sensors.of_file(rig.sensors)))
+    np.testing.assert_array_equal(told.rms_q1, given.rms_q1)
+    others = [rig, QUBE, QUBE]
+    with pytest.raises(ValueError, match="sensors None: the plants differ in them"):
+        run_trials(others, policy, starts, 2.0, 0.004)
+    assert run_trials(others, policy, starts, 2.0, 0.004, Sensors(512)).success.all()
 
 
 def test_who_is_never_up_took_the_whole_trial():

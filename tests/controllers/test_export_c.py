@@ -102,6 +102,8 @@ static long arm_count(void) { return arm; }
 static long pendulum_count(void) { return pendulum; }
 static void motor_volts(float u) { volts = u; }
 static void watchdog_kick(void) {}
+static void interrupts_off(void) {}
+static void interrupts_on(void) {}
 """
 SESSION = """
 #include <stdio.h>

@@ -105,6 +105,13 @@ def test_the_limits_of_the_rig_are_carried_or_named():
     assert "slew" not in mjcf(QUBE)
 
 
+def test_limits_that_switch_off_are_no_stops_and_named():
+    text = mjcf(QUBE.replace(limits={"arm_travel": 2.0, "arm_speed": 20.0}))
+    assert "Not carried: encoders, the rig's arm_travel of 2 rad, the rig's arm_speed of 20 rad/s, and the" in text
+    assert not mujoco.MjModel.from_xml_string(text).jnt_limited.any()
+    assert "the rig's" not in mjcf(QUBE)
+
+
 def test_a_lag_too_short_for_the_time_step_is_left_out_and_named():
     for lag, carried in ((1e-4, False), (2.4e-4, False), (2.6e-4, True), (0.0, False)):
         text = mjcf(QUBE.with_effects(Effect("actuator_lag", {"T": lag})))

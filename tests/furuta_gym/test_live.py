@@ -44,6 +44,17 @@ def test_a_delay_of_many_samples_is_kept_in_mind() -> None:
         live.step(1.0)
 
 
+def test_the_encoders_of_the_plant_file_are_the_default() -> None:
+    rig = QUBE.replace(sensors={"offset": [0.3, 0.02], "encoder_counts": 512, "noise_std": 1e-3})
+    own = Sensors.of_file(rig.sensors)
+    told, given = (simulate(rig, open_loop(), 0.1, sensors=sensors, x0=(0, np.pi, 0, 0)) for sensors in (None, own))
+    np.testing.assert_array_equal(told.measured, given.measured)
+    assert told.measured[0] == pytest.approx([0.3, np.pi + 0.02], abs=0.02)
+    assert LivePlant(rig).sensors == own
+    assert LivePlant(rig, sensors=Sensors(1024)).sensors == Sensors(1024)
+    assert LivePlant(QUBE).sensors == Sensors()
+
+
 def test_a_torque_pushes_its_own_row() -> None:
     for row in (0, 1):
         live = LivePlant(TABLE_3, 0.002)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import socket
 import time
@@ -36,6 +37,54 @@ from tests.studio import serving
 )
 def test_strange_requests_are_refused(host: str, method: str, length: str | None, status: int | None) -> None:
     assert (refusal(host, method, length) or (None,))[0] == status
+
+
+@pytest.mark.parametrize(
+    ("host", "origin", "status"),
+    [
+        ("127.0.0.1:8000", "http://127.0.0.1:8000", None),
+        ("localhost:9000", "http://localhost:9000", None),  # through a tunnel from another port
+        ("127.0.0.1:8000", "http://evil.example", 403),
+        ("127.0.0.1:8000", "http://127.0.0.1:9000", 403),  # another server of this machine
+        ("127.0.0.1:8000", "https://127.0.0.1:8000", 403),
+        ("127.0.0.1:8000", "null", 403),
+        ("evil.example:8000", "http://evil.example:8000", 403),
+    ],
+)
+def test_other_pages_are_refused(host: str, origin: str, status: int | None) -> None:
+    assert (refusal(host, "GET", None, origin) or (None,))[0] == status
+
+
+def upgraded(port: int, host: str, origin: str) -> bytes:
+    """The first line of the answer to a browser that asks for a WebSocket."""
+    key = base64.b64encode(os.urandom(16)).decode()
+    lines = [
+        "GET /_nicegui_ws/socket.io/?EIO=4&transport=websocket HTTP/1.1",
+        *(f"Host: {host}", f"Origin: {origin}", "Upgrade: websocket", "Connection: Upgrade"),
+        *(f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13", "", ""),
+    ]
+    with socket.create_connection((HOST, port), timeout=30.0) as s:
+        s.sendall("\r\n".join(lines).encode())
+        return s.recv(4000).split(b"\r\n")[0]
+
+
+def test_what_the_page_sends_by_itself_is_refused_to_others(tmp_path: Path) -> None:
+    with serving(tmp_path) as address, httpx.Client(trust_env=False, timeout=30.0) as client:
+        root = address.rsplit("/", 2)[0]
+        port = int(root.rsplit(":", 1)[1])
+        own, evil = f"{HOST}:{port}", "evil.example"
+        for host, origin, welcome in (
+            (own, f"http://{own}", True),
+            (f"localhost:{port}", f"http://localhost:{port}", True),
+            (own, f"http://{evil}", False),
+            (evil, f"http://{evil}", False),
+        ):
+            polled = client.get(
+                f"{root}/_nicegui_ws/socket.io/?EIO=4&transport=polling", headers={"host": host, "origin": origin}
+            )
+            assert polled.status_code == (200 if welcome else 403)
+            assert ("access-control-allow-origin" in polled.headers) is welcome
+            assert (b" 101 " if welcome else b" 403 ") in upgraded(port, host, origin)
 
 
 def test_the_page_is_behind_its_token_and_asks_nobody_else(tmp_path: Path) -> None:

@@ -307,6 +307,14 @@ def test_bad_actions_are_refused(action):
         env.step(action)
 
 
+@pytest.mark.parametrize("action", [0.5, np.array(0.5)], ids=["float", "0-d"])
+def test_an_action_without_its_brackets_is_told_how_to_be_given(action):
+    env = FurutaEnv()
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"shape \(1,\), as \[0\.5\], got"):
+        env.step(action)
+
+
 def test_order_is_enforced_and_bad_starts_are_refused():
     env = FurutaEnv(render_mode="rgb_array")
     for call in (lambda: env.step([0.0]), env.render):

@@ -1,15 +1,18 @@
 """The batch as a stable-baselines3 VecEnv."""
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
+from furuta_gym.envs import options_of
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.sb3 import FurutaVecEnv
 from furuta_gym.plant import Plant
@@ -80,6 +83,41 @@ def test_what_a_batch_cannot_do_is_said():
     with pytest.raises(NotImplementedError, match="no separate envs"):
         env.env_method("render")
     assert env.env_is_wrapped(FurutaEnv) == [False, False]
+
+
+def test_a_frame_before_the_first_reset_is_refused():
+    with pytest.raises(ResetNeeded, match="before render"):
+        FurutaVecEnv(2, render_mode="rgb_array").render()
+
+
+RIGS = """
+import gymnasium
+
+spec = gymnasium.spec("FurutaSwingUp-v0")
+gymnasium.register(
+    "RigOfAModule-v0", spec.entry_point, max_episode_steps=20, kwargs={"task": "swing_up", "action_time": 0.02}
+)
+"""
+
+
+def test_ids_of_modules_and_a_time_limit_that_beats_the_ids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rigs_of_mine.py").write_text(RIGS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert options_of("furuta_gym:FurutaSwingUp-v0") == options_of("FurutaSwingUp-v0")
+    assert options_of("furuta_gym:FurutaID-v0") == {}
+    with pytest.raises(ValueError, match="no environment 'rigs_of_mine:Nothing-v0' here"):
+        options_of("rigs_of_mine:Nothing-v0")
+    with pytest.raises(ValueError, match=r"No module named 'rigs_of_nobody'.*registers 'Rig-v0'"):
+        options_of("rigs_of_nobody:Rig-v0")
+    try:
+        for limit, actions in (({}, 20), ({"time_limit": 0.6}, 30), ({"time_limit": 0.2}, 10)):
+            env = FurutaVecEnv(2, "rigs_of_mine:RigOfAModule-v0", **limit)
+            env.reset()
+            ends = [bool(env.step(np.zeros((2, 1)))[2][0]) for _ in range(actions)]
+            assert ends == [False] * (actions - 1) + [True]
+    finally:
+        gymnasium.registry.pop("RigOfAModule-v0", None)
+        sys.modules.pop("rigs_of_mine", None)
 
 
 def test_the_page_on_own_scripts_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -312,6 +312,9 @@ def test_bad_calls():
     batch = FurutaVectorEnv(3)
     with pytest.raises(ResetNeeded):
         batch.step(np.zeros((3, 1)))
+    with pytest.raises(ResetNeeded, match="before render"):
+        FurutaVectorEnv(3, render_mode="rgb_array").render()
+    assert batch.render() is None
     with pytest.raises(ValueError, match="list of 3"):
         batch.reset(seed=[1, 2])
     with pytest.raises(ValueError, match=r"shape \(4,\) or \(3, 4\)"):
