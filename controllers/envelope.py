@@ -125,7 +125,7 @@ class Guarded:
         self.controller = controller
         self.envelope = envelope or Envelope.of(controller)
         self.name, self.sample_time, self.u_max = controller.name, controller.sample_time, self.envelope.u_max
-        self.tasks, self.plant = controller.tasks, controller.plant
+        self.tasks = controller.tasks
         self.reset()
 
     def reset(self) -> None:

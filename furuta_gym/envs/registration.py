@@ -43,7 +43,9 @@ def options_of(env_id: str) -> dict[str, Any]:
         try:
             importlib.import_module(module)
         except ModuleNotFoundError as error:
-            raise ValueError(f"{env_id!r}: {error}. Expected MODULE:ID with a module that registers {name!r}") from error
+            raise ValueError(
+                f"{env_id!r}: {error}. Expected MODULE:ID with a module that registers {name!r}"
+            ) from error
     for task, own in TASK_IDS.items():
         if name == own:
             return {"task": task} | TASK_OPTIONS
