@@ -137,7 +137,8 @@ def test_a_window_shows_time_as_it_passes(monkeypatch):
 
 def test_batch_renders_each_env():
     batch = FurutaVectorEnv(3, render_mode="rgb_array")
-    assert batch.render() is None
+    with pytest.raises(gym.error.ResetNeeded):
+        batch.render()
     batch.reset(options={"state": [[0, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0]]})
     a, b, c = batch.render()
     assert (a != b).any()
