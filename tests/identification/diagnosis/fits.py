@@ -276,6 +276,7 @@ def a_gap(times_floor: float = 1.0, cost: float = 0.0) -> Gap:
         reading_floors=np.tile(floor**2, (20, 1)),
         times=ends,
         log=np.zeros(20, dtype=int),
+        still=np.zeros((20, 2), dtype=bool),
         surprise=np.array([[0.0, 1.0, cost]]),
     )
 
