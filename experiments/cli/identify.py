@@ -209,6 +209,9 @@ def _drawn(gap: Gap, logs: Sequence[Log]) -> bytes:
     return drawn.getvalue()
 
 
+_OF_EFFECTS = ", and NAME.PARAMETER of the effects in --effects"
+
+
 def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | None) -> None:
     """Before the fit: a name in --fix or --prior that no parameter has. Raises ValueError."""
     from furuta_gym.plant import THETA_NAMES
@@ -216,8 +219,8 @@ def _check_known(names: Iterable[str], effects: Sequence[str], start: Plant | No
     own = [f"{kind.name}.{p.name}" for kind in _kinds(effects, start) for p in kind.parameters]
     known = [*THETA_NAMES, "r", "r1", "r2", *own]
     if strange := [name for name in names if name not in known]:
-        more = "" if own else ", and NAME.PARAMETER of the effects in --effects"
-        raise ValueError(f"--fix or --prior {', '.join(strange)}: expected one of {', '.join(known)}{more}")
+        expected = f"expected one of {', '.join(known)}{'' if own else _OF_EFFECTS}"
+        raise ValueError(f"--fix or --prior {', '.join(strange)}: {expected}")
 
 
 def _check_profiles(
@@ -232,7 +235,8 @@ def _check_profiles(
     own = [f"{kind.name}.{p.name}" for kind in kinds for p in kind.parameters if not p.integer]
     free = [n for n in (*THETA_NAMES, *(("r1", "r2") if apart else ("r",)), *own) if n not in set(fixed)]
     if strange := [n for n in names if n not in free]:
-        raise ValueError(f"--profile {', '.join(strange)}: expected a free parameter, one of {', '.join(free)}")
+        expected = f"expected a free parameter, one of {', '.join(free)}{'' if own else _OF_EFFECTS}"
+        raise ValueError(f"--profile {', '.join(strange)}: {expected}")
 
 
 def _kinds(effects: Sequence[str], start: Plant | None) -> list[EffectType]:

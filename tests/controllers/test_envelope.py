@@ -1,7 +1,6 @@
 """The envelope: whatever comes in, what goes out is finite and limited, in Python and in compiled C."""
 
 import math
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -9,53 +8,18 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.envelope import REASONS, Envelope, Guarded
+from controllers.envelope import Envelope, Guarded
 from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
 from controllers.learned import LearnedController
-from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect, Plant
+from furuta_gym.plant import QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulation import LivePlant
 from tests.controllers.chance import recurrent_network
+from tests.controllers.inside import COMPILER, MAIN, compiled, guarded, in_python, played
 
-COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
 LIMITS = {"arm_travel": 2.0, "arm_speed": 60.0, "slew": 400.0, "supply": 8.0}
 RIG = QUBE.replace(limits=LIMITS)
 STRANGE = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e30, math.nan, 5e-324, 9999.0, -0.0)
-
-MAIN = """\
-#include <stdio.h>
-#include "c.h"
-int main(void)
-{
-    c_state s;
-    int again;
-    double q1, q2, r;
-    c_reset(&s);
-    while (scanf("%d %lf %lf %lf", &again, &q1, &q2, &r) == 4) {
-        if (again) c_reset(&s);
-        printf("%.17g", (double)c_step(&s, (REAL)q1, (REAL)q2, (REAL)r));
-        printf(" %d\\n", s.off);
-    }
-    return 0;
-}
-"""
-
-
-def compiled(header: str, folder: Path, real: str) -> Path:
-    (folder / "c.h").write_text(header)
-    (folder / "main.c").write_text(MAIN.replace("REAL", real))
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-ffp-contract=off"]
-    subprocess.run([str(COMPILER), *flags, "-o", folder / "c", folder / "main.c", "-lm"], check=True, timeout=60)
-    return folder / "c"
-
-
-def played(program: Path, rows: list[tuple[int, float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    text = "\n".join(f"{a} {x!r} {y!r} {r!r}" for a, x, y, r in rows)
-    out = subprocess.run([program], input=text, capture_output=True, text=True, check=True, timeout=60).stdout
-    numbers = np.array([line.split() for line in out.splitlines()], dtype=float)
-    assert len(numbers) == len(rows)
-    return numbers[:, 0], numbers[:, 1].astype(int)
 
 
 def hostile(n: int, seed: int) -> list[tuple[int, float, float, float]]:
@@ -152,19 +116,6 @@ def test_fuzzed_policy_headers(memory, single, tmp_path):
         assert np.quantile(np.abs(u - ours)[same], 0.9) < (0.05 if single else 1e-3) * envelope.u_max
 
 
-def in_python(controller, envelope, rows):
-    """Commands and reasons of the same rows from the controller in Python."""
-    inside = Guarded(controller, envelope)
-    ours, reasons = [], []
-    for again, q1, q2, reference in rows:
-        if again:
-            inside.reset()
-        controller.reference = reference
-        ours.append(inside((q1, q2)))
-        reasons.append(REASONS.index(inside.off))
-    return np.array(ours), reasons
-
-
 def remembering() -> LearnedController:
     """A swing-up of chance, with a memory."""
     options = {"observe_command": True, "normalized": True, "tasks": ("balance", "swing_up")}
@@ -194,11 +145,6 @@ def test_a_long_soft_start_where_an_int_has_16_bits(tmp_path):
     u, _ = played(tmp_path / "c", [(0, 0.1, 0.02, 0.0)] * 41000)
     assert abs(u[38000]) > abs(u[32000]) > abs(u[10000])
     assert u[-1] == pytest.approx(u[40500])
-
-
-def guarded(**changes):
-    controller = make_controller("dlqr", QUBE.replace(limits=None), 0.004)
-    return Guarded(controller, Envelope.of(controller, **changes))
 
 
 class TestEachRule:
@@ -309,115 +255,3 @@ class TestEachRule:
         ):
             with pytest.raises(ValueError, match="envelope"):
                 guarded(**change)
-
-
-POLICIES = Path(__file__).parents[2] / "controllers" / "policies"
-BALANCERS = [
-    *((plant, name) for plant in (QUBE, TABLE_3, LARGE_RIG) for name in ("dlqr", "lqg", "lqi", "lqr-friction"))
-]
-BALANCERS += [(QUBE, "lqr"), (QUBE, "lqg-friction"), (QUBE, POLICIES / "balance-qube.zip")]
-
-
-class TestAnArmWhoseAngleIsWrapped:
-    """Into (−π, π], which never leaves a travel of 2π."""
-
-    def test_a_motor_of_the_wrong_sign_does_not_turn_it_for_ever(self):
-        inside = Guarded(make_controller(POLICIES / "swing-up-qube.zip", QUBE, 0.02))
-        rig = LivePlant(QUBE, 0.02, x0=(0.0, math.pi, 0.0, 0.0))
-        while rig.t < 5.0:
-            q1, q2 = rig.read()
-            rig.step(-inside((math.remainder(q1, 2 * math.pi), q2)))
-        assert inside.off == "reading"
-
-    @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
-    @pytest.mark.parametrize("name", ["lqg", "swing-up-qube.zip"])
-    def test_c_goes_off_at_the_same_sample(self, name, tmp_path):
-        policy = name.endswith(".zip")
-        controller = make_controller(POLICIES / name if policy else name, QUBE, 0.02 if policy else 0.004)
-        rows = [(int(k == 0), math.remainder(0.1 * k, 2 * math.pi), 0.01, 0.0) for k in range(60)]
-        header = policy_c_header if policy else c_header
-        u, off = played(compiled(header(controller, "c"), tmp_path, "double"), rows)
-        ours, reasons = in_python(controller, Envelope.of(controller), rows)
-        assert reasons == off.tolist()
-        assert reasons.index(REASONS.index("reading")) == math.ceil(math.pi / 0.1) + 2
-        np.testing.assert_allclose(u, ours, atol=1e-3 * controller.u_max)
-
-
-class TestAnEncoderThatStands:
-    """Of the arm, unplugged or seen to stand in a good run."""
-
-    @staticmethod
-    def play(controller, plant, duration, counts=2048, x0=(0.1, 0.05, 0.0, 0.0), stands_from=math.inf):
-        """A run inside the envelope with 2π of travel: its readings, what it commanded, and when it went off [s]."""
-        inside = Guarded(controller)
-        rig = LivePlant(plant, inside.sample_time, Sensors(counts), x0=x0)
-        readings, off = [], None
-        while rig.t < duration:
-            y = rig.read()
-            if rig.t > stands_from:
-                y = np.array([readings[-1][0], y[1]])
-            readings.append(y)
-            u = inside(y)
-            if inside.off != "on" and off is None:
-                off = rig.t
-            rig.step(u)
-        return readings, inside, off
-
-    @pytest.mark.parametrize(
-        ("plant", "name"), BALANCERS, ids=lambda x: Path(x).stem if not isinstance(x, Plant) else ""
-    )
-    @pytest.mark.parametrize("effect", [None, "arm_cable", "input_offset"])
-    def test_no_good_balancer_goes_off(self, plant, name, effect):
-        """Friction, a cable and an offset that the controller does not know let the arm stand for a while."""
-        real = plant.with_effects(plant.default_effect(effect)) if effect else plant
-        for counts in (1024, 4096):
-            T = 0.02 if isinstance(name, Path) else 0.004
-            controller = make_controller(name, plant, T, Sensors(counts))
-            assert math.isfinite(Envelope.of(controller).held)
-            _, inside, _ = self.play(controller, real, 6.0, counts)
-            assert inside.off == "on" or (effect == "arm_cable" and inside.off == "tilt")  # some fall under this cable
-
-    @pytest.mark.parametrize("name", ["swing-up", POLICIES / "swing-up-qube.zip"])
-    def test_no_good_swing_up_goes_off(self, name):
-        controller = make_controller(name, QUBE, 0.02 if isinstance(name, Path) else 0.004)
-        _, inside, _ = self.play(controller, QUBE, 5.0, x0=(0.0, math.pi, 0.0, 0.0))
-        assert inside.off == "on"
-
-    @pytest.mark.parametrize("name", ["lqr", "dlqr", "lqg", "lqi", "lqr-friction", POLICIES / "swing-up-qube.zip"])
-    def test_an_unplugged_one_switches_off(self, name):
-        """The arm, which nothing holds back, turns for ever otherwise: its reading never leaves the travel."""
-        real = QUBE.with_effects(Effect("input_offset", {"b": 0.1}))
-        controller = make_controller(name, QUBE, 0.02 if isinstance(name, Path) else 0.004)
-        _, inside, off = self.play(controller, real, 12.0, stands_from=1.0)
-        assert inside.off == "held"
-        assert off < 8.0
-
-    @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
-    @pytest.mark.parametrize("name", ["lqg", "swing-up-qube.zip"])
-    def test_c_goes_off_at_the_same_sample(self, name, tmp_path):
-        policy = name.endswith(".zip")
-        controller = make_controller(POLICIES / name if policy else name, QUBE, 0.02 if policy else 0.004)
-        readings, _, _ = self.play(controller, QUBE, 3.0, stands_from=0.5)
-        rows = [(0, float(q1), float(q2), 0.0) for q1, q2 in readings]
-        rows = [(int(k == 0), *row[1:]) for k, row in enumerate(rows)]
-        header = policy_c_header if policy else c_header
-        u, off = played(compiled(header(controller, "c"), tmp_path, "double"), rows)
-        ours, reasons = in_python(controller, Envelope.of(controller), rows)
-        assert reasons == off.tolist()
-        assert reasons[-1] == REASONS.index("held")
-        np.testing.assert_allclose(u, ours, atol=1e-3 * controller.u_max)
-
-    def test_an_arm_that_a_cable_holds_while_the_pendulum_rests_goes_on(self):
-        inside = guarded(held=0.02)
-        inside.controller._command = lambda y, r: 2.0
-        for k in range(50):
-            inside((0.1, 0.003 * (k % 3)))
-        assert inside.off == "on"
-        inside((0.1, 0.03))
-        assert inside.off == "held"
-
-    def test_without_the_rule_it_never_does(self):
-        inside = guarded(held=math.inf)
-        for k in range(400):
-            inside((0.1, 0.05 * math.sin(0.1 * k)))
-        assert inside.off == "on"

@@ -212,10 +212,10 @@ def with_effect(current: Fit, start: Effect, setting: Setting) -> Start:
     scale = np.maximum(current.plant.theta[2:5], 1e-12) / setting.anchor.theta[2:5]
     if np.abs(np.log(scale)).max() > setting.policy.dragged and not current.plant.effects:
         return _afresh(current, start, setting)
-    return Start((start.name,), _rubbing(current.plant, start).with_effects(start), current.noise, current.zeros)
+    return Start((start.name,), _with_friction(current.plant, start).with_effects(start), current.noise, current.zeros)
 
 
-def _rubbing(plant: Plant, effect: Effect) -> Plant:
+def _with_friction(plant: Plant, effect: Effect) -> Plant:
     """The plant with at least the friction to which the default of an abrupt parameter is relative. Where friction
     ended near zero, such an effect would have nothing to act on, and be too stiff to be integrated."""
     theta = plant.theta.copy()
@@ -228,5 +228,5 @@ def _rubbing(plant: Plant, effect: Effect) -> Plant:
 
 def _afresh(current: Fit, start: Effect, setting: Setting) -> Start:
     """From the anchor's θ, with noise enough to find the way."""
-    plant = _rubbing(current.plant.replace(theta=setting.anchor.theta), start).with_effects(start)
+    plant = _with_friction(current.plant.replace(theta=setting.anchor.theta), start).with_effects(start)
     return Start((start.name,), plant, current.noise.louder(setting.policy.restart_noise), current.zeros)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import shlex
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from identification.logs.checks import LogArgumentError
 from identification.logs.log import Log, LogError
 from identification.logs.reading import read_log
 from identification.logs.rig_mapping import RigMapping
-from identification.logs.said import parse_columns, parse_flip
 from tests.factories import paper_log
 from tests.files import changed, csv, quietly, rows, warned
 
@@ -109,22 +107,6 @@ def test_wrongly_mapped_column_is_named_as_the_user_named_it(tmp_path):
         read_log(csv(tmp_path), columns="u=voltage")
     with pytest.raises(LogError, match="mapped to two"):
         read_log(csv(tmp_path), columns="q1=q2")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("t", "pairs such as"), ("t=", "pairs such as"), ("x=y", "'x' on the left"), ("t=a,t=b", "twice")],
-)
-def test_column_strings(text, message):
-    with pytest.raises(LogError, match=message):
-        parse_columns(text)
-
-
-@pytest.mark.parametrize(("flip", "message"), [("q3", "expected q1, q2 or u"), ("q1,q1", "twice")])
-def test_flip_strings(flip, message):
-    with pytest.raises(LogError, match=message):
-        parse_flip(flip)
-    assert parse_flip(["q1,u", "q2"]) == ("q1", "u", "q2")
 
 
 @pytest.mark.parametrize(
@@ -397,13 +379,3 @@ def test_measured_logs_ask_for_the_options_that_their_laboratories_need(real_dat
     for path in sorted(real_data.glob("*/*.csv")):
         assert "read it with --pendulum-zero hanging --flip q2." in warned(path), path.name
         assert warned(path, pendulum_zero="hanging", flip="q2", encoder_counts=2048) == "", path.name
-
-
-def test_columns_with_commas_can_be_typed_as_they_are_suggested():
-    columns = {"t": "Time, s", "q1": "Arm, deg", "q2": "Pendulum, deg", "u": "U, V"}
-    (option, text) = shlex.split(RigMapping(**columns).options())
-    assert option == "--columns"
-    assert parse_columns(text) == columns
-    assert parse_columns("t=Time , q1 = Arm,") == {"t": "Time", "q1": "Arm"}
-    with pytest.raises(LogError, match="'theta' on the left"):
-        parse_columns("t=Time,theta=Arm")
