@@ -85,8 +85,8 @@ def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
 
 def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
     """The largest peaks in the periodogram of the whitened innovations, up to `HIGHEST_FREQUENCY`."""
-    w = whiten(path.e, path.S)[path.used]
-    f = np.fft.rfftfreq(len(w), float(np.median(np.diff(path.record.t[path.used]))))
+    w = whiten(path.e, path.S)[path.read]
+    f = np.fft.rfftfreq(len(w), float(np.median(np.diff(path.record.t[path.read]))))
     power = np.sum(np.abs(np.fft.rfft(w - w.mean(axis=0), axis=0)) ** 2, axis=1)
     inside = (f >= FEWEST_PERIODS / path.record.duration) & (f <= HIGHEST_FREQUENCY)
     power[~inside] = 0.0

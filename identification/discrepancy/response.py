@@ -103,8 +103,10 @@ def _answers(Phi, push, H, K, used, torque, misreading, out):
     N, n, m = Phi.shape[0], Phi.shape[1], out.shape[2]
     s, moved = np.zeros((n, m)), np.zeros((n, m))
     for k in range(N):
-        if used[k]:
+        if used[k, 0] or used[k, 1]:
             for a in range(2):
+                if not used[k, a]:
+                    continue
                 for j in range(m):
                     out[k, a, j] = -misreading[k, a, j] if misreading.shape[0] == N else 0.0
                 for i in range(n):

@@ -27,8 +27,8 @@ def run_bank(t, used, theta, kept: Linearised, assumed: Assumed, e, S):
             T = t[k] - t[k - 1]
             _propagate_bank(C, d, Phi[k - 1], work, CH)
             _add_noise_bank(C, about[k - 1, 1], theta, noise, walk, T)
-        if used[k]:
-            _update_bank(C, H[k], misread[k], noise, d, CH, K, e[k], S[k])
+        if used[k, 0] or used[k, 1]:
+            _update_bank(C, H[k], misread[k], noise, used[k], d, CH, K, e[k], S[k])
         else:
             for i in range(L):
                 e[k, 0, i], e[k, 1, i] = 0.0, 0.0
@@ -98,19 +98,19 @@ def _add_noise_bank(C, q2, theta, noise, walk, T):
 
 
 @compiled(nogil=True)
-def _update_bank(C, H, misread, noise, d, CH, K, e, S):
-    """One reading in every lane: C ← C − C Hᵀ S⁻¹ H C, d ← d + C Hᵀ S⁻¹ e."""
+def _update_bank(C, H, misread, noise, used, d, CH, K, e, S):
+    """A reading in every lane: C ← C − C Hᵀ S⁻¹ H C, d ← d + C Hᵀ S⁻¹ e; an angle that is not used has e = 0, S = 1."""
     n, L = d.shape
     for r in range(2):
         for i in range(L):
-            e[r, i] = misread[r]
-            S[2 * r, i] = noise[2 + r, i]
+            e[r, i] = misread[r] if used[r] else 0.0
+            S[2 * r, i] = noise[2 + r, i] if used[r] else 1.0
         for a in range(n):
             for i in range(L):
                 CH[a, r, i] = 0.0
         for m in range(n):
             h = H[r, m]
-            if h != 0.0:
+            if h != 0.0 and used[r]:
                 for i in range(L):
                     e[r, i] -= h * d[m, i]
                 for a in range(n):
@@ -119,7 +119,7 @@ def _update_bank(C, H, misread, noise, d, CH, K, e, S):
     for i in range(L):
         S[1, i] = 0.0
     for m in range(n):
-        h0, h1 = H[0, m], H[1, m]
+        h0, h1 = H[0, m] if used[0] else 0.0, H[1, m] if used[1] else 0.0
         for i in range(L):
             S[0, i] += h0 * CH[m, 0, i]
             S[1, i] += h0 * CH[m, 1, i]

@@ -23,6 +23,7 @@ from .bank import sharpness_rows
 from .noise_model import RecordNoise
 from .path_kernels import follow_log, run_filter, run_smoother
 from .record import Record
+from .taken import taken
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class FilterPath:
     filtered (N, n), covariance (N, n, n), gain (N, n, 2): after reading k; e (N, 2) innovations and S (N, 3) their
     covariances (S11, S12, S22). noise: the log's, as the filter took it.
     walk (2,): intensities of w1, w2 [{u}²/s], or None. first (n, n): covariance of the first state.
-    used (N,): samples whose readings the filter took (see `informative`); the others have e = 0, S = (1, 0, 1).
+    used (N, 2): which readings the filter took (see `taken`); the others have e = 0, a gain of 0, and 1 in S.
     """
 
     record: Record
@@ -62,6 +63,11 @@ class FilterPath:
     def states(self) -> int:
         """Number of the plant's own states."""
         return self.plant.packed().rows
+
+    @property
+    def read(self) -> NDArray[np.bool_]:
+        """(N,) samples of which any reading was taken."""
+        return self.used.any(axis=1)
 
     @property
     def inertias(self) -> Array:
@@ -150,26 +156,6 @@ def smooth(path: FilterPath) -> Smoothed:
     return Smoothed(mean, variance)
 
 
-def informative(record: Record) -> NDArray[np.bool_]:
-    """(N,) which samples to read, every m-th, so that rounding errors are white, as a Kalman filter takes them to be.
-
-    A fast sampled coarse encoder repeats its count, and with it its error. A filter that takes each repetition for
-    news explains it by torques that are not there (at 1 ms and 2048 counts thousandfold). m is the time in which the
-    angles move 0.6 counts: on simulated logs of known noise, what keeps its estimate right and loses least.
-    """
-    t, y = record.t, record.y
-    T = float(np.median(np.diff(t)))
-    span = max(1, min(round(0.02 / T), len(t) - 1))
-    moved = np.mean((y[span:] - y[:-span]) ** 2, axis=0)
-    rounding = np.minimum(record.quantum**2 / 12.0, record.variance)
-    other = record.variance - rounding  # noise before rounding whitens as motion does
-    speed = np.sqrt(np.maximum(moved - 2.0 * record.variance, 0.01 * moved)) / span
-    with np.errstate(divide="ignore"):  # an axis at rest repeats its count for ever
-        apart = np.divide(record.quantum, np.sqrt(speed**2 + 2.0 * other), out=np.zeros(2), where=record.quantum > 0)
-    every = round(np.clip(0.6 * float(apart.max()), 1, max(1, round(0.02 / T))))
-    return np.arange(len(t)) % every == 0
-
-
 def _empty(plant: Plant, record: Record, noise: RecordNoise, walk: Array | None) -> FilterPath:
     p, codes, rows = plant.packed()
     n, N = rows + (0 if walk is None else 2), len(record.t)
@@ -185,7 +171,7 @@ def _empty(plant: Plant, record: Record, noise: RecordNoise, walk: Array | None)
     return FilterPath(
         record=record,
         plant=plant,
-        used=informative(record),
+        used=taken(record),
         first=first,
         noise=noise,
         walk=None if walk is None else np.array(walk, dtype=float),

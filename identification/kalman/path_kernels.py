@@ -109,20 +109,24 @@ def follow_log(
 
 
 @compiled(nogil=True)
-def gain(C, H, R1, R2, K, S, CH):
-    """Innovation covariance S = (S11, S12, S22), gain K (n, 2), and C ← C − K S Kᵀ; CH (n, 2) is work space."""
+def gain(C, H, R1, R2, used, K, S, CH):
+    """Innovation covariance S = (S11, S12, S22), gain K (n, 2), and C ← C − K S Kᵀ; CH (n, 2) is work space.
+
+    used (2,): readings that are taken. Another one has a gain of 0, and stands in S as 1."""
     n = C.shape[0]
     for i in range(n):
         for a in range(2):
             s = 0.0
             for m in range(n):
                 s += C[i, m] * H[a, m]
-            CH[i, a] = s
-    s11, s12, s22 = R1, 0.0, R2
+            CH[i, a] = s if used[a] else 0.0
+    s11, s12, s22 = R1 if used[0] else 1.0, 0.0, R2 if used[1] else 1.0
     for m in range(n):
         s11 += H[0, m] * CH[m, 0]
         s12 += H[0, m] * CH[m, 1]
         s22 += H[1, m] * CH[m, 1]
+    if not (used[0] and used[1]):
+        s12 = 0.0
     det = s11 * s22 - s12 * s12
     for i in range(n):
         K[i, 0] = (CH[i, 0] * s22 - CH[i, 1] * s12) / det
@@ -145,19 +149,19 @@ def _times(A, x, out):
 
 @compiled(nogil=True)
 def _update(C, H, misread, noise, used, d, K, e, S, CH):
-    """One reading: C, d (estimate less `carried`), K, e, S in place; nothing happens where it is not used."""
+    """A reading of both angles: C, d (estimate less `carried`), K, e, S in place; nothing where neither is used."""
     n = C.shape[0]
-    if not used:
+    if not (used[0] or used[1]):
         K[:] = 0.0
         e[:] = 0.0
         S[0], S[1], S[2] = 1.0, 0.0, 1.0
         return
-    gain(C, H, noise[2], noise[3], K, S, CH)
+    gain(C, H, noise[2], noise[3], used, K, S, CH)
     for a in range(2):
         s = misread[a]
         for m in range(n):
             s -= H[a, m] * d[m]
-        e[a] = s
+        e[a] = s if used[a] else 0.0
     for i in range(n):
         d[i] += K[i, 0] * e[0] + K[i, 1] * e[1]
 
@@ -212,7 +216,8 @@ def run_smoother(kept: Linearised, found: Filtered, used, mean, variance):
             variance[k, i] = max(v, 0.0)
         if k == 0:
             return
-        if used[k]:  # through the reading: λ ← (I − K H)ᵀ λ − Hᵀ S⁻¹ e,  Λ ← (I − K H)ᵀ Λ (I − K H) + Hᵀ S⁻¹ H
+        # through the reading: λ ← (I − K H)ᵀ λ − Hᵀ S⁻¹ e,  Λ ← (I − K H)ᵀ Λ (I − K H) + Hᵀ S⁻¹ H
+        if used[k, 0] or used[k, 1]:
             det = S[k, 0] * S[k, 2] - S[k, 1] ** 2
             A[0, 0], A[1, 1] = S[k, 2] / det, S[k, 0] / det
             A[0, 1] = A[1, 0] = -S[k, 1] / det
@@ -225,6 +230,8 @@ def run_smoother(kept: Linearised, found: Filtered, used, mean, variance):
                 for r in range(n):
                     s += keep[r, i] * lam[r]
                 for a in range(2):
+                    if not used[k, a]:
+                        continue
                     for b in range(2):
                         s -= H[k, a, i] * A[a, b] * e[k, b]
                         for m in range(n):

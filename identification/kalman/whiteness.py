@@ -13,12 +13,11 @@ from furuta_gym.plant.covariance import NORMAL_95
 
 from .likelihood import whiten
 from .path import FilterPath
+from .taken import FEWEST
 
 Array = NDArray[np.float64]
 
 LAGS = 25
-FEWEST = 30
-"""Readings below which nothing is said about innovations; a filter takes at least 50 a second."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Whitened:
     @classmethod
     def of(cls, path: FilterPath, since: float = -np.inf) -> Whitened:
         """Of a path, from a time on [s], on its record's clock."""
-        used = path.used & (path.record.t >= since)
+        used = path.read & (path.record.t >= since)
         return cls(path.record.t[used], whiten(path.e[used], path.S[used]), path.record.u[used, 0])
 
     @classmethod

@@ -190,8 +190,8 @@ def _floor_covariance(motion, noise, starts, targets, lanes, out):
                 if window[i] >= 0:
                     propagate(CL[i], Phi[k - 1], work)
                     add_torque_noise(CL[i], q2[k - 1], theta, noise, T)
-        if used[k]:
-            gain(C, H[k], noise[2], noise[3], K, S, CH)
+        if used[k, 0] or used[k, 1]:
+            gain(C, H[k], noise[2], noise[3], used[k], K, S, CH)
         for i in range(lanes):
             m = window[i]
             while m >= 0 and targets[m, following[i]] == k:

@@ -25,7 +25,8 @@ from ..kalman.coordinates import Zeros
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
 from ..kalman.record import Record, Stretch, stretches
-from ..kalman.whiteness import FEWEST, Innovations, innovations
+from ..kalman.taken import FEWEST
+from ..kalman.whiteness import Innovations, innovations
 from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .free_run import PER_HORIZON, Windows

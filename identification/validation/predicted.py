@@ -71,7 +71,7 @@ def _predicted(plant: Plant, part: Stretch, horizons: tuple[float, ...], known: 
         raise ValueError(f"the plant's free run over {max(horizons):g} s leaves all bounds")
     at = windows.targets[:, -1]
     since = record.t[0] + known - 1e-9
-    used = path.used & (record.t >= since)
+    used = path.read & (record.t >= since)
     costs = sample_costs(path.e, path.S)
     surprise = np.column_stack([np.full(len(costs), part.log), piece.t, costs])[used]
     return Predicted(

@@ -66,7 +66,7 @@ def evidence_of(
     """
     own = [[f for f in group if _merged(f) in chosen] for group in columns]
     with_it, without = mapped(shared_pool(), lambda added: _refit(looks, added), (own, [[] for _ in looks]))
-    samples = sum(2 * int(look.plain.used.sum()) for look in looks)
+    samples = sum(int(look.plain.used.sum()) for look in looks)
     price = 0.5 * with_it.directions * math.log(samples) + sum(f.price for f in own[0])
     return Evidence(without.value - with_it.value - price, with_it.change())
 
@@ -126,7 +126,7 @@ def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy
         groups.setdefault(key, []).extend(range(at, at + family.size))
         searched[key] = searched.get(key, 0.0) + family.price
         at += family.size
-    samples = sum(2 * int(look.plain.used.sum()) for look in looks)
+    samples = sum(int(look.plain.used.sum()) for look in looks)
     found = []
     for (channel, variable), which in groups.items():
         gain, rank = _gain(left, np.array(which))

@@ -185,7 +185,7 @@ def _constancy(look: Look) -> Constancy:
     D = answers(look.plain, parameters_of(look)).reshape(-1, 2, 9)
     w = whiten(look.plain.e, look.plain.S)
     free = [i for i in range(9) if np.any(D[:, :, i])]
-    used = look.plain.used
+    used = look.plain.read
     return constancy(D[used][:, :, free], w[used], [THETA_NAMES[i] for i in free])
 
 
@@ -194,8 +194,8 @@ def _drift(look: Look, found: Constancy) -> Array:
     family, path = parameters_of(look), look.plain
     coefficients = np.zeros((len(found.moved), family.size))
     coefficients[:, [THETA_NAMES.index(name) for name in found.names]] = found.moved
-    torque, misreading = np.zeros((2, len(path.used), 2))
-    used = np.flatnonzero(path.used)
+    torque, misreading = np.zeros((2, len(path.read), 2))
+    used = np.flatnonzero(path.read)
     first = 0
     for block, c in zip(np.array_split(used, len(found.moved)), coefficients, strict=True):
         samples = slice(first, int(block[-1]) + 1)

@@ -12,7 +12,7 @@ from ...discrepancy.correction import flexible
 from ...estimation.pool import one_blas_thread
 from ...kalman.path import along, smooth
 from ...kalman.record import Stretch, stretches
-from ...kalman.whiteness import FEWEST
+from ...kalman.taken import FEWEST
 from ...logs.checks import LogError
 from ...logs.log import Log
 from ..policy import DecisionPolicy

@@ -17,7 +17,8 @@ from identification.estimation.identify import identify
 from identification.kalman.bank import add_torque_noise
 from identification.kalman.noise import fit_noise
 from identification.kalman.noise_model import RecordNoise
-from identification.kalman.path import follow, informative, smooth
+from identification.kalman.path import follow, smooth
+from identification.kalman.taken import informative
 from identification.kalman.record import Record, stretches
 from identification.kalman.whiteness import Whitened, innovations
 from identification.logs.log import Log
