@@ -61,10 +61,11 @@ def a_rig(seed: int) -> PlainRig:
 
 def a_log(rig: PlainRig, experiment: str, seed: int, duration: float = 20.0, T: float = 4e-3) -> dict[str, Array]:
     """A recording as columns t, q1, q2, u. experiment: "hanging" (a random multisine), "sweep" (hanging, a sine whose
-    frequency rises from 0.5 to 8 Hz, so large that the joints turn fast) or "upright" (as hanging, around a state
-    feedback). Raises ValueError for another experiment, and if the pendulum is lost."""
-    if experiment not in ("hanging", "sweep", "upright"):
-        raise ValueError(f"experiment {experiment!r} given, expected hanging, sweep or upright")
+    frequency rises from 0.5 to 8 Hz, so large that the joints turn fast), "pulses" (hanging, with pauses of 1.5 to 3 s
+    in which a sticky arm rests) or "upright" (as hanging, around a state feedback). Raises ValueError for another
+    experiment, and if the pendulum is lost."""
+    if experiment not in ("hanging", "sweep", "pulses", "upright"):
+        raise ValueError(f"experiment {experiment!r} given, expected hanging, sweep, pulses or upright")
     rng = np.random.default_rng([seed, len(experiment)])
     t = np.arange(0.0, duration, T)
     f = rng.uniform(0.3, 4.0, 12)
@@ -74,6 +75,8 @@ def a_log(rig: PlainRig, experiment: str, seed: int, duration: float = 20.0, T: 
     if experiment == "sweep":
         turns = (0.5 + 3.75 * t / duration) * t + rng.uniform()
         wish = 0.3 * rig.u_max * np.sin(2 * np.pi * turns)
+    elif experiment == "pulses":
+        wish = _pulses(rng, t, rig.u_max)
     x = np.array([rng.uniform(-0.5, 0.5), 0.01 if up else math.pi, 0.0, 0.0])
     K = _feedback(rig) if up else np.zeros(4)
     count = 2 * math.pi / rig.counts
@@ -82,6 +85,15 @@ def a_log(rig: PlainRig, experiment: str, seed: int, duration: float = 20.0, T: 
     if not np.isfinite(q).all() or (up and np.abs(q[:, 1]).max() > 1.2):
         raise ValueError("the pendulum is lost")
     return {"t": t, "q1": q[:, 0], "q2": q[:, 1], "u": u}
+
+
+def _pulses(rng: np.random.Generator, t: Array, u_max: float) -> Array:
+    wish, begin = np.zeros_like(t), 0.3
+    while begin < t[-1]:
+        end = begin + rng.uniform(0.2, 0.5)
+        wish[(t >= begin) & (t < end)] = rng.uniform(0.12, 0.35) * u_max * rng.choice([-1, 1])
+        begin = end + rng.uniform(1.5, 3.0)
+    return wish
 
 
 def _feedback(rig: PlainRig) -> Array:

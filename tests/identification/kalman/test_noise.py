@@ -1,5 +1,7 @@
 """The fit of noise intensities on a linearised log: its bank of filters, and its derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,13 +16,15 @@ from tests.factories import TORQUE_NOISE, loop_log
 
 @pytest.fixture(params=[False, True], ids=["fixed", "walk"])
 def problem(request) -> _Problem:
-    """On a log whose every other sample or fewer is read."""
+    """On a log whose every other sample or fewer is read, and at times not both angles."""
     record = Record.from_log(loop_log(T=0.001, counts=1024, duration=4.0)[0])
     noise = RecordNoise(10.0 * np.asarray(TORQUE_NOISE), record.variance)
     path = follow(TABLE_3, record, noise, noise.torque if request.param else None)
     assert path is not None
     assert not path.used.all()
-    return _Problem(path)
+    used = path.used.copy()
+    used[1000:1500, 0] = used[1400:1800, 1] = False  # one angle is not read, then neither, then not the other
+    return _Problem(replace(path, used=used))
 
 
 def test_filters_side_by_side_are_the_single_ones(problem):

@@ -14,8 +14,8 @@ from identification.estimation.ekf import track
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
-from identification.kalman.taken import informative
 from identification.kalman.record import SHORTEST, Record, stretches
+from identification.kalman.taken import informative
 from identification.logs.checks import LogError
 from identification.logs.encoders import encoder_step
 from identification.logs.log import Log

@@ -17,9 +17,9 @@ from identification.estimation.identify import identify
 from identification.kalman.bank import add_torque_noise
 from identification.kalman.noise import fit_noise
 from identification.kalman.noise_model import RecordNoise
-from identification.kalman.path import follow, smooth
-from identification.kalman.taken import informative
+from identification.kalman.path import follow, refilter, smooth
 from identification.kalman.record import Record, stretches
+from identification.kalman.taken import informative
 from identification.kalman.whiteness import Whitened, innovations
 from identification.logs.log import Log
 from identification.logs.reading import read_log
@@ -103,11 +103,17 @@ def test_windows_start_from_the_states_and_integrate_as_the_simulator_does():
     assert record.t[windows.targets[:, 1]] - record.t[windows.starts] == pytest.approx(0.3)
 
 
-def test_the_smoother_equals_least_squares_over_the_whole_trajectory():
+@pytest.mark.parametrize("unread", [(), (10, 25)], ids=["both angles", "one at a time"])
+def test_the_smoother_equals_least_squares_over_the_whole_trajectory(unread):
     log, plant = loop_log(duration=1.0)
     record = Record.from_log(log.slice(stop=0.12))
     noise = RecordNoise(1e3 * np.array(TORQUE_NOISE), record.variance)
     path = follow(plant, record, noise)
+    if unread:
+        first, last = unread
+        used = path.used.copy()
+        used[first:last, 0] = used[last - 5 : last + 10, 1] = False
+        path = refilter(replace(path, used=used), noise)
     N, n = path.filtered.shape
     # unknowns: all states; rows: the first state, the motion, the readings, each divided by its standard deviation
     rows, right = [], []
@@ -123,8 +129,9 @@ def test_the_smoother_equals_least_squares_over_the_whole_trajectory():
     for k in range(N):
         reading = np.zeros((2, N * n))
         reading[:, k * n : k * n + n] = path.reading[k]
-        if path.used[k]:
-            add(reading, path.misread[k] + path.reading[k] @ path.carried[k], np.diag(noise.variance))
+        if (rows_read := path.used[k]).any():
+            right_side = path.misread[k] + path.reading[k] @ path.carried[k]
+            add(reading[rows_read], right_side[rows_read], np.diag(noise.variance[rows_read]))
         if k + 1 < N:
             motion = np.zeros((n, N * n))
             motion[:, (k + 1) * n : (k + 2) * n] = np.eye(n)
