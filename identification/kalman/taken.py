@@ -10,8 +10,8 @@ from .record import Record
 FEWEST = 30
 """Readings below which nothing is said about innovations; a filter takes at least ten a second."""
 _HELD = 0.1
-"""A count that stays for longer [s] is one reading. Of 0.1, 0.2, 0.3, 0.5 and 1 s the one that keeps right plants nearest
-to their noise floor (decision 43)."""
+"""A count that stays for longer [s] is one reading. Of 0.1, 0.2, 0.3, 0.5 and 1 s this keeps right plants nearest to
+their noise floor (decision 43)."""
 
 
 def taken(record: Record) -> NDArray[np.bool_]:
@@ -26,13 +26,14 @@ def taken(record: Record) -> NDArray[np.bool_]:
     found = every.copy()
     for axis in np.flatnonzero(record.quantum > 0):
         changes = np.flatnonzero(np.diff(record.y[:, axis])) + 1
-        for first, end in zip([0, *changes], [*changes, len(record.t)], strict=True):
+        begins, ends = np.append(0, changes), np.append(changes, len(record.t))
+        long = np.flatnonzero(record.t[ends - 1] - record.t[begins] > _HELD)
+        for first, end in zip(begins[long], ends[long], strict=True):
             since = record.t[first:end] - record.t[first]
-            if since[-1] > _HELD:
-                parts = round(since[-1] / _HELD)
-                middles = (np.arange(parts) + 0.5) * since[-1] / parts
-                found[first:end, axis] = False
-                found[first + np.searchsorted(since, middles), axis] = True
+            parts = round(since[-1] / _HELD)
+            middles = (np.arange(parts) + 0.5) * since[-1] / parts
+            found[first:end, axis] = False
+            found[first + np.searchsorted(since, middles), axis] = True
     return found if found.any(axis=1).sum() >= FEWEST else every
 
 
