@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,19 +20,27 @@ from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.searched import searched
 from identification.estimation.identify import identify
+from identification.logs.log import Log
 from identification.logs.reading import read_log
 from identification.validation.gap import validate
 from tests.factories import loop_log, scaled_effect
 
 POLICY = replace(DecisionPolicy(), tail=0.4)
-LOG = loop_log("arm_spring", duration=6.0)[0]
-PLAIN = loop_log(duration=4.0, seed=1)[0]
+
+
+# not at the import, with which every worker begins: where nothing is compiled yet, all of them would compile
+def spring() -> Log:
+    return loop_log("arm_spring", duration=6.0)[0]
+
+
+def plain() -> Log:
+    return loop_log(duration=4.0, seed=1)[0]
 
 
 def diagnosed(*held_out: object) -> Diagnosis:
     """From a start that has a cable of another stiffness, which is not to be believed."""
     start = TABLE_3.with_effects(scaled_effect("arm_spring", 5.0))
-    return diagnose([LOG], held_out, start, most=1, only=["arm_spring"], policy=POLICY)  # type: ignore[arg-type]
+    return diagnose([spring()], held_out, start, most=1, only=["arm_spring"], policy=POLICY)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +73,7 @@ def test_a_start_with_effects_is_compared_without_them(alone: Diagnosis) -> None
 
 def test_a_held_out_log_of_a_rig_without_the_cable_takes_the_name_back(alone: Diagnosis) -> None:
     """The last part of the log itself would have confirmed it."""
-    found = diagnosed(PLAIN)
+    found = diagnosed(plain())
     assert alone.verdict == "named"
     assert found.verdict == "unknown", str(found)
     assert [s.name for s in found.found] == ["arm_spring"]
@@ -72,7 +81,7 @@ def test_a_held_out_log_of_a_rig_without_the_cable_takes_the_name_back(alone: Di
     assert found.plant.effects == ()
     assert found.gap is not None
     assert found.gap.tail is None
-    assert found.gap.logs == (PLAIN,)
+    assert found.gap.logs == (plain(),)
 
 
 def test_a_held_out_log_that_counts_from_another_zero_takes_no_name_back() -> None:
@@ -96,19 +105,22 @@ def test_the_thresholds_used_are_told(alone: Diagnosis) -> None:
 @pytest.mark.parametrize(
     ("held_out", "message"),
     [
-        (LOG, "loop arm_spring is searched and held out at once"),
-        (replace(PLAIN, sha256="of the file", source="again.csv"), "again.csv is searched and held out at once"),
-        (replace(PLAIN, input_unit="N·m"), "must agree"),
-        ([PLAIN, PLAIN], "loop as modelled is given twice; expected each log once"),
+        (spring, "loop arm_spring is searched and held out at once"),
+        (
+            lambda: replace(plain(), sha256="of the file", source="again.csv"),
+            "again.csv is searched and held out at once",
+        ),
+        (lambda: replace(plain(), input_unit="N·m"), "must agree"),
+        (lambda: [plain(), plain()], "loop as modelled is given twice; expected each log once"),
     ],
 )
-def test_what_cannot_be_held_out_is_refused_before_the_search(held_out: object, message: str) -> None:
+def test_what_cannot_be_held_out_is_refused_before_the_search(held_out: Callable[[], Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        diagnose([LOG, replace(LOG, sha256="of the file")], held_out)  # type: ignore[arg-type]
+        diagnose([spring(), replace(spring(), sha256="of the file")], held_out())
 
 
 def test_the_rest_of_a_log_may_be_held_out() -> None:
-    first, rest = replace(LOG, sha256="of the file").split(0.7)
+    first, rest = replace(spring(), sha256="of the file").split(0.7)
     with pytest.raises(ValueError, match="must agree"):  # what is asked next
         diagnose([first], replace(rest, input_unit="N·m"))
 
@@ -117,9 +129,9 @@ def test_bad_arguments_are_refused_before_the_search() -> None:
     with pytest.raises(ValueError, match="at least one log"):
         diagnose([])
     with pytest.raises(ValueError, match="most must be at least 1"):
-        diagnose([LOG], most=0)
+        diagnose([spring()], most=0)
     with pytest.raises(ValueError, match="arm_sprung: no such effect; did you mean arm_spring") as raised:
-        diagnose([LOG], only=["arm_sprung"])
+        diagnose([spring()], only=["arm_sprung"])
     assert str(raised.value).endswith("? `furuta effects` lists the library"), "not the whole library"
 
 
@@ -142,7 +154,7 @@ def test_no_prior_holds_the_search_where_what_is_missing_has_dragged_the_pendulu
     monkeypatch: pytest.MonkeyPatch, torque: float, dragged: bool
 ) -> None:
     """Several effects at once take the pendulum out of model (5): its row can end at a hundredth of its scale."""
-    known = module.identify([PLAIN])
+    known = module.identify([plain()])
     collapsed = known.plant.replace(theta=TABLE_3.theta * np.array([1, *4 * [0.01], 1, 0.01, 1, 0.01]), covariance=None)
     assert known.noise is not None
     told = replace(known, plant=collapsed, noise=replace(known.noise, torque=(torque, 1e-9)))
@@ -152,7 +164,7 @@ def test_no_prior_holds_the_search_where_what_is_missing_has_dragged_the_pendulu
         raise _Asked(*(anchor.theta[2:5] / TABLE_3.theta[2:5]))
 
     with pytest.raises(_Asked) as found:
-        searched(HeldOut((PLAIN,), (), POLICY), None, 1, None, lambda text: None, fitter)
+        searched(HeldOut((plain(),), (), POLICY), None, 1, None, lambda text: None, fitter)
     scale = np.array(found.value.args)
     assert np.all((scale > 0.2) & (scale < 5.0)) if dragged else scale == pytest.approx(0.01)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments import demo
 from identification import Log, LogError, read_log
 from identification.logs.bag_child import _joined, _Topic
 from identification.logs.checks import LogWarning
@@ -19,9 +20,10 @@ from identification.logs.formats import read_table
 from identification.logs.layouts import from_variables
 from identification.logs.proposal import propose
 from identification.logs.table import Table
-from tests.factories import paper_log
 
-LOG = paper_log(0.004, 3.0, 4096)[0]
+# three seconds of a stored log: one that is simulated at the import would be compiled by every worker at its start
+STORED = read_log(Path(demo.__file__).parent / "logs" / "paper.csv")
+LOG = Log(0.004 * np.arange(750), STORED.q1[:1500:2], STORED.q2[:1500:2], STORED.u[:1500:2], input_unit="V")
 NAMES = ("time", "theta", "alpha", "voltage")
 SIGNALS = dict(zip(NAMES, (LOG.t, LOG.q1, LOG.q2, LOG.u), strict=True))
 MATRIX = np.column_stack(list(SIGNALS.values()))
