@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -11,6 +12,9 @@ from hypothesis import HealthCheck, settings
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = ("thorough", "slow")
 """Parts of the tests, each listed in a file of its name. A test of neither is fast, one of both is thorough."""
+
+TOGETHER = ("tests/experiments/report/", "tests/experiments/studio/")
+"""Folders whose modules share fits that take long: each worker that runs one of them would fit anew."""
 
 # Compilation happens inside the first example, so deadlines would measure the compiler.
 settings.register_profile(
@@ -49,6 +53,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     order = dict.fromkeys(entry.split("::")[0] for part in reversed(PARTS) for entry in _listed(part))
     rank = {file: i for i, file in enumerate(order)}
     items.sort(key=lambda item: rank.get(item.nodeid.split("::")[0], len(rank)))
+
+
+@pytest.hookimpl(optionalhook=True)  # where pytest-xdist is
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With `--dist loadscope` one worker gets all modules of a folder of TOGETHER, another module goes by itself."""
+    if config.getoption("dist") != "loadscope":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFolder(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return next((folder for folder in TOGETHER if nodeid.startswith(folder)), super()._split_scope(nodeid))
+
+    return ByFolder(config, log)
 
 
 def _levels(item: pytest.Item) -> list[str]:
