@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from identification.logs.log import write_log
+from identification.logs.reading import read_log
 
 from .commands import furuta
 from .factories import loop_log
@@ -68,9 +69,19 @@ def compared(command: str, answer: dict[str, Any], *without: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def plant_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Two runs of the demo's rig, of which six seconds have every key that twenty have."""
+    folder = tmp_path_factory.mktemp("logs")
+    files = folder / "paper.csv", folder / "wide.csv"
+    for file in files:
+        write_log(file, read_log(LOGS / file.name).slice(stop=6.0))
+    return files
+
+
+@pytest.fixture(scope="module")
+def plant_file(logs: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     file = tmp_path_factory.mktemp("json") / "rig.json"
-    result = furuta("identify", LOGS / "paper.csv", "-o", file, "--json")
+    result = furuta("identify", logs[0], "-o", file, "--json")
     assert result.exit_code == 0, result.output
     return file, json.loads(result.stdout)
 
@@ -89,20 +100,21 @@ def test_identify_with_a_profile_and_without_a_gap(tmp_path: Path, monkeypatch: 
     compared("identify", answer, "stretches_s", "one_by_one.", "gain_changes[")
 
 
-def test_validate(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    result = furuta("validate", plant_file[0], LOGS / "wide.csv", "--json", tmp_path / "gap.json")
+def test_validate(plant_file: tuple[Path, dict[str, Any]], logs: tuple[Path, Path], tmp_path: Path) -> None:
+    fitted, other = logs
+    result = furuta("validate", plant_file[0], other, "--json", tmp_path / "gap.json")
     assert result.exit_code == 0, result.output
     answer = json.loads((tmp_path / "gap.json").read_text())
     compared("validate", answer, "by_")
-    result = furuta("validate", plant_file[0], LOGS / "wide.csv", LOGS / "paper.csv", "--json", "-")
+    result = furuta("validate", plant_file[0], other, fitted, "--json", "-")
     assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
     assert len(answer["by_log"]) == 2
     compared("validate", answer)
 
 
-def test_residuals(plant_file: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    result = furuta("residuals", LOGS / "paper.csv", "--plant", plant_file[0], "-o", tmp_path / "res", "--json")
+def test_residuals(plant_file: tuple[Path, dict[str, Any]], logs: tuple[Path, Path], tmp_path: Path) -> None:
+    result = furuta("residuals", logs[0], "--plant", plant_file[0], "-o", tmp_path / "res", "--json")
     assert result.exit_code == 0, result.output
     compared("residuals", json.loads(result.stdout))
 

@@ -141,21 +141,22 @@ def at_once(monkeypatch, examined) -> None:
 
 
 def test_the_command_writes_all_three_files(files, at_once, tmp_path):
+    """Beside what is somebody's own, and in place of what an earlier run left."""
     out = tmp_path / "out"
+    out.mkdir()
+    (out / "next_experiment.csv").write_text("an earlier run's")
+    (out / "report.html").write_text("an earlier run's")
+    (out / "mine.txt").write_text("mine")
     arguments = ["diagnose", files[0], "--held-out", files[1], "-o", out]
     result = CliRunner().invoke(app, [str(a) for a in arguments])
     assert result.exit_code == 0, result.output
-    assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "plant.json", "report.html"]
+    assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "mine.txt", "plant.json", "report.html"]
     found = json.loads((out / "diagnosis.json").read_text())
     assert found["gap"]["held_out"] is True
     assert found["gap"]["logs"] == ["other.csv"]
     assert found["policy"] == DecisionPolicy().to_dict()
     assert "closed share" in result.stdout
     assert "other.csv" in (out / "report.html").read_text()
-    (out / "next_experiment.csv").write_text("an earlier run's")
-    (out / "mine.txt").write_text("mine")
-    assert CliRunner().invoke(app, [str(a) for a in arguments]).exit_code == 0
-    assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "mine.txt", "plant.json", "report.html"]
 
 
 @pytest.mark.parametrize("case", ["same log", "output is a file"])

@@ -50,7 +50,7 @@ def lacking() -> Estimate:
 def test_a_right_model_keeps_its_error_bars() -> None:
     widened = []
     for seed in range(4):
-        estimate = identify(noisy_log(seed))
+        estimate = identify(noisy_log(seed, duration=5.0))
         widened.append(np.median(estimate.std / estimate.std_if_right))
     assert min(widened) >= 1.0
     assert np.median(widened) < 1.3

@@ -105,7 +105,7 @@ def test_error_bars_cover_the_truth() -> None:
     """z-scores of θ1 … θ5 over independent runs: neither far too wide nor far too narrow."""
     scores = []
     for seed in range(8):
-        estimate = identify(noisy_log(10 + seed, duration=8.0), start="table3")
+        estimate = identify(noisy_log(10 + seed, T=0.004, duration=8.0), start="table3")
         scores.append((estimate.values[:9] - TABLE_3.theta) / estimate.std[:9])
     size = np.sqrt(np.mean(np.square(scores)))
     assert 0.6 < size < 1.5, size
