@@ -1,5 +1,6 @@
-// What a picture takes, on the clock of the browser that shows it.
+// What a picture takes, on the clock of the browser that shows it, and where the browser's own buttons lead.
 window.studio = {
+  keeps: false, // whether the page holds what no file holds
   waiting: [], // when the hand moved, for the movements that no picture shows yet
   pictures: [], // what each picture took, as `draw` notes it
   moved(id, value) {
@@ -8,6 +9,11 @@ window.studio = {
     this.waiting.push(now);
     if (this.waiting.length > 1000) this.waiting.shift();
     return now;
+  },
+  at(view) {
+    // Each view is a step of the browser's history, so that "back" shows the view before and does not leave the page
+    const now = history.state?.view;
+    if (now !== view) history[now ? "pushState" : "replaceState"]({ view }, "");
   },
   say(texts) {
     // Into the node that Vue made, so that Vue finds it again
@@ -38,3 +44,5 @@ window.studio = {
     return took;
   },
 };
+window.addEventListener("popstate", (event) => event.state?.view && emitEvent("studio_view", event.state.view));
+window.addEventListener("beforeunload", (event) => studio.keeps && event.preventDefault());

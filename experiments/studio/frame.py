@@ -42,7 +42,9 @@ LIGHTS = {
 @dataclass(eq=False)
 class Frame:
     """One tab of the browser. state: what views keep while another one is shown. lock: held while logs change.
-    job: of the computation that runs, or of the last one."""
+
+    job: of the computation that runs, or of the last one; stops: whether it asks that job whether to go on. noted:
+    whether the footer says what `note` said last."""
 
     session: Session
     current: str = "Log"
@@ -53,7 +55,12 @@ class Frame:
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     doing: str = ""
     failure: str = ""
+    noted: bool = False
+    stops: bool = False
     job: Job = field(default_factory=Job)
+    _shown: str = ""
+    _told: str = ""
+    _saved: tuple[object, ...] = (None, None, None)
 
     def __post_init__(self) -> None:
         _frames.add(self)
@@ -82,7 +89,36 @@ class Frame:
                 with ui.row().classes("doing").props("role=status"):
                     ui.spinner(size="1.4em")
                     ui.label(self.doing)
+                    if self.stops and not (self.job.running or self.job.cancelled):  # a search has its own button
+                        ui.button("Stop", icon="stop", on_click=self.stop).props("outline dense").mark("stop")
             view(self.current).show(self)
+        self.tell_browser()
+
+    def tell_browser(self) -> None:
+        """Which view its history has, whether it asks before it leaves the page, and that a new failure is seen."""
+        if self.body is None or self.body.is_deleted:
+            return
+        keeps = bool(self.doing) or not self.saved
+        script = f"studio.at({json.dumps(self.current)}); studio.keeps = {json.dumps(keeps)};"
+        if self.failure and self.failure != self._shown:  # whoever pressed a button further down would not see it
+            script += " window.scrollTo(0, 0);"
+        self._shown = self.failure
+        if script != self._told:
+            self._told = script
+            self.body.client.run_javascript(script)
+
+    @property
+    def saved(self) -> bool:
+        """Whether a saved session holds all that was computed."""
+        return all(now is None or now is then for now, then in zip(self._computed, self._saved, strict=True))
+
+    def mark_saved(self) -> None:
+        """A file holds the session as it is."""
+        self._saved = self._computed
+
+    @property
+    def _computed(self) -> tuple[object, ...]:
+        return self.session.estimate, self.session.kept, self.session.found
 
     def close(self) -> None:
         """The tab is gone: end what it computes, and delete what was dropped."""
@@ -97,7 +133,7 @@ class Frame:
             self.failure = f"Wait until this is done: {self.doing}"
             self.show()
             return None
-        self.doing, self.failure, self.job = doing, "", job or Job()
+        self.doing, self.failure, self.job, self.stops = doing, "", job or Job(), job is not None
         self.show()
         try:
             return await off_loop(function, *arguments)
@@ -107,13 +143,20 @@ class Frame:
             self.failure = sentence(error)
             return None
         finally:
-            self.doing = ""
+            self.doing, self.stops = "", False
             self.show()
+
+    def stop(self) -> None:
+        """End what is computed, as soon as it asks."""
+        self.job.cancel()
+        self.doing = "Stopping"
+        self.show()
 
     def note(self, text: str) -> None:
         """Say something in the footer."""
         if self.footer is not None and not self.footer.is_deleted:
             self.footer.set_text(text)
+            self.noted = True
 
 
 _frames: WeakSet[Frame] = WeakSet()

@@ -41,6 +41,7 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
         pass
     with ui.footer().classes("footer"):
         frame.footer = ui.label("Nothing leaves this machine.").props("role=status")
+    ui.on("studio_view", lambda e: _chosen(frame, str(e.args)))  # the browser's button "back"
     context.client.on_delete(frame.close)
     frame.show()
     if logs:
@@ -54,6 +55,6 @@ async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
 
 
 def _chosen(frame: Frame, name: str) -> None:
-    if name != frame.current:
+    if name != frame.current and name in VIEWS:
         frame.failure = ""
         frame.show(name)

@@ -66,6 +66,7 @@ class Session:
     found: Found | None = None
     policy: Path | None = None
     trusted: bool = False
+    _better: RigMapping | None = None
     _dropped: Path | None = None
 
     @property
@@ -153,11 +154,12 @@ class Session:
         """Propose how to read the logs, and read them so. What is wrong goes to `trouble`."""
         self.accepted = False
         self.forget()
-        self.logs, self.remarks, self.trouble, self.proposal = (), (), "", None
+        self.logs, self.remarks, self.trouble, self.proposal, self._better = (), (), "", None, None
         if not self.tables:
             self.given = RigMapping()
             return
         self.proposal = self._proposed(self.given)
+        self._better = self._shown_by_motion(self.proposal)  # here, as it takes seconds and views ask for it often
         try:
             self.logs, self.remarks = quietly_read(self.paths, self.tables, self.proposal.mapping)
         except LogError as error:
@@ -200,13 +202,16 @@ class Session:
 
     def shown_by_motion(self) -> RigMapping | None:
         """What was said, with zero and signs as the motion shows them; None where it shows nothing wrong."""
-        if self.proposal is None or not self.proposal.fatal:
+        return self._better
+
+    def _shown_by_motion(self, proposal: Proposal) -> RigMapping | None:
+        if not proposal.fatal:
             return None
         free = self._proposed(self.given.without("flip", "pendulum_zero"))
         zero = free.item("pendulum_zero")
         flips = tuple(i.name[5:] for i in free.items if i.name.startswith("sign_") and i.value == "-")
         better = replace(self.given, pendulum_zero=zero.value, flip=flips)
-        return better if len(self._proposed(better).fatal) < len(self.proposal.fatal) else None
+        return better if len(self._proposed(better).fatal) < len(proposal.fatal) else None
 
     def mend(self, mapping: RigMapping) -> None:
         """Read the logs as `mapping` says."""

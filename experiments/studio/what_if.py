@@ -77,12 +77,13 @@ class Choice:
 
     def theta_range(self, i: int) -> Range:
         """From a quarter to four times the start; friction from nothing."""
-        centre = abs(float(self.base.theta[i])) or abs(float(self.base.theta[0])) * 0.1
+        centre = abs(float(self.origin.theta[i])) or abs(float(self.origin.theta[0])) * 0.1
         low = 0.0 if i >= 5 else 0.25 * centre
         return Range(low, (4.0 if i < 5 else 3.0) * centre, 0.002 * centre)
 
     def effect_range(self, name: str, parameter: Parameter) -> Range:
-        """Around the size worth noticing, within what is allowed."""
+        """Around the size worth noticing, and twice as far as the plant has it where it starts, within what is
+        allowed."""
         default = abs(self.base.default_effect(name).parameters[parameter.name])
         if parameter.integer:
             return Range(max(parameter.lower, 1.0), min(parameter.upper, 36.0), 1.0)
@@ -90,6 +91,8 @@ class Choice:
             low, high = min(parameter.grid), max(parameter.grid)
         else:
             reach = 4.0 * default if default > 0 and math.isfinite(default) else math.pi
+            there = self.origin.effect(name)
+            reach = max(reach, 2.0 * abs(there.parameters[parameter.name]) if there is not None else 0.0)
             low, high = (0.0 if parameter.positive else -reach), reach
         low, high = max(low, parameter.lower), min(high, parameter.upper)
         if not (math.isfinite(low) and math.isfinite(high) and low < high):

@@ -89,7 +89,7 @@ def _foreign(path: Path) -> bool:
 
 def _offered(frame: Frame) -> dict[str, str]:
     """Controllers and policies by what `make_controller` takes."""
-    found = {name: f"{name}: {design.summary}" for name, design in CONTROLLERS.items()}
+    found = {name: f"{name}: {design.summary.replace('`', '')}" for name, design in CONTROLLERS.items()}
     folder = Path(str(files("controllers") / "policies"))
     found |= {str(path): f"policy {path.stem}" for path in sorted(folder.glob("*.zip"))}
     if (dropped := frame.session.policy) is not None:

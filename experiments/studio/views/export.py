@@ -150,9 +150,11 @@ async def _write(frame: Frame, name: str, writer: Writer) -> None:
     if said is None:
         return
     frame.note(f"Written: {frame.session.folder / name}")
+    if name.endswith(ENDING):
+        frame.mark_saved()
     if said:
         frame.failure = said
-        frame.show()
+    frame.show()
 
 
 def _written(session: Session, name: str, writer: Writer) -> str:

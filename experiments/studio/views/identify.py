@@ -132,6 +132,8 @@ def _certainty(estimate: Estimate, name: str) -> None:
         light("doubt", "weak")
     elif name.startswith("r") and (known.relative_std or {}).get(name, 0.0) >= WEAK:
         light("none", "not judged")  # a detail of friction near rest, no reason for alarm
+    elif name in estimate.uncertain:
+        light("doubt", "uncertain")
     else:
         light("good", "identified")
 

@@ -95,8 +95,8 @@ async def compute(frame: Frame, live: Live, settle: bool = False) -> None:
     try:
         picture = await off_loop(window.picture, live.choice.plant(), settle)
     except Exception as error:
-        if live.detail is not None and not live.detail.is_deleted:
-            put_texts({live.detail: sentence(error)})
+        if live.detail is not None and not live.detail.is_deleted:  # the numbers before are of another plant
+            put_texts({live.ratio: "—", live.nats: "—", live.detail: sentence(error)})
         return
     computed = time.perf_counter()
     if live.chart is None or live.chart.is_deleted:
@@ -127,7 +127,8 @@ async def _numbers(frame: Frame, live: Live, window: PredictionWindow, picture: 
     say(live, moving=not picture.settled)
     if picture.settled:
         say_command(frame, live)
-        _say_times(frame, live, moving=False)
+        if not frame.noted:  # what was written stays in the footer until the hand moves again
+            _say_times(frame, live, moving=False)
 
 
 async def _draw(frame: Frame, live: Live, change: str, movement: Movement | None, spent: Spent | None) -> None:
@@ -142,6 +143,7 @@ async def _draw(frame: Frame, live: Live, change: str, movement: Movement | None
         return
     if isinstance(took, int | float):
         live.times.append(float(took))
+        frame.noted = False
         _say_times(frame, live, moving=True)
 
 

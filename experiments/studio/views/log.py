@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import re
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from importlib.resources import files
@@ -22,6 +24,8 @@ from ..written import write_mapping
 if TYPE_CHECKING:
     from identification.logs.proposal import Item
 
+SOON = 0.3  # s of reading until the page says that it reads
+_BY_MOTION = "Read zero and signs as the motion shows them"
 _LIGHTS = {"sure": ("good", "sure"), "likely": ("doubt", "likely"), "open": ("bad", "say it")}
 
 
@@ -49,29 +53,38 @@ def show(frame: Frame) -> None:
                 "remove", lambda _, p=path: _remove(frame, p)
             )
     with ui.element("table").classes("table stacked"), ui.element("tbody"):
+        against = _against(frame)
         for item in session.proposal.items:
-            _row(frame, item)
+            _row(frame, item, item.name in against)
     for problem in session.proposal.problems:
-        message(str(problem), "bad" if problem.fatal else "doubt")
+        message(_here(str(problem)), "bad" if problem.fatal else "doubt")
     if session.trouble and not session.proposal.fatal:
-        message(session.trouble, "bad")
+        message(_here(session.trouble), "bad")
     with ui.row().classes("wrap-row"):
         if (better := session.shown_by_motion()) is not None:
-            text = "Read zero and signs as the motion shows them"
-            ui.button(text, icon="auto_fix_high", on_click=lambda: _mend(frame, better))
+            ui.button(_BY_MOTION, icon="auto_fix_high", on_click=lambda: _mend(frame, better)).set_enabled(
+                not frame.doing
+            )
         ready = bool(session.logs) and not session.proposal.fatal and not session.open_items
         if session.accepted:
             light("good", "These logs are used")
         else:
-            ui.button("Use these logs", icon="check", on_click=lambda: _accept(frame)).set_enabled(ready)
+            use = ui.button("Use these logs", icon="check", on_click=lambda: _accept(frame))
+            use.set_enabled(ready and not frame.doing)
         ui.button("Save rig.toml", on_click=lambda: _save(frame)).props("outline").set_enabled(ready)
     _preview(frame)
     command_line(commands.init(session))
 
 
-def _row(frame: Frame, item: Item) -> None:
+def _here(text: str) -> str:
+    """A sentence of the command line, as the page says it."""
+    text = re.sub(r"read it with --pendulum-zero .*", f"press “{_BY_MOTION}”.", text)
+    return text.replace("Name it: --columns ", "Choose it above, or on the command line: --columns ")
+
+
+def _row(frame: Frame, item: Item, wrong: bool) -> None:
     state, word = _LIGHTS[item.confidence.value]
-    if item.name in _against(frame):
+    if wrong:
         state, word = "bad", "wrong"
     with ui.element("tr").props(f'data-item="{item.name}"'):
         with ui.element("th").props("scope=row"):
@@ -127,13 +140,7 @@ def _preview(frame: Frame) -> None:
         chart.mark("preview").props('role=img aria-label="The log as it is read: arm, pendulum, command over time"')
     for remark in frame.session.remarks:
         if remark not in {str(p) for p in frame.session.proposal.problems}:  # type: ignore[union-attr]
-            message(remark, "doubt")
-
-
-def _changed(frame: Frame) -> None:
-    frame.failure = ""
-    frame.reset()
-    frame.show()
+            message(_here(remark), "doubt")
 
 
 def _failed(frame: Frame, text: str) -> None:
@@ -185,6 +192,7 @@ async def reopen(frame: Frame, name: str, content: bytes) -> None:
     if found is not None:
         frame.session.close()
         frame.session = found
+        frame.mark_saved()
         frame.reset()
         frame.show("Identify" if found.accepted else "Log")
 
@@ -194,16 +202,22 @@ async def _demo(frame: Frame) -> None:
 
 
 async def _apply(frame: Frame, change: Callable[..., None], *arguments: object) -> None:
-    if frame.doing:
+    if frame.doing and not frame.lock.locked():  # while logs are read, what comes next waits for its turn
         _failed(frame, f"Wait until this is done: {frame.doing}")
         return
     async with frame.lock:
+        frame.doing = "Reading the logs"
+        telling = asyncio.get_running_loop().call_later(SOON, frame.show)
         try:
             await off_loop(change, *arguments)
         except Exception as error:
-            _failed(frame, sentence(error))
+            failure = sentence(error)
         else:
-            _changed(frame)
+            failure = ""
+            frame.reset()
+        telling.cancel()
+        frame.doing = ""
+        _failed(frame, failure)
 
 
 async def _remove(frame: Frame, path: Path) -> None:

@@ -123,7 +123,7 @@ def _explore(frame: Frame, missing: Missing, where: Where) -> None:
     picture = charts.scatter(x[inside], torque.mean[inside, a], missing.against, f"{missing.row} [{where.unit}]")
     chart = ui.echart(picture).classes("chart").mark("against")
     chart.props(f'role=img aria-label="Missing torque against {missing.against}"')
-    message("Name a suspect first. The view Diagnose has the names.")
+    message("Guess first which effect it is. The view Diagnose looks for its name.")
 
 
 def _log(frame: Frame, source: str) -> Log:

@@ -125,6 +125,7 @@ class Slider:
                     .props(f'dense outlined debounce=300 aria-label="{self.title}, as a number" step=any')
                     .classes("slider-number")
                     .mark(f"number-{self.mark}")
+                    .on("blur", self._left)
                 )
 
     async def _grabbed(self, event: Any) -> None:
@@ -140,6 +141,10 @@ class Slider:
         self._slider.props["model-value"] = float(event.value)
         await self._take(float(event.value), None)
 
+    def _left(self) -> None:
+        if self._box.value is None:  # nothing was typed in the place of what was deleted
+            self._tell(self.value)
+
     async def _take(self, value: float, stamp: float | None) -> None:
         self.value = value
         self.put(value)
@@ -150,6 +155,9 @@ class Slider:
         if self.value != value or self._box.is_deleted:
             return
         self._slider.props["model-value"] = value
+        self._tell(value)
+
+    def _tell(self, value: float) -> None:
         self._telling = True
         self._box.set_value(float(f"{value:.5g}"))
         self._telling = False

@@ -109,17 +109,23 @@ async def _redraw(frame: Frame) -> None:
 
 async def _window(frame: Frame, which: int | None = None, at: float | None = None) -> None:
     live = frame.of(Live)
+    before, start = (live.which, live.at), live.start
     if which is not None:
         live.which, live.at = which, 0.0
     if at is not None:
         live.at = float(at)
     await begin(frame)
+    if live.start is start:  # there is no such window: the one that is shown stays
+        live.which, live.at = before
+        frame.show()
 
 
 async def _reset(frame: Frame) -> None:
     live = frame.of(Live)
     assert live.choice is not None
     live.choice.reset()
+    if live.start is not None:  # the floor that another plant measured says nothing of the fit
+        live.window = live.start.window
     await _redraw(frame)
 
 
@@ -149,4 +155,5 @@ def _keep(frame: Frame) -> None:
         frame.note(f"Written: {path}")
     if frame.failure:
         frame.show()
+    frame.tell_browser()
     say_command(frame, live)

@@ -42,6 +42,15 @@ def test_a_turned_sign_is_wrong_and_the_motion_mends_it(tmp_path: Path, spring_l
     assert (session.logs[0].q2 == straight).all()
 
 
+def test_what_the_motion_shows_is_worked_out_when_the_logs_are_read(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = opened(tmp_path, spring_log)
+    session.turn("q2")
+    monkeypatch.setattr("experiments.studio.session.propose", None)  # views ask often, and it takes seconds
+    assert session.shown_by_motion() is not None
+
+
 @pytest.mark.parametrize("name", ["../../etc/passwd.csv", "..\\..\\boot.csv", "/etc/passwd.csv", "a/b/../c.csv"])
 def test_no_name_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
     assert bare_name(name) in ("passwd.csv", "boot.csv", "c.csv")
