@@ -43,8 +43,8 @@ def test_back_shows_the_view_before_and_leaving_asks_where_something_would_be_lo
     page.get_by_role("button", name="Reset").click()
     page.get_by_role("button", name="Keep as plant").click()
     page.wait_for_function("studio.keeps")
-    page.evaluate("setTimeout(() => location.reload())")
-    page.wait_for_timeout(1000)
+    with page.expect_event("dialog"):
+        page.evaluate("setTimeout(() => location.reload())")
     assert asked == ["beforeunload"]
     shows(page, "What if")
 
