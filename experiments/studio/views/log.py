@@ -62,9 +62,8 @@ def show(frame: Frame) -> None:
         message(_here(session.trouble), "bad")
     with ui.row().classes("wrap-row"):
         if (better := session.shown_by_motion()) is not None:
-            ui.button(_BY_MOTION, icon="auto_fix_high", on_click=lambda: _mend(frame, better)).set_enabled(
-                not frame.doing
-            )
+            mend = ui.button(_BY_MOTION, icon="auto_fix_high", on_click=lambda: _mend(frame, better))
+            mend.mark("by-motion").set_enabled(not frame.doing)
         ready = bool(session.logs) and not session.proposal.fatal and not session.open_items
         if session.accepted:
             light("good", "These logs are used")

@@ -25,7 +25,9 @@ def page(window: Any, tmp_path: Path, session_file: Path) -> Iterator[Any]:
 
 
 def shows(page: Any, view: str) -> None:
+    """Wait for a view, and until the browser's history knows it: a script goes "back" sooner than a hand could."""
     page.locator(f"main[data-view='{view}']").wait_for()
+    page.wait_for_function(f"history.state?.view === '{view}'")
 
 
 def test_back_shows_the_view_before_and_leaving_asks_where_something_would_be_lost(page: Any) -> None:

@@ -35,9 +35,10 @@ def test_log_a_wrong_sign_shows_red_and_the_fix_turns_it_green(tmp_path: Path, s
         await user.should_not_see("wrong")
         user.find(marker="flip-q2").click()
         await user.should_see("wrong", retries=40)
+        await until(lambda: not frame.doing)  # until then its buttons are off
         shown = user.find(marker="preview").elements.pop().options["series"][1]["data"]
         assert shown[10][1] == pytest.approx(frame.session.logs[0].q2[:: _every(frame)][10], rel=1e-4)
-        user.find("Read zero and signs as the motion shows them").click()
+        user.find(marker="by-motion").click()
         await until(lambda: "wrong" not in texts(user))
         back = user.find(marker="preview").elements.pop().options["series"][1]["data"]
         assert back[10][1] == -shown[10][1]
