@@ -53,7 +53,8 @@ def sticky(seed: int) -> tuple[Plant, Log]:
         experiment = "hanging"
         rig = replace(rig, u_max=rig.u_max * float(np.exp(rng.uniform(np.log(WEAKER), 0.0))))
     read = plain_lab.a_log(rig, experiment, seed, T=float(rng.choice(SAMPLE_TIMES)))
-    return Plant(theta=theta, u_max=rig.u_max), Log(**read, encoder_counts=(rig.counts, rig.counts))
+    log = Log(read["t"], read["q1"], read["q2"], read["u"], encoder_counts=(rig.counts, rig.counts))
+    return Plant(theta=theta, u_max=rig.u_max), log
 
 
 def judged(seed: int) -> Judged:

@@ -67,7 +67,7 @@ class FilterPath:
     @property
     def read(self) -> NDArray[np.bool_]:
         """(N,) samples of which any reading was taken."""
-        return self.used.any(axis=1)
+        return self.used[:, 0] | self.used[:, 1]
 
     @property
     def inertias(self) -> Array:
