@@ -1,6 +1,6 @@
 """Is a right plant at the noise floor where a joint rests? On logs of the plain laboratory, which only rounds.
 
-`python -m experiments.studies.resting --logs 80` draws rigs with much friction, half under pulses with pauses and half
+`python -m experiments.studies.resting --logs 24` draws rigs with much friction, half under pulses with pauses and half
 under a weak multisine. It prints the error of the true plant over the noise floor, and how often something is said to
 be left, by the share of the windows in which an angle rests.
 """
@@ -77,7 +77,7 @@ def table(found: Sequence[Judged]) -> str:
 
 
 def main(
-    logs: Annotated[int, typer.Option(help="How many logs", min=1)] = 80,
+    logs: Annotated[int, typer.Option(help="How many logs", min=1)] = 24,
     seed: Annotated[int, typer.Option(help="Of the first log")] = 0,
     jobs: Annotated[int, typer.Option(help="Processes at once", min=1)] = 2,
 ) -> None:

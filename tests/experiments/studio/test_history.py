@@ -42,7 +42,6 @@ def test_back_shows_the_view_before_and_leaving_asks_where_something_would_be_lo
     assert page.evaluate("studio.keeps") is False  # a file has it all
     page.get_by_role("tab", name="What if").click()
     start_what_if(page)
-    page.get_by_role("button", name="Reset").click()
     page.get_by_role("button", name="Keep as plant").click()
     page.wait_for_function("studio.keeps")
     with page.expect_event("dialog"):
