@@ -42,6 +42,8 @@ def test_back_shows_the_view_before_and_leaving_asks_where_something_would_be_lo
     assert page.evaluate("studio.keeps") is False  # a file has it all
     page.get_by_role("tab", name="What if").click()
     start_what_if(page)
+    page.get_by_role("button", name="Reset").click()  # or the plant kept is the one that the file has
+    page.get_by_text("arm_spring: arm").wait_for(state="detached")
     page.get_by_role("button", name="Keep as plant").click()
     page.wait_for_function("studio.keeps")
     with page.expect_event("dialog"):
