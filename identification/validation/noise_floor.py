@@ -27,8 +27,8 @@ ALIKE = 3.0
 2.2 of two QUBE experiments in three runs each, 12 where friction rose by 30 % between two runs."""
 RESTING = 0.9
 """Share of windows in which an angle's reading changes by one count at most, beyond which the floor is not believed:
-where an angle never leaves a few counts, rounding is no noise. Measured with right plants on logs without other noise
-(decision 43): 0.78 to 1.08 times the floor in 45 logs below that share, 0.6 to 6.7 in 24 above."""
+where an angle never leaves a few counts, rounding is no noise. Below that share right plants have 0.93 to 1.33 times
+the floor on logs without other noise (`experiments.studies.resting`, decision 43)."""
 RESTING_SAYS = 8.0
 """Error over such a floor from which a plant misses something all the same."""
 _SAME_PLACE = 0.1  # of the range of an angle
