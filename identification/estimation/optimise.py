@@ -32,7 +32,7 @@ class Problem(Protocol):
 
     `moved` is where a step ends: at z + step, or near it where a curve leads lower. `axes` (n, n) has in its columns
     the directions that damping holds back, each by its own curvature; parameters that imitate each other are slow in
-    any others."""
+    any others. `reach` (n,) is how far a single step may lead in each coordinate."""
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
@@ -49,6 +49,8 @@ class Problem(Protocol):
     ) -> NDArray[np.float64]: ...
 
     def axes(self, z: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+    def reach(self, z: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def minimise(
     return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
 
 
-_RIDGE = 0.1  # nats a square unit: a coordinate that the data hardly see (a vanishing noise) stays about where it is
+_RIDGE = 0.1  # nats a square `reach`: a coordinate that the data hardly see (a vanishing noise) stays about where it is
 
 
 _NEAR = 1000.0  # nats that a step promises, below which it is tried undamped: damping holds back what data hardly see
@@ -125,13 +127,14 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     g, H = expansion.gradient, expansion.information
     held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
     move = np.array([i for i in free if not held[i]], dtype=int)
-    axes = problem.axes(z)
-    hoped = 0.5 * float(g[move] @ np.linalg.solve(H[np.ix_(move, move)] + _RIDGE * np.eye(len(move)), g[move]))
+    axes, reach = problem.axes(z), problem.reach(z)
+    ridged = _ridged(H, reach)
+    hoped = 0.5 * float(g[move] @ np.linalg.solve(ridged[np.ix_(move, move)], g[move]))
     if hoped < tolerance:
         return None, None, hoped, damping
     near = polishing and hoped < _NEAR
-    straight = _bounded_step(z, g, H, move, 0.0, problem.low, problem.high, axes) if near else np.zeros_like(z)
-    for share in _SHARES / np.abs(straight[~problem.noisy]).max(initial=1.0) if near else ():
+    straight = _bounded_step(z, g, ridged, move, 0.0, problem.low, problem.high, axes) if near else np.zeros_like(z)
+    for share in _SHARES / _excess(straight, reach, ~problem.noisy) if near else ():
         moved = share * straight
         trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial))
@@ -141,12 +144,11 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
         if expansion.value - there.value > 0.5 * share * hoped:
             return trial, there, hoped, damping
     for tries in range(_TRIES):
-        moved = _bounded_step(z, g, H, move, damping, problem.low, problem.high, axes)
+        moved = _bounded_step(z, g, ridged, move, damping, problem.low, problem.high, axes)
         predicted = -float(g @ moved + 0.5 * moved @ H @ moved)
-        # at most a factor e, or one scale, in any parameter; for a variance the scoring step is ratio − 1, and what
-        # it aims at is the logarithm of that ratio
-        largest = np.abs(moved[~problem.noisy]).max(initial=1.0)
-        moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), moved / largest)
+        # for a variance the scoring step is ratio − 1, and what it aims at is the logarithm of that ratio
+        shorter = moved / _excess(moved, reach, ~problem.noisy)
+        moved = np.where(problem.noisy, np.log1p(np.clip(moved, -0.95, 20.0)), shorter)
         trial = problem.moved(z, moved, H)
         there = replace(expansion, value=problem.value(trial)) if polishing else problem.expand(trial)
         if not polishing and tries == 0 and expansion.value <= there.value < math.inf:
@@ -164,17 +166,29 @@ def _back(problem, trial, there, expected, move):
     """The trial moved back to the bottom of a curved valley that a straight step has left: a Gauss–Newton step on what
     the gradient there has beyond what that step expected."""
     beyond = there.gradient - expected
-    back = _bounded_step(trial, beyond, there.information, move, 0.0, problem.low, problem.high, problem.axes(trial))
-    return problem.moved(trial, back / np.abs(back).max(initial=1.0), there.information)
+    reach = problem.reach(trial)
+    ridged = _ridged(there.information, reach)
+    back = _bounded_step(trial, beyond, ridged, move, 0.0, problem.low, problem.high, problem.axes(trial))
+    return problem.moved(trial, back / _excess(back, reach), there.information)
+
+
+def _ridged(H, reach):
+    """The information with the ridge."""
+    return H + np.diag(_RIDGE / reach**2)
+
+
+def _excess(step, reach, of=slice(None)):
+    """How many times longer than its reach a step is in the coordinate where it is most so, 1 at least."""
+    return np.abs(step / reach)[of].max(initial=1.0)
 
 
 def _bounded_step(z, g, H, move, damping, low, high, axes):
-    """The damped Gauss–Newton step of the coordinates `move`; those that would pass a bound go to it, and the others
-    make the best of that."""
+    """The damped Gauss–Newton step of the coordinates `move`, by the ridged information H; those that would pass a
+    bound go to it, and the others make the best of that."""
     step = np.zeros_like(z)
     while len(move):
         own = axes[np.ix_(move, move)]
-        A = own.T @ (H[np.ix_(move, move)] + _RIDGE * np.eye(len(move))) @ own
+        A = own.T @ H[np.ix_(move, move)] @ own
         right = own.T @ (g[move] + H[move] @ step)
         scaled = ScaledGram.of(A, 1e-12)
         damped = scaled.matrix + damping * np.eye(len(move))

@@ -81,6 +81,7 @@ class PredictionError:
         self._scale = CommonScale.among(plant, self.coordinates)
         self._linear = LinearEffect.among(plant, self.coordinates)
         self.noisy = np.array([c.noise for c in self.coordinates])
+        self.logarithmic = np.array([c.log for c in self.coordinates])
 
     def on(self, records: Sequence[Record]) -> PredictionError:
         """The same on other records of the same logs."""
@@ -181,6 +182,10 @@ class PredictionError:
     def axes(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, n), in columns: the directions that damping holds back, each by its own curvature."""
         return np.eye(len(z)) if self._scale is None else self._scale.axes(z)
+
+    def reach(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,): how far a single step may lead: a factor e of a logarithm, else the value's own size or one scale."""
+        return np.where(self.logarithmic, 1.0, np.maximum(1.0, np.abs(z)))
 
     def value(self, z: NDArray[np.float64]) -> float:
         """V(z), prior included; inf where the filter diverges or M is not positive definite."""

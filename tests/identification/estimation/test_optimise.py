@@ -30,6 +30,9 @@ class Valley:
     def axes(self, z: Array) -> Array:
         return np.eye(len(z))
 
+    def reach(self, z: Array) -> Array:
+        return np.ones(len(z))
+
 
 def test_a_descent_arrives_along_what_the_data_hardly_see() -> None:
     """Damping holds back this direction first: two small steps in a row used to end a fit a nat above its optimum."""
@@ -84,3 +87,33 @@ def test_a_step_that_left_a_curved_valley_goes_back_to_its_floor() -> None:
     assert found.converged
     assert found.value == pytest.approx(0.0, abs=0.01)
     assert problem.expanded < 8  # 13 with damping alone
+
+
+class Faint(Valley):
+    """A minimum 45 scales from the start, in a coordinate that the data know to ± 10 scales only."""
+
+    low, high = np.zeros(2), np.full(2, 1e3)
+    A = np.diag([1e6, 1e-2])
+    lowest = np.array([1.0, 45.0])
+
+    def __init__(self) -> None:
+        self.expanded = 0
+
+    def value(self, z: Array) -> float:
+        return float(0.5 * (z - self.lowest) @ self.A @ (z - self.lowest))
+
+    def expand(self, z: Array, exact: bool = False, scores: bool = False, central: bool = False) -> Expansion:
+        self.expanded += 1
+        return Expansion(self.value(z), self.A @ (z - self.lowest), self.A)
+
+    def reach(self, z: Array) -> Array:
+        return np.maximum(1.0, np.abs(z))
+
+
+def test_a_descent_goes_far_from_a_small_start_in_few_steps() -> None:
+    """As friction does that starts near zero: steps of its first size, and a ridge of that size, took forty-seven."""
+    problem = Faint()
+    found = minimise(problem, np.array([1.0, 1.0]))
+    assert found.converged
+    assert found.value == pytest.approx(0.0, abs=0.02)
+    assert problem.expanded < 12

@@ -40,6 +40,17 @@ def problem(log: Log, plant: Plant = TABLE_3) -> PredictionError:
     return PredictionError(plant, [Record.from_log(log)], plant_coordinates(plant) + noise_coordinates(), NOISE)
 
 
+def test_a_step_leads_as_far_as_a_factor_or_as_the_value_itself(log: Log) -> None:
+    """Friction may start far below its size; what is a logarithm has its size left out."""
+    p = problem(log.slice(0.0, 1.0))
+    names = [c.name for c in p.coordinates]
+    z = p.start()
+    z[names.index("theta7")], z[names.index("theta8")] = 45.0, 0.2
+    reach = dict(zip(names, p.reach(z), strict=True))
+    assert reach["theta7"] == 45.0
+    assert reach["theta8"] == reach["theta5"] == reach["r"] == reach["torque_noise1"] == 1.0
+
+
 def test_a_bank_is_dealt_to_two_threads_only_where_another_one_is_free(log: Log) -> None:
     """In a thread of the pool both halves would run one after the other, each with a leader of its own."""
     pool, banks = shared_pool(), []
