@@ -21,6 +21,7 @@ _STEP_TIMES_RESPONSE = 1.0  # of a filter of the command
 _SHORTEST_RESPONSE = 1e-4  # s, for such a filter
 _MOMENT = 1e-6  # s: far below the time of any filter that matters
 _SMALL = 1e-7  # rad/s: far below the speed 1/r at which any friction turns over
+_CONSTANT = 4.0  # of r q̇: beyond it dry friction is constant to a thousandth
 
 
 @compiled
@@ -30,18 +31,27 @@ def rest_slopes(p, codes, rows):
 
     p: parameters of a plant as packed, codes: its effects, rows: of its state. Where both directions differ, those of
     the steeper one."""
-    lanes = 5
+    return _slopes(p, codes, rows, 0.0, 0.0)
+
+
+@compiled
+def _slopes(p, codes, rows, v1, v2):
+    """Slopes at these speeds [rad/s] in both directions, of which the steeper ones count."""
+    lanes = 6
     P, X, K = np.empty((p.shape[0], lanes)), np.zeros((rows, lanes)), np.zeros((rows, lanes))
     for k in range(lanes):
         P[:, k] = p
+        sign = 1.0 if k < 3 else -1.0
+        X[2, k] = sign * (v1 + (_SMALL if k % 3 == 1 else 0.0))
+        X[3, k] = sign * (v2 + (_SMALL if k % 3 == 2 else 0.0))
     t, W = np.zeros(lanes), np.zeros((2, lanes))
-    X[2, 1], X[2, 2], X[3, 3], X[3, 4] = _SMALL, -_SMALL, _SMALL, -_SMALL
     rates(t, X, t, W, P, codes, np.empty((N_BASE, lanes)), np.empty((2, lanes)), K)
-    still = K[:, 0].copy()
-    for k in range(1, lanes):
-        K[:, k] = (still - K[:, k]) / (_SMALL if k % 2 == 1 else -_SMALL)
-    i = 1 if K[2, 1] + K[3, 3] >= K[2, 2] + K[3, 4] else 2
-    return K[2, i], K[2, i + 2], K[3, i], K[3, i + 2]
+    for i in (1, 2, 4, 5):
+        first, sign = 3 * (i // 3), 1.0 if i < 3 else -1.0
+        for row in range(2, 4):
+            K[row, i] = (K[row, first] - K[row, i]) / (sign * _SMALL)
+    i = 1 if K[2, 1] + K[3, 2] >= K[2, 4] + K[3, 5] else 4
+    return K[2, i], K[2, i + 1], K[3, i], K[3, i + 1]
 
 
 @compiled
@@ -93,3 +103,12 @@ def fitted_step(rate, response, coarser):
         product, longest = _AT_FIRST, min(coarser * LONGEST_FITTED, LONGEST_AT_FIRST)
     step = max(SHORTEST_FITTED, min(longest, product / max(rate, 1e-9)))
     return min(step, max(_SHORTEST_RESPONSE, _STEP_TIMES_RESPONSE / response)) if response > 0.0 else step
+
+
+@compiled
+def moving_step(p, codes, rows, r1, r2, response, coarser):
+    """`fitted_step` while both joints move too fast for their dry friction to change.
+
+    p: parameters of a plant as packed, codes: its effects, rows: of its state, r1, r2 [s/rad]: its sharpness."""
+    slopes = _slopes(p, codes, rows, _CONSTANT / r1, _CONSTANT / r2)
+    return fitted_step(friction_rate(slopes, 1.0, 1.0), response, coarser)

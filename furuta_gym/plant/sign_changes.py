@@ -41,6 +41,31 @@ def _both(first, second):
 
 
 @compiled
+def _moving(X, r1, r2):
+    """Whether dry friction of both joints is constant at these states of lane 0."""
+    return r1 * abs(X[2, 0]) > _EDGE and r2 * abs(X[3, 0]) > _EDGE
+
+
+@compiled
+def _onwards(before, after, travel, T):
+    """Whether a velocity keeps its sign in a step of T seconds, and in each of its stages: there friction turns over
+    unseen where a joint comes to a stop and moves on. travel [rad]: of the joint in the step.
+
+    The accelerations of the first and the last stage differ by 12 (travel/T − (before + after)/2)/T."""
+    first = after + 6.0 * (travel / T - 0.5 * (before + after))  # where the acceleration at the beginning leads
+    last = before + after - first  # … and that at the end, from the beginning on
+    further = 2.0 * after - before
+    return before * after > 0.0 and before * first > 0.0 and before * last > 0.0 and before * further > 0.0
+
+
+@compiled
+def _copied(to, X):
+    for row in range(X.shape[0]):
+        for k in range(X.shape[1]):
+            to[row, k] = X[row, k]
+
+
+@compiled
 def _advance(X, t0, t1, steps, t_u, U, j, W, P, codes, plain, work, state, source):
     if plain:
         shared_steps(X, U[j, 0], (t1 - t0) / steps, steps, P)
@@ -49,27 +74,34 @@ def _advance(X, t0, t1, steps, t_u, U, j, W, P, codes, plain, work, state, sourc
 
 
 @compiled
-def advance_alike(X, t0, t1, t_u, U, j, W, P, codes, h_max, r1, r2, plain, kept, work, state, source):
-    """`advance_within`, in shorter steps where the friction of lane 0 changes its sign.
+def advance_alike(X, t0, t1, t_u, U, j, W, P, codes, h_max, h_moving, r1, r2, plain, kept, work, state, source):
+    """`advance_within`, in shorter steps where the friction of lane 0 changes its sign, and in longer ones where it is
+    constant.
 
-    r1, r2 [s/rad]: the sharpness of both joints' friction. plain: no effect acts, nor any torque W. kept: work space
-    of X's shape."""
-    rows, lanes = X.shape
-    pieces = max(1, math.ceil((t1 - t0) / max(_PIECE, h_max) - 1e-6))
+    h_max, h_moving [s]: the longest step near rest, and where both joints move. r1, r2 [s/rad]: the sharpness of both
+    joints' friction. plain: no effect acts, nor any torque W. kept: work space of X's shape."""
+    h_moving = max(h_max, h_moving)
+    pieces = max(1, math.ceil((t1 - t0) / max(_PIECE, h_moving) - 1e-6))
     T = (t1 - t0) / pieces
     steps = max(1, math.ceil(T / h_max - 1e-6))
+    long = max(1, math.ceil(T / h_moving - 1e-6))
     for i in range(pieces):
         start = t0 + i * T
-        for row in range(rows):
-            for k in range(lanes):
-                kept[row, k] = X[row, k]
+        _copied(kept, X)
+        if long < steps and _moving(X, r1, r2):
+            _advance(X, start, start + T, long, t_u, U, j, W, P, codes, plain, work, state, source)
+            on = _moving(X, r1, r2)
+            for joint in range(2):
+                travel = X[joint, 0] - kept[joint, 0]
+                on = on and _onwards(kept[2 + joint, 0], X[2 + joint, 0], travel, T)
+            if on:
+                continue
+            _copied(X, kept)
         _advance(X, start, start + T, steps, t_u, U, j, W, P, codes, plain, work, state, source)
         begin, end, step = _both(passage(kept[2, 0], X[2, 0], r1, steps), passage(kept[3, 0], X[3, 0], r2, steps))
         if not begin < end:
             continue
-        for row in range(rows):
-            for k in range(lanes):
-                X[row, k] = kept[row, k]
+        _copied(X, kept)
         first, second = start + begin * T, start + end * T
         if begin > 0.0:
             before = math.ceil(begin * steps)

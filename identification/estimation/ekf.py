@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import workspace
-from furuta_gym.plant.integration_step import fitted_step, friction_rate, rest_slopes
+from furuta_gym.plant.integration_step import fitted_step, friction_rate, moving_step, rest_slopes
 from furuta_gym.plant.layout import N_BASE, R1, R2
 from furuta_gym.plant.sign_changes import advance_alike
 
@@ -164,8 +164,10 @@ def _track(readings, state, scaling, noise, wander, age, history):
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
             slopes = rest_slopes(P[:, 0].copy(), no_effects, 4)
             longest = fitted_step(friction_rate(slopes, 1.0, 1.0), 0.0, 1.0)
+            moving = moving_step(P[:, 0].copy(), no_effects, 4, P[R1, 0], P[R2, 0], 0.0, 1.0)
             advance_alike(
-                X, t[k - 1], t[k], t, u, k - 1, W, P, no_effects, longest, P[R1, 0], P[R2, 0], True, before, *space
+                X, t[k - 1], t[k], t, u, k - 1, W, P, no_effects, longest, moving, P[R1, 0], P[R2, 0], True, before,
+                *space,
             )  # fmt: skip
             for i in range(4):
                 for m in range(n):

@@ -27,7 +27,13 @@ from numpy.typing import NDArray
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.integration_step import fitted_step, friction_rate, response_rate, rest_slopes
+from furuta_gym.plant.integration_step import (
+    fitted_step,
+    friction_rate,
+    moving_step,
+    response_rate,
+    rest_slopes,
+)
 from furuta_gym.plant.layout import ParameterLayout
 from furuta_gym.plant.sign_changes import advance_alike
 
@@ -180,6 +186,7 @@ def innovations(
     before = np.empty((n, lanes))
     full1, full2 = sharpest(P[:, 0], sharp)
     slopes, response = rest_slopes(P[:, 0].copy(), codes, n), response_rate(P[:, 0].copy(), codes, n)
+    moving = moving_step(P[:, 0].copy(), codes, n, full1, full2, response, coarser)
     x = first.mean.copy()
     # lanes of leaders beyond the last do as filter 0
     C, theta, intensity, q2 = np.empty((n * (n + 1) // 2, L)), np.empty((4, L)), np.empty((4, L)), np.empty(L)
@@ -214,9 +221,9 @@ def innovations(
                 for i in range(lanes):
                     PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
             r1, r2 = sharpest(PL[:, 0], sharp)
-            longest = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), response, coarser)
+            step = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), response, coarser)
             advance_alike(
-                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, longest, r1, r2, plain, before, work, state, source
+                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step, moving, r1, r2, plain, before, work, state, source
             )  # fmt: skip
             for i in range(n):
                 for m in range(n):

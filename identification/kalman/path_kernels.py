@@ -5,7 +5,13 @@ import numpy as np
 from furuta_gym.plant.compiled import compiled
 from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
-from furuta_gym.plant.integration_step import fitted_step, friction_rate, response_rate, rest_slopes
+from furuta_gym.plant.integration_step import (
+    fitted_step,
+    friction_rate,
+    moving_step,
+    response_rate,
+    rest_slopes,
+)
 from furuta_gym.plant.sign_changes import advance_alike
 
 from .arguments import Assumed, Filtered, Linearised, Model, Readings
@@ -45,6 +51,7 @@ def follow_log(
     space, state, source = workspace(rows, lanes)
     full1, full2 = sharpest(P[:, 0], sharp)
     slopes, response = rest_slopes(P[:, 0].copy(), codes, rows), response_rate(P[:, 0].copy(), codes, rows)
+    moving = moving_step(P[:, 0].copy(), codes, rows, full1, full2, response, 1.0)
     C, d = first.copy(), np.zeros(n)
     small = 1e-3 * P[3, 0]  # of a torque, for its Jacobian: the motion is nearly linear in it
     for k in range(N):
@@ -66,7 +73,7 @@ def follow_log(
             r1, r2 = sharpest(PL[:, 0], sharp)
             step = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), response, 1.0)
             advance_alike(
-                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step, r1, r2, False, before, space, state, source
+                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step, moving, r1, r2, False, before, space, state, source
             )  # fmt: skip
             for i in range(rows):
                 for m in range(rows):

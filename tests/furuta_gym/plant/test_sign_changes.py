@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from furuta_gym.plant import QUBE, Effect
 from furuta_gym.plant.dynamics import workspace
-from furuta_gym.plant.integration_step import LONGEST_FITTED
+from furuta_gym.plant.integration_step import LONGEST_FITTED, fitted_step, moving_step
 from furuta_gym.plant.sign_changes import advance_alike, passage
 
 T, SAMPLES = 0.002, 1000
@@ -20,9 +20,18 @@ EFFECTS = {
 }
 
 
-def swing(plant, step, r=100.0, aside=0.0):
-    """Angles and speeds (SAMPLES, 4) of a pendulum that a chirp swings, in one lane of eight; lane 0 moves a bit
-    `aside` [rad/s]."""
+def chirp(t):
+    return 3.0 * np.sin(2.0 * np.pi * (0.5 + 2.0 * t) * t)
+
+
+def pulses(t):
+    """With pauses in which the arm stops."""
+    return 2.0 * np.sign(np.sin(2.0 * np.pi * 1.3 * t)) * (np.sin(2.0 * np.pi * 2.6 * t) > 0.0)
+
+
+def swing(plant, step, r=100.0, aside=0.0, moving=0.0, command=chirp):
+    """Angles and speeds (SAMPLES, 4) of a pendulum that a command swings, in one lane of eight; lane 0 moves a bit
+    `aside` [rad/s]. moving [s]: steps where friction is constant, at least `step`."""
     plant = plant.replace(friction_sharpness=r)
     p, codes, rows = plant.packed()
     lanes = 8
@@ -31,11 +40,11 @@ def swing(plant, step, r=100.0, aside=0.0):
     X[1] = np.pi
     X[2, 0] += aside
     t = T * np.arange(SAMPLES)
-    U = 3.0 * np.sin(2.0 * np.pi * (0.5 + 2.0 * t) * t)[:, None]
+    U = command(t)[:, None]
     space, kept, found = workspace(rows, lanes), np.empty((rows, lanes)), np.empty((SAMPLES, 4))
     plain = not plant.effects
     for k in range(SAMPLES):
-        advance_alike(X, t[k], t[k] + T, t, U, k, W, P, codes, step, r, r, plain, kept, *space)
+        advance_alike(X, t[k], t[k] + T, t, U, k, W, P, codes, step, moving, r, r, plain, kept, *space)
         found[k] = X[:4, 1]
     return found
 
@@ -47,6 +56,29 @@ def test_long_steps_agree_with_very_short_ones(name, r):
     plant = QUBE.with_effects(*EFFECTS[name])
     apart = swing(plant, LONGEST_FITTED, r) - swing(plant, 1e-5, r)
     assert np.abs(apart[:, :2]).max() < 0.005 * 2.0 * np.pi / 2048
+
+
+@pytest.mark.parametrize("command", [chirp, pulses])
+@pytest.mark.parametrize("r", [300.0, 1e3, 1e4])
+@pytest.mark.parametrize("name", ["none", "stribeck", "late"])
+def test_steps_are_long_where_hard_friction_is_constant_and_as_exact(name, r, command):
+    """Near rest the friction's rate bounds them. To 0.002 counts of a 2048-count encoder."""
+    plant = QUBE.with_effects(*EFFECTS[name]).replace(friction_sharpness=r)
+    step = fitted_step(plant.friction_rate, 0.0, 1.0)
+    assert step < 0.5 * LONGEST_FITTED
+    apart = swing(plant, step, r, moving=LONGEST_FITTED, command=command) - swing(plant, step, r, command=command)
+    assert 0.0 < np.abs(apart[:, :2]).max() < 0.002 * 2.0 * np.pi / 2048
+
+
+@pytest.mark.parametrize("r", [30.0, 1e3])
+def test_where_both_joints_move_viscous_friction_bounds_the_step(r):
+    theta = QUBE.theta.copy()
+    theta[5] *= 1e3
+    plant = QUBE.replace(theta=theta, friction_sharpness=r)
+    smooth = plant.replace(theta=[*theta[:7], 0.0, 0.0])
+    step = moving_step(*plant.packed(), r, r, 0.0, 1.0)
+    assert step == pytest.approx(fitted_step(smooth.friction_rate, 0.0, 1.0), rel=0.01)
+    assert fitted_step(plant.friction_rate, 0.0, 1.0) < 0.95 * step < 0.95 * LONGEST_FITTED
 
 
 def test_lanes_that_move_nearly_alike_are_as_exact():
