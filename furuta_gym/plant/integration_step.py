@@ -96,11 +96,10 @@ def response_rate(p, codes, rows):
 def fitted_step(rate, response, coarser):
     """Longest Runge–Kutta step [s] of a filter, whose plant is being fitted, between changes of friction's sign.
 
-    rate [1/s]: of friction, λ. response [1/s]: of a filter of the command. coarser: factor on the step for a first
-    look, as far as h λ ≤ 1.5. A much longer step takes a sixth of itself for the time of the command's filter."""
-    product, longest = _STEP_TIMES_RATE, LONGEST_FITTED
-    if coarser > 1.0:
-        product, longest = _AT_FIRST, min(coarser * LONGEST_FITTED, LONGEST_AT_FIRST)
+    rate [1/s]: of friction, λ. response [1/s]: of a filter of the command. coarser: factor on the step, above 1 for a
+    first look, as far as h λ ≤ 1.5. A much longer step takes a sixth of itself for the time of the command's filter."""
+    product = _AT_FIRST if coarser > 1.0 else _STEP_TIMES_RATE
+    longest = min(coarser * LONGEST_FITTED, LONGEST_AT_FIRST)
     step = max(SHORTEST_FITTED, min(longest, product / max(rate, 1e-9)))
     return min(step, max(_SHORTEST_RESPONSE, _STEP_TIMES_RESPONSE / response)) if response > 0.0 else step
 
