@@ -4,6 +4,7 @@ runs the command."""
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ def visit(
     prepare: Callable[[Any], None] | None = None,
 ) -> None:
     """Run `scenario(user, frame)` on a page of its own. prepare(frame) is called once the logs are read."""
+    from nicegui import background_tasks
     from nicegui.testing import user_simulation
 
     from experiments.studio.page import draw
@@ -38,12 +40,17 @@ def visit(
             for frame in frames:
                 frame.session.close()
 
-    asyncio.run(walk())
+    try:
+        asyncio.run(walk())
+    finally:  # what a scenario that failed leaves would keep the next page from ever closing
+        background_tasks.running_tasks.clear()
+        background_tasks.lazy_tasks_running.clear()
 
 
 async def until(condition: Callable[[], Any], seconds: float = 60.0) -> None:
     """Wait for a condition. Raises AssertionError where it does not come true."""
-    for _ in range(int(seconds / 0.05)):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
         if condition():
             return
         await asyncio.sleep(0.05)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,10 @@ from tests.studio import known, texts, until, visit
 def test_log_a_reading_that_takes_long_says_so_and_nothing_is_used_meanwhile(
     tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    turn = Session.turn
+    turn, seen = Session.turn, threading.Event()
 
     def slowly(session: Session, axis: str) -> None:
-        time.sleep(1.5)
+        seen.wait(60.0)
         turn(session, axis)
 
     async def scenario(user: Any, frame: Any) -> None:
@@ -38,6 +39,7 @@ def test_log_a_reading_that_takes_long_says_so_and_nothing_is_used_meanwhile(
         await until(lambda: "Reading the logs" in texts(user))
         assert not any(b.enabled for b in user.find("Use these logs").elements)
         user.find(marker="flip-q1").click()  # waits for its turn
+        seen.set()
         await until(lambda: not frame.lock.locked())
         assert "Reading the logs" not in texts(user)
         assert not frame.failure
@@ -57,7 +59,7 @@ def test_log_a_reading_that_is_short_is_not_told(tmp_path: Path, spring_log: Pat
 def test_log_a_sentence_names_the_button_and_no_option(tmp_path: Path, spring_log: Path) -> None:
     async def scenario(user: Any, frame: Any) -> None:
         user.find(marker="flip-q2").click()
-        await user.should_see("wrong", retries=40)
+        await until(lambda: "wrong" in texts(user))
         page = texts(user)
         assert "press “Read zero and signs as the motion shows them”." in page
         assert "read it with --" not in page
