@@ -51,11 +51,12 @@ def _onwards(before, after, travel, T):
     """Whether a velocity keeps its sign in a step of T seconds, and in each of its stages: there friction turns over
     unseen where a joint comes to a stop and moves on. travel [rad]: of the joint in the step.
 
-    The accelerations of the first and the last stage differ by 12 (travel/T − (before + after)/2)/T."""
-    first = after + 6.0 * (travel / T - 0.5 * (before + after))  # where the acceleration at the beginning leads
-    last = before + after - first  # … and that at the end, from the beginning on
-    further = 2.0 * after - before
-    return before * after > 0.0 and before * first > 0.0 and before * last > 0.0 and before * further > 0.0
+    Half of what the acceleration changes by from the first stage to the last, times T, is 6 (travel/T − (before +
+    after)/2). The end moved by it is where the first stage's acceleration leads; the beginning is moved the other way,
+    and the end as far on as the step led."""
+    bend = 6.0 * (travel / T - 0.5 * (before + after))
+    same = before * after > 0.0 and before * (after + bend) > 0.0
+    return same and before * (before - bend) > 0.0 and before * (2.0 * after - before) > 0.0
 
 
 @compiled

@@ -111,7 +111,7 @@ class Faint(Valley):
 
 
 def test_a_descent_goes_far_from_a_small_start_in_few_steps() -> None:
-    """As friction does that starts near zero: steps of its first size, and a ridge of that size, took forty-seven."""
+    """As friction does that starts near zero: steps of its first size, and a ridge of that size, took forty-four."""
     problem = Faint()
     found = minimise(problem, np.array([1.0, 1.0]))
     assert found.converged
