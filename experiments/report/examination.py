@@ -17,6 +17,7 @@ from identification.diagnosis.diagnosis_file import DesignEntry, LogUsed
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.locate import locate
 from identification.diagnosis.locate.location import Where
+from identification.diagnosis.one_plant import first_alone
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.searched_part import searched_part
 from identification.estimation.zeros import moved
@@ -25,7 +26,7 @@ from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
 from .law import Law, law_of
-from .words import ALIKE, NEXT, NO_PLANT, PART_REMAINS, TELL_APART, TOGETHER, by_name, joined
+from .words import ALIKE, NEXT, NO_PLANT, OTHER_PLANTS, PART_REMAINS, TELL_APART, TOGETHER, by_name, joined
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,14 @@ class Examination:
     @property
     def shown(self) -> Log:
         """The log whose prediction is drawn: held out where there is one."""
-        return (self.held_out or self.logs)[0]
+        return _shown(self.diagnosis, self.logs, self.held_out)
 
     @property
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
         d, design = self.diagnosis, self.design
+        if d.different is not None:
+            return OTHER_PLANTS
         if d.uncertain or (d.together is not None and not d.added):
             return TOGETHER.format(logs=by_name((*self.logs, *self.held_out)) if self.typed is None else self.typed)
         if design is not None and design.nats >= CLEAR:
@@ -125,6 +128,8 @@ def examine(
     logs, held_out = (searched_part(given, diagnosis.policy).logs for given in (logs, held_out))
     tell = progress or (lambda text: None)
     remarks: dict[str, str] = {}
+    different = diagnosis.different
+    searched = logs if different is None else first_alone(logs, different)
 
     def tried(what: str, compute: Callable[[], Any]) -> Any:
         try:
@@ -141,24 +146,28 @@ def examine(
         plants = [before.plant, after.plant] if diagnosis.added else [before.plant]
         tell("locating the gap")
         where = rest = diagnosis.rest or tried(
-            "where", lambda: locate(plants[-1], moved(logs, after.zeros), diagnosis.policy)
+            "where", lambda: locate(plants[-1], moved(searched, after.zeros), diagnosis.policy)
         )
         if len(plants) > 1:
             where, where_after = (
-                tried("where", lambda: locate(plants[0], moved(logs, before.zeros), diagnosis.policy)),
+                tried("where", lambda: locate(plants[0], moved(searched, before.zeros), diagnosis.policy)),
                 rest,
             )
             names = [suspect.name for suspect in diagnosis.found]
-            law = tried("law", lambda: law_of(after.plant, names, moved(logs, after.zeros)))
+            law = tried("law", lambda: law_of(after.plant, names, moved(searched, after.zeros)))
         if diagnosis.gap is None:
             remarks["gap"] = diagnosis.gap_remark
-        shown = (tuple(held_out) or tuple(logs))[0]
+        shown = _shown(diagnosis, logs, held_out)
         closed_loop = tried("closed loop", lambda: tuple(resimulate(plant, shown) for plant in plants))
         if diagnosis.verdict == "ambiguous":
             tell("designing the experiment that decides")
-            design = tried("design", lambda: design_next(diagnosis, logs))
+            design = tried("design", lambda: design_next(diagnosis, searched))
     seconds = time.monotonic() - began
     return Examination(diagnosis, logs, held_out, where, where_after, law, closed_loop, design, remarks, seconds, typed)
+
+
+def _shown(diagnosis: Diagnosis, logs: Sequence[Log], held_out: Sequence[Log]) -> Log:
+    return (tuple(held_out) if diagnosis.different is None and held_out else tuple(logs))[0]
 
 
 def _titles(names: Sequence[str], last: str) -> str:

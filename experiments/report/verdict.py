@@ -11,6 +11,7 @@ from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import Diagnosis, SecondWitness
+from identification.diagnosis.sentences import different_plants
 from identification.validation.gap import printed_fits
 
 from .contents import Fact, Verdict
@@ -40,7 +41,9 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
     """The verdict of a diagnosis as the page shows it first."""
     d = diagnosis
     label = BADGE[d.verdict]
-    if d.verdict in ("named", "ambiguous") and d.leftover:
+    if d.different is not None:
+        label += "; the logs are of different plants"
+    elif d.verdict in ("named", "ambiguous") and d.leftover:
         label += "; unexplained structure"
     headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
     if d.uncertain:
@@ -151,6 +154,8 @@ def _doubts(d: Diagnosis) -> list[str]:
     if alike := equals(d) if d.verdict == "ambiguous" else []:
         others = joined([EFFECTS[name].title for name in alike], "or")
         doubts.append(f"These logs cannot tell this from {others}.")
+    if d.different is not None:
+        doubts.append(different_plants(d.different))
     if d.together is not None:
         fitted = f"With the parameters fitted to all logs together it is {times(d.together)} times"
         too_little = "the searched logs alone say too little about the parameters"

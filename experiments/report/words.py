@@ -55,6 +55,12 @@ PART_REMAINS = (
 TOGETHER = "Diagnose all logs together, and hold out a new one: `furuta diagnose {logs} --held-out NEW -o diagnosis`."
 """What to do where held-out logs are predicted far off, and a fit to all logs mends it or nothing was named."""
 
+OTHER_PLANTS = (
+    "If something was changed on the rig between the logs, diagnose the others by themselves. If nothing was, look for "
+    "what changes by itself: the supply, the temperature, a screw, a cable. Or record one experiment twice, one run "
+    "after the other, and diagnose both: what such a repetition shows is no change of the rig."
+)
+"""What to do where no plant explains all logs, and each is explained by one of its own."""
 
 TELL_APART = (
     "To tell {titles}, run the experiment {what} for {seconds} s. Expected separation: {nats} nats. "

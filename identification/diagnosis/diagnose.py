@@ -16,6 +16,7 @@ from ..logs.log import Log, as_logs, check_each_once
 from .held_out import HeldOut
 from .learning import with_learned
 from .naming.journal import FitJournal
+from .one_plant import different_plants, first_alone
 from .outcome import Diagnosis
 from .policy import MOST_EFFECTS, DecisionPolicy
 from .searched import searched
@@ -59,16 +60,24 @@ def diagnose(
     fitter = kept if watch is None else Watched(kept, watch)
     if len(kept):
         say(f"{journal} keeps {len(kept)} fits of a search that was stopped; those of these logs are not made again")
-    found = searched(held, start, most, only, say, fitter)
-    say("predicting the held-out data")
-    found = verified(found, held)
+
+    def names(held: HeldOut) -> Diagnosis:
+        found = searched(held, start, most, only, say, fitter)
+        say("predicting the held-out data")
+        return verified(found, held)
+
+    found = names(held)
+    if (different := different_plants(found, held)) is not None:
+        say(f"the logs are of different plants: searching {different.sources[0]} alone")
+        held = HeldOut(first_alone(part.logs, different), (), policy)  # its last part judges
+        found = names(held).beside_other_plants(different)
     if found.still_off > 1.0 or found.floor_in_doubt:
         say("fitting the parameters a second way: multiple shooting")
         found = with_second_witness(found, held)
     if found.leftover:
         say("learning what no name explains")
         found = with_learned(found, held)
-    return replace(found, stretches=part.spans, runtime_s=time.monotonic() - began)
+    return replace(found, stretches=part.spans[: len(held.logs)], runtime_s=time.monotonic() - began)
 
 
 def _silent(text: str) -> None:

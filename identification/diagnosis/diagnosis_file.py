@@ -147,6 +147,17 @@ class SecondWitnessEntry(Struct):
     ]
 
 
+class DifferentPlants(Struct):
+    sources: Annotated[list[str], Meta(description="Names of the logs, or parts of them, that were fitted apart")]
+    ratio_to_floor: Annotated[
+        list[Number], Meta(description="Error over the noise floor of each with its own parameters")
+    ]
+    factors: Annotated[
+        dict[str, Number],
+        Meta(description="Parameters that differ for certain: largest factor from the first to another"),
+    ]
+
+
 class LearnedEntry(Struct):
     effect: Annotated[EffectInPlant | None, Meta(description="The torque, as an entry of a plant file's effects")]
     evidence: Annotated[Number, Meta(description="Log-evidence for the torque, in nats")]
@@ -323,6 +334,13 @@ class DiagnosisFile(Struct, kw_only=True):
     learned: Annotated[
         LearnedEntry | UnsetType | None,
         Meta(description="A torque without a name, learned from what is left; null where none was tried"),
+    ] = UNSET
+    different_plants: Annotated[
+        DifferentPlants | UnsetType | None,
+        Meta(
+            description="Fits of the logs apart, where no plant explains them together and each is explained by one of "
+            "its own: all else is of the first alone then. null elsewhere"
+        ),
     ] = UNSET
     logs: Annotated[
         list[LogUsed] | UnsetType, Meta(description="The logs, the searched ones first, in the order of the command")

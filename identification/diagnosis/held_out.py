@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 
+from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..estimation.pool import mapped, shared_pool
 from ..estimation.zeros import moved
@@ -42,6 +43,7 @@ class HeldOut:
     whole: tuple[Log, ...]
     policy: DecisionPolicy
     _known: dict[int, tuple[Plant, Gap]] = field(default_factory=dict, repr=False)
+    _joint: dict[int, tuple[Plant, tuple[Estimate, float] | None]] = field(default_factory=dict, repr=False)
 
     @property
     def same_clock(self) -> bool:
@@ -75,18 +77,25 @@ class HeldOut:
         refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None, model_error=False)
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
 
-    def together(self, plant: Plant) -> float | None:
-        """Error over the noise floor on the logs held out, once a plant's parameters are fitted to them as well. None
-        where there are none, or where no such fit can be had."""
+    def jointly(self, plant: Plant) -> tuple[Estimate, float] | None:
+        """A plant with its parameters fitted to the logs held out as well, and its error over the noise floor on those.
+        None where there are none, or where no such fit can be had."""
         if not self.whole:
             return None
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LogWarning)  # that their zeros lie apart, which is allowed for
-            try:
-                fitted = identify((*self.logs, *self.whole), plant, model_error=False)
-                return validate(fitted.plant, self.whole).ratio_to_floor
-            except ValueError:
-                return None
+        if id(plant) not in self._joint:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", LogWarning)  # that their zeros lie apart, which is allowed for
+                try:
+                    fitted = identify((*self.logs, *self.whole), plant, model_error=False)
+                    self._joint[id(plant)] = plant, (fitted, validate(fitted.plant, self.whole).ratio_to_floor)
+                except ValueError:
+                    self._joint[id(plant)] = plant, None
+        return self._joint[id(plant)][1]
+
+    def together(self, plant: Plant) -> float | None:
+        """The error of `jointly`."""
+        found = self.jointly(plant)
+        return None if found is None else found[1]
 
     def searched_angles(self, gap: Gap, plants: Sequence[Plant], zeros: Zeros) -> tuple[float, float] | None:
         """The arm's angles [rad] in the searched logs, whose zeros are given, from and to, if some of the plants depend

@@ -12,10 +12,12 @@ from furuta_gym.plant import EFFECTS, EffectType, Plant
 
 from ..estimation.estimate import Estimate
 from ..estimation.informative import spans_text
+from ..validation.one_rig import OneByOne
 from . import sentences
 from .diagnosis_file import (
     SCHEMA,
     DiagnosisFile,
+    DifferentPlants,
     EffectFound,
     EffectInPlant,
     OtherLaw,
@@ -81,8 +83,9 @@ class Diagnosis:
     error over the noise floor that is left on such data, where that is much; 1 otherwise. together: the same with the
     parameters fitted to these data as well, where they were predicted far off. second: what
     multiple shooting makes of the same structure, where much is left or the floor is in doubt. learned: a torque
-    without a name that was learned from what is left, and whether it was added. stretches: of each log, the seconds
-    (from, to) that were searched; empty where all were.
+    without a name that was learned from what is left, and whether it was added. different: fits of the logs apart,
+    where no plant explains them together; the search is that of the first of them alone then. stretches: of each log,
+    the seconds (from, to) that were searched; empty where all were.
     """
 
     verdict: Verdict
@@ -102,12 +105,15 @@ class Diagnosis:
     together: float | None = None
     second: SecondWitness | None = field(default=None, repr=False)
     learned: Learned | None = field(default=None, repr=False)
+    different: OneByOne | None = field(default=None, repr=False)
     stretches: tuple[tuple[tuple[float, float], ...], ...] = ()
 
     @property
     def leftover(self) -> bool:
-        """Whether the final model leaves structure that no effect found explains, as where names were taken back."""
+        """Whether the final model leaves structure that no effect found explains, as where names were taken back, or
+        other logs need other parameters."""
         refused = not self.confirmed or (self.naming is not None and self.naming.refused is not None)
+        refused = refused or self.different is not None
         return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
 
     @property
@@ -185,6 +191,10 @@ class Diagnosis:
             return told
         return replace(told, verdict=self.verdict if self.added else "unknown", still_off=ratio)
 
+    def beside_other_plants(self, different: OneByOne) -> Diagnosis:
+        """The same, of the first of several logs that no plant explains together."""
+        return replace(self, summary=f"{self.summary} {sentences.different_plants(different)}", different=different)
+
     @property
     def uncertain(self) -> bool:
         """Whether the searched logs say too little about the parameters to predict other data."""
@@ -198,6 +208,8 @@ class Diagnosis:
             return "held-out data are not predicted better by what explains the searched logs"
         if self.rest.found:
             return self.rest.sentence
+        if self.different is not None:
+            return "other logs need other parameters"
         where = "on held-out data only" if self.still_off > 1.0 else "in other tests"
         return f"no torque stands out of the noise on the searched logs; what remains shows {where}"
 
@@ -229,6 +241,7 @@ class Diagnosis:
             together_over_floor=self.together,
             second_witness=self.second.entry() if self.second else None,
             learned=self.learned.entry() if self.learned else None,
+            different_plants=self._different(),
             stretches_s=[[list(span) for span in spans] for spans in self.stretches],
             policy=self.policy.to_dict(),
             runtime_s=self.runtime_s,
@@ -237,6 +250,12 @@ class Diagnosis:
     def to_dict(self) -> dict[str, Any]:
         """`entry` as JSON has it."""
         return written(self.entry())
+
+    def _different(self) -> DifferentPlants | None:
+        found = self.different
+        if found is None:
+            return None
+        return DifferentPlants(list(found.sources), list(found.ratios), dict(found.factors))
 
     def _effect(self, i: int, suspect: Suspect) -> EffectFound:
         assert self.naming is not None

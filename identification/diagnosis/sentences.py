@@ -8,6 +8,7 @@ from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.effects.words import number
 
 from ..validation.gap import HORIZON
+from ..validation.one_rig import OneByOne
 from .locate.location import Where
 from .naming.forward import Naming
 
@@ -148,6 +149,19 @@ def astray(ratio: float, together: float | None, far: float) -> str:
     return (
         f"{told}, and {together:.1f} times with the parameters fitted to all logs together: the searched logs alone "
         "say too little about them."
+    )
+
+
+def different_plants(found: OneByOne) -> str:
+    """That no plant explains all logs, and each of them is explained by one of its own."""
+    ratios = ", ".join(f"{ratio:.2f} ({name})" for name, ratio in zip(found.sources, found.ratios, strict=True))
+    differ = f" {capital(found.what_differs)}." if found.what_differs else ""
+    effects = ", with the same effects" if found.estimates and found.estimates[0].plant.effects else ""
+    return (
+        f"No plant explains all logs, but each is explained by one of its own{effects}: the errors are {ratios} times "
+        f"the noise floor. So the rig changed between them, they are of different rigs, or the model "
+        f"lacks what other parameters imitate in each.{differ} All else here is of {found.sources[0]} alone: diagnose "
+        "the others by themselves."
     )
 
 

@@ -2,37 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
 
 from furuta_gym.plant import THETA_NAMES
 
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..logs.log import Log
-from .adequacy import SMALL_BELOW, Adequacy
+from .adequacy import ADEQUATE_BELOW, SMALL_BELOW, Adequacy
 from .gap import Gap, validate
 
-_CERTAIN = 4.0  # standard deviations, of a difference
-_ONE_FACTOR = 0.05  # of a factor, within which all θ share it
+_CERTAIN = 3.0  # standard deviations, of a difference
+_ONE_FACTOR = 0.99  # of the chi-squared distribution, within which all θ differ by one factor
 _SHARED = 4  # parameters at least, which must share a factor
+_LARGEST = 10.0  # such factor
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class OneByOne:
-    """Fits of the single logs. sources: their names. ratios: error over the noise floor of each log with its own
-    plant. factors: of the θ that differ for certain, by name, the largest factor from the first log to another."""
+    """Fits of single logs, or of parts of them. sources: their names. ratios: error over the noise floor of each with
+    its own plant. factors: of the θ and sizes of effects that differ for certain, by name, the largest factor from the
+    first to another. one_factor: by which all θ differ, if they do by one. estimates: the fits."""
 
     sources: tuple[str, ...]
     ratios: tuple[float, ...]
     factors: Mapping[str, float]
+    one_factor: float | None = None
+    estimates: tuple[Estimate, ...] = field(default=(), repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
         return {"ratio_to_floor": list(self.ratios), "factors": dict(self.factors)}
+
+    @property
+    def what_differs(self) -> str:
+        """The parameters that differ for certain, in words; empty without any."""
+        if self.one_factor is not None:
+            return (
+                f"All θ differ from {self.sources[0]} by one factor, {self.one_factor:.3g}: look at the supply, the "
+                "driver, and the command's unit or scale"
+            )
+        differ = ", ".join(f"{name} by a factor of {factor:.3g}" for name, factor in self.factors.items())
+        return f"What differs from {self.sources[0]}: {differ}" if differ else ""
 
     def __str__(self) -> str:
         ratios = ", ".join(f"{ratio:.2f}" for ratio in self.ratios)
@@ -40,14 +60,7 @@ class OneByOne:
             f"Each log alone, with a plant of its own, is predicted to {ratios} times the noise floor. So they are of "
             "different rigs, or the rig changed between them: fit them one at a time"
         )
-        values = np.array(list(self.factors.values()))
-        if len(values) >= _SHARED and float(np.ptp(values)) < _ONE_FACTOR * float(np.median(values)):
-            return (
-                f"{told}. {', '.join(self.factors)} differ by one factor, {float(np.median(values)):.3g}: look at the "
-                "supply, the driver, and the command's unit or scale"
-            )
-        differ = ", ".join(f"{name} by a factor of {factor:.3g}" for name, factor in self.factors.items())
-        return f"{told}. What differs from {self.sources[0]}: {differ}" if differ else told
+        return ". ".join(part for part in (told, self.what_differs) if part)
 
 
 def one_by_one(estimate: Estimate, gap: Gap, logs: Sequence[Log], **options: Any) -> OneByOne | None:
@@ -58,33 +71,83 @@ def one_by_one(estimate: Estimate, gap: Gap, logs: Sequence[Log], **options: Any
     """
     if len(logs) < 2 or gap.judgement.adequacy is not Adequacy.INADEQUATE:
         return None
-    alone: list[Estimate] = []
+    return apart(
+        [(log.source, (log,)) for log in logs],
+        gap.ratio_to_floor,
+        lambda part: identify(part, method=estimate.method, **options),
+    )
+
+
+def apart(
+    parts: Sequence[tuple[str, Sequence[Log]]], ratio: float, fitted: Callable[[Sequence[Log]], Estimate]
+) -> OneByOne | None:
+    """Fits of each part of the logs, if each is explained so. None where one is not, or cannot be fitted.
+
+    parts: names and logs. ratio: error over the noise floor of one plant for all of them; a part is explained by half
+    of it, or by what is called adequate. fitted(logs) gives the estimate of a part.
+    """
+    estimates: list[Estimate] = []
     ratios: list[float] = []
-    for log in logs:
+    for _, logs in parts:
         try:
-            found = identify(log, method=estimate.method, **options)
-            ratio = validate(found.plant, log).ratio_to_floor
+            found = fitted(logs)
+            own = validate(found.plant, logs).ratio_to_floor
         except ValueError:
             return None
-        if ratio > min(SMALL_BELOW, 0.5 * gap.ratio_to_floor):
+        if own > max(ADEQUATE_BELOW, min(SMALL_BELOW, 0.5 * ratio)):
             return None
-        alone.append(found)
-        ratios.append(ratio)
-    return OneByOne(tuple(log.source for log in logs), tuple(ratios), _factors(alone))
+        estimates.append(found)
+        ratios.append(own)
+    return OneByOne(
+        tuple(name for name, _ in parts), tuple(ratios), _factors(estimates), _one_factor(estimates), tuple(estimates)
+    )
 
 
-def _factors(alone: Sequence[Estimate]) -> dict[str, float]:
-    """The largest factor of each θ from the first estimate to another, where the difference is certain."""
-    first, found = alone[0], dict[str, float]()
-    for other in alone[1:]:
+def _factors(estimates: Sequence[Estimate]) -> dict[str, float]:
+    """The largest factor of each θ and size from the first estimate to another, where the difference is certain."""
+    first, found = estimates[0], dict[str, float]()
+    sizes = {f"{e.name}.{p.name}" for e in first.plant.effects for p in e.type.parameters if p.role == "size"}
+    for other in estimates[1:]:
         weak = {*first.identifiability.unidentified, *other.identifiability.unidentified}
-        for name in THETA_NAMES:
-            if name in weak or name not in first.names or name not in other.names:
+        for name in first.names:
+            if name in weak or name not in other.names or name not in {*THETA_NAMES, *sizes}:
                 continue
             a, b = first.value(name), other.value(name)
             spread = np.hypot(first.std[first.names.index(name)], other.std[other.names.index(name)])
-            if a <= 0 or b <= 0 or not abs(b - a) > _CERTAIN * spread:
+            if a * b <= 0 or not abs(b - a) > _CERTAIN * spread:
                 continue
             if name not in found or abs(np.log(b / a)) > abs(np.log(found[name])):
                 found[name] = b / a
     return found
+
+
+def _one_factor(estimates: Sequence[Estimate]) -> float | None:
+    """The largest factor by which all θ of an estimate are those of the first, where no estimate needs more than one;
+    None where one does, or none differs for certain."""
+    first, *others = estimates
+    found = [_common_factor(first, other) for other in others]
+    certain = [factor for factor, misfit, gained, allowed in found if gained > _CERTAIN**2]
+    if not certain or any(misfit > allowed for _, misfit, _, allowed in found):
+        return None
+    return max(certain, key=lambda factor: abs(np.log(factor)))
+
+
+def _common_factor(first: Estimate, other: Estimate) -> tuple[float, float, float, float]:
+    """The factor c for which θ of the other is nearest to c θ of the first, the squared distance in standard
+    deviations, how much smaller it is than without a factor, and how large chance makes it."""
+    weak = {*first.identifiability.unidentified, *other.identifiability.unidentified}
+    names = [n for n in THETA_NAMES if n in first.names and n in other.names and n not in weak]
+    (a, of_a), (b, of_b) = (_values(estimate, names) for estimate in (first, other))
+
+    def misfit(log_factor: float) -> float:
+        c = float(np.exp(log_factor))
+        return float((b - c * a) @ np.linalg.lstsq(of_b + c**2 * of_a, b - c * a, rcond=None)[0])
+
+    best = minimize_scalar(misfit, bounds=(-np.log(_LARGEST), np.log(_LARGEST)), method="bounded")
+    gained = misfit(0.0) - float(best.fun) if len(names) >= _SHARED else 0.0
+    return float(np.exp(best.x)), float(best.fun), gained, float(chi2.ppf(_ONE_FACTOR, max(len(names) - 1, 1)))
+
+
+def _values(estimate: Estimate, names: Sequence[str]) -> tuple[Array, Array]:
+    which = [estimate.names.index(name) for name in names]
+    return estimate.values[which], estimate.covariance[np.ix_(which, which)]

@@ -24,7 +24,8 @@ def test_a_command_of_another_scale_in_one_log_is_one_factor_of_all_parameters()
     assert max(found.ratios) < 1.3
     assert len(found.factors) > 4
     assert list(found.factors.values()) == pytest.approx([0.8] * len(found.factors), rel=0.05)
-    assert "differ by one factor, 0." in str(found)
+    assert found.one_factor == pytest.approx(0.8, rel=0.02)
+    assert "by one factor, 0." in str(found)
     assert "the command's unit or scale" in str(found)
     assert "different rigs, or the rig changed between them" in str(found)
 
@@ -34,6 +35,7 @@ def test_a_heavier_pendulum_is_told_by_its_parameters() -> None:
     found = asked(noisy_log(0, T=0.004, duration=5.0), noisy_log(1, heavier, T=0.004, duration=5.0))
     assert found is not None
     assert found.factors["theta5"] == pytest.approx(1.2, rel=0.05)
+    assert found.one_factor is None
     assert "theta6" not in found.factors
     assert "theta5 by a factor of 1.2" in str(found)
 

@@ -1,0 +1,83 @@
+"""Whether all logs of a diagnosis are of one plant. What changed on the rig between two logs passes for an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from furuta_gym.plant import Plant
+
+from ..estimation.estimate import Estimate
+from ..estimation.identify import identify
+from ..logs.log import Log
+from ..validation.adequacy import ADEQUATE_BELOW
+from ..validation.gap import validate
+from ..validation.one_rig import OneByOne, apart
+from .held_out import HeldOut
+from .outcome import Diagnosis
+from .policy import DecisionPolicy
+
+
+def first_alone(logs: Sequence[Log], found: OneByOne) -> tuple[Log, ...]:
+    """Of searched logs that are of different plants the first; all, where only held-out logs are of another one."""
+    return tuple(logs[:1] if found.sources == tuple(log.source for log in logs) else logs)
+
+
+def different_plants(diagnosis: Diagnosis, held: HeldOut) -> OneByOne | None:
+    """Fits of the searched logs one by one, or of searched and held-out logs apart, where all together are not
+    explained with the effects found, each is by itself, and all are likelier so by more than the further parameters
+    bring by chance; else None.
+
+    What follows the clock of its log differs from log to log anyway: held-out logs then say nothing.
+    """
+    after = diagnosis.after
+    if after is None:
+        return None
+    if (found := _searched(after, held)) is not None or diagnosis.timed:
+        return found
+    return _held_out(diagnosis, after, held)
+
+
+def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
+    if len(held.logs) < 2:
+        return None
+    try:
+        ratio = validate(after.plant, held.logs).ratio_to_floor
+    except ValueError:  # too short
+        return None
+    return _apart([(log.source, (log,)) for log in held.logs], ratio, after, after.plant, held.policy)
+
+
+def _held_out(diagnosis: Diagnosis, after: Estimate, held: HeldOut) -> OneByOne | None:
+    gap = diagnosis.gap
+    if not held.whole or gap is None or gap.after_over_floor <= held.policy.far:
+        return None
+    joint = held.jointly(after.plant)
+    if joint is None or joint[1] <= held.policy.far:
+        return None
+    parts = [("the searched logs", held.logs), ("the held-out logs", held.whole)]
+    return _apart(parts, joint[1], joint[0], after.plant, held.policy)
+
+
+def _apart(
+    parts: Sequence[tuple[str, Sequence[Log]]], ratio: float, joint: Estimate, plant: Plant, policy: DecisionPolicy
+) -> OneByOne | None:
+    """Fits of the parts with model (5), as what differs may have passed for effects; else, where all together are not
+    explained, with the effects of the plant."""
+    explained = ratio <= ADEQUATE_BELOW
+    structures = [plant.replace(effects=())] if plant.effects else []
+    for structure in structures if explained else [*structures, plant]:
+        found = apart(parts, ratio, partial(identify, start=structure, model_error=False))
+        if found is not None and _likelier(found.estimates, joint) > policy.believed:
+            return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs
+    return None
+
+
+def _likelier(estimates: Sequence[Estimate], joint: Estimate) -> float:
+    """Log-likelihood [nats] that fits of the parts gain on one fit to all, less half the logarithm of the samples for
+    each further parameter (Schwarz 1978)."""
+    gain = sum(e.log_likelihood for e in estimates) - joint.log_likelihood
+    further = sum(len(e.optimum.z) for e in estimates if e.optimum) - (len(joint.optimum.z) if joint.optimum else 0)
+    return gain - 0.5 * np.log(joint.samples) * further
