@@ -84,9 +84,10 @@ def _measured(x: Examination) -> Section:
     else:
         if x.gap.tail is not None:
             head, tail = 100 - 100 * x.gap.tail, 100 * x.gap.tail
+            why = "No log was held out" if x.diagnosis.different is None else "Other logs need other parameters"
             blocks.append(
                 Text(
-                    f"No log was held out. So the plants were fitted anew to the first {head:.0f} % of each log, and "
+                    f"{why}. So the plants were fitted anew to the first {head:.0f} % of each log, and "
                     f"predict its last {tail:.0f} %. This is a weaker test than a log of another experiment.",
                     "note",
                 )

@@ -66,9 +66,13 @@ class Examination:
     @property
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
+        if self.diagnosis.different is None:
+            return self._next_of_these_logs
+        return f"{OTHER_PLANTS} {self._next_of_these_logs}" if self.design is not None else OTHER_PLANTS
+
+    @property
+    def _next_of_these_logs(self) -> str:
         d, design = self.diagnosis, self.design
-        if d.different is not None:
-            return OTHER_PLANTS
         if d.uncertain or (d.together is not None and not d.added):
             return TOGETHER.format(logs=by_name((*self.logs, *self.held_out)) if self.typed is None else self.typed)
         if design is not None and design.nats >= CLEAR:

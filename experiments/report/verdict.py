@@ -42,7 +42,7 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
     d = diagnosis
     label = BADGE[d.verdict]
     if d.different is not None:
-        label += "; the logs are of different plants"
+        label += "; other logs need other parameters"
     elif d.verdict in ("named", "ambiguous") and d.leftover:
         label += "; unexplained structure"
     headline = " ".join(part for part in (_found(d), _improvement(d)) if part)
@@ -155,7 +155,7 @@ def _doubts(d: Diagnosis) -> list[str]:
         others = joined([EFFECTS[name].title for name in alike], "or")
         doubts.append(f"These logs cannot tell this from {others}.")
     if d.different is not None:
-        doubts.append(different_plants(d.different))
+        doubts.append(different_plants(d.different).replace("theta", "θ"))
     if d.together is not None:
         fitted = f"With the parameters fitted to all logs together it is {times(d.together)} times"
         too_little = "the searched logs alone say too little about the parameters"

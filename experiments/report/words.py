@@ -56,9 +56,9 @@ TOGETHER = "Diagnose all logs together, and hold out a new one: `furuta diagnose
 """What to do where held-out logs are predicted far off, and a fit to all logs mends it or nothing was named."""
 
 OTHER_PLANTS = (
-    "If something was changed on the rig between the logs, diagnose the others by themselves. If nothing was, look for "
-    "what changes by itself: the supply, the temperature, a screw, a cable. Or record one experiment twice, one run "
-    "after the other, and diagnose both: what such a repetition shows is no change of the rig."
+    "If something was changed on the rig between the logs, diagnose the others by themselves. If nothing was, look at "
+    "the supply, the screws and the cables, and record one experiment twice without a pause. If these two logs need "
+    "different parameters as well, something changes by itself, or the model lacks something."
 )
 """What to do where no plant explains all logs, and each is explained by one of its own."""
 

@@ -28,6 +28,7 @@ from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
 from identification.logs.log import Log
 from identification.logs.rig_mapping import RigMapping
+from identification.validation.one_rig import OneByOne
 from tests.identification.diagnosis.fits import a_change, a_diagnosis
 
 from .asking import Page, build, held, numbers_of, size_of, text_of, with_gap
@@ -178,6 +179,20 @@ def test_nothing_missing_is_not_all_where_new_data_are_far_off(examined, togethe
     assert f"all logs together it is {together:.1f} times" in shown
     assert "Diagnose all logs together, and hold out a new one" in shown
     assert "Nothing needs doing" not in shown
+
+
+def test_logs_that_need_other_parameters_are_said_beside_the_name(examined):
+    apart = OneByOne(("the searched logs", "the held-out logs"), (1.0, 1.02), {"theta4": 1.2})
+    asked = replace(examined, diagnosis=examined.diagnosis.beside_other_plants(apart))
+    told = text_of(build(asked))
+    assert "Named; other logs need other parameters" in told
+    assert "θ4 by a factor of 1.2" in told
+    assert "All else here is of the searched logs alone" in told
+    assert "If something was changed on the rig" in told
+    assert "Use plant.json in the simulator" not in told
+    entry = asked.to_dict()
+    assert entry["different_plants"]["ratio_to_floor"] == [1.0, 1.02]
+    assert entry["leftover"]
 
 
 @pytest.mark.parametrize(("together", "remains"), [(0.9, False), (1.9, True)])
