@@ -67,6 +67,8 @@ def diagnose(
         return verified(found, held)
 
     found = names(held)
+    if len(part.logs) > 1 or held.whole:
+        say("asking whether all logs are of one plant")
     if (different := different_plants(found, held)) is not None:
         say(f"the logs are of different plants: searching {different.sources[0]} alone")
         held = HeldOut(first_alone(part.logs, different), (), policy)  # its last part judges

@@ -7,17 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from furuta_gym.plant import Plant
-
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..logs.log import Log
 from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import validate
-from ..validation.one_rig import OneByOne, apart
+from ..validation.one_rig import OneByOne, apart, explained_below
 from .held_out import HeldOut
 from .outcome import Diagnosis
-from .policy import DecisionPolicy
 
 
 def first_alone(logs: Sequence[Log], found: OneByOne) -> tuple[Log, ...]:
@@ -32,46 +29,54 @@ def different_plants(diagnosis: Diagnosis, held: HeldOut) -> OneByOne | None:
 
     What follows the clock of its log differs from log to log anyway: held-out logs then say nothing.
     """
-    after = diagnosis.after
-    if after is None:
+    before, after = diagnosis.before, diagnosis.after
+    if before is None or after is None:
         return None
     if (found := _searched(after, held)) is not None or diagnosis.timed:
         return found
-    return _held_out(diagnosis, after, held)
+    return _held_out(diagnosis, before, after, held)
 
 
 def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
+    """With model (5), as what differs may have passed for effects; else, where all together are not explained, with
+    the effects found."""
     if len(held.logs) < 2:
         return None
     try:
         ratio = validate(after.plant, held.logs).ratio_to_floor
     except ValueError:  # too short
         return None
-    return _apart([(log.source, (log,)) for log in held.logs], ratio, after, after.plant, held.policy)
+    parts = [(log.source, (log,)) for log in held.logs]
+    plain = [after.plant.replace(effects=())] if after.plant.effects else []
+    for structure in plain if ratio <= ADEQUATE_BELOW else [*plain, after.plant]:
+        found = apart(parts, ratio, partial(identify, start=structure, model_error=False))
+        if found is not None and _likelier(found.estimates, after) > held.policy.believed:
+            return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs
+    return None
 
 
-def _held_out(diagnosis: Diagnosis, after: Estimate, held: HeldOut) -> OneByOne | None:
-    gap = diagnosis.gap
-    if not held.whole or gap is None or gap.after_over_floor <= held.policy.far:
-        return None
-    joint = held.jointly(after.plant)
-    if joint is None or joint[1] <= held.policy.far:
+def _held_out(diagnosis: Diagnosis, before: Estimate, after: Estimate, held: HeldOut) -> OneByOne | None:
+    """The same, with what the search has fitted to the searched logs: most are not explained, which takes no fit."""
+    gap, far = diagnosis.gap, held.policy.far
+    if not held.whole or gap is None or gap.after_over_floor <= far:
         return None
     parts = [("the searched logs", held.logs), ("the held-out logs", held.whole)]
-    return _apart(parts, joint[1], joint[0], after.plant, held.policy)
+    for searched in (before, after) if diagnosis.added else (after,):
 
+        def fitted(logs: Sequence[Log], searched: Estimate = searched, model_error: bool = True) -> Estimate:
+            return searched if logs is held.logs else identify(logs, searched.plant, model_error=model_error)
 
-def _apart(
-    parts: Sequence[tuple[str, Sequence[Log]]], ratio: float, joint: Estimate, plant: Plant, policy: DecisionPolicy
-) -> OneByOne | None:
-    """Fits of the parts with model (5), as what differs may have passed for effects; else, where all together are not
-    explained, with the effects of the plant."""
-    explained = ratio <= ADEQUATE_BELOW
-    structures = [plant.replace(effects=())] if plant.effects else []
-    for structure in structures if explained else [*structures, plant]:
-        found = apart(parts, ratio, partial(identify, start=structure, model_error=False))
-        if found is not None and _likelier(found.estimates, joint) > policy.believed:
-            return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs
+        found = apart(parts, gap.after_over_floor, partial(fitted, model_error=False))
+        if found is None:
+            continue
+        joint = held.jointly(after.plant)
+        if joint is None or joint[1] <= far:
+            return None
+        if (
+            max(found.ratios) <= explained_below(joint[1])
+            and _likelier(found.estimates, joint[0]) > held.policy.believed
+        ):
+            return apart(parts, joint[1], fitted)
     return None
 
 

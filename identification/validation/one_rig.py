@@ -78,13 +78,19 @@ def one_by_one(estimate: Estimate, gap: Gap, logs: Sequence[Log], **options: Any
     )
 
 
+def explained_below(ratio: float) -> float:
+    """The error over the noise floor up to which a part of the logs is explained, where one plant for all leaves
+    `ratio`: half of it, or what is called adequate."""
+    return max(ADEQUATE_BELOW, min(SMALL_BELOW, 0.5 * ratio))
+
+
 def apart(
     parts: Sequence[tuple[str, Sequence[Log]]], ratio: float, fitted: Callable[[Sequence[Log]], Estimate]
 ) -> OneByOne | None:
     """Fits of each part of the logs, if each is explained so. None where one is not, or cannot be fitted.
 
-    parts: names and logs. ratio: error over the noise floor of one plant for all of them; a part is explained by half
-    of it, or by what is called adequate. fitted(logs) gives the estimate of a part.
+    parts: names and logs. ratio: error over the noise floor of one plant for all of them. fitted(logs) gives the
+    estimate of a part.
     """
     estimates: list[Estimate] = []
     ratios: list[float] = []
@@ -94,7 +100,7 @@ def apart(
             own = validate(found.plant, logs).ratio_to_floor
         except ValueError:
             return None
-        if own > max(ADEQUATE_BELOW, min(SMALL_BELOW, 0.5 * ratio)):
+        if own > explained_below(ratio):
             return None
         estimates.append(found)
         ratios.append(own)
