@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from functools import partial
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
+from ..logs.checks import LogWarning
 from ..logs.log import Log
 from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import validate
@@ -27,14 +29,17 @@ def different_plants(diagnosis: Diagnosis, held: HeldOut) -> OneByOne | None:
     explained with the effects found, each is by itself, and all are likelier so by more than the further parameters
     bring by chance; else None.
 
-    What follows the clock of its log differs from log to log anyway: held-out logs then say nothing.
+    What follows the clock of its log differs from log to log anyway: held-out logs then say nothing. Names that
+    these have taken back stay so: what is predicted worse with a name is no reason to keep it.
     """
     before, after = diagnosis.before, diagnosis.after
     if before is None or after is None:
         return None
-    if (found := _searched(after, held)) is not None or diagnosis.timed:
-        return found
-    return _held_out(diagnosis, before, after, held)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # that zeros lie apart: of fits that nobody sees
+        if (found := _searched(after, held)) is not None or diagnosis.timed or not diagnosis.confirmed:
+            return found
+        return _held_out(diagnosis, before, after, held)
 
 
 def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
