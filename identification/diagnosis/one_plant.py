@@ -55,7 +55,7 @@ def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
     plain = [after.plant.replace(effects=())] if after.plant.effects else []
     for structure in plain if ratio <= ADEQUATE_BELOW else [*plain, after.plant]:
         found = apart(parts, ratio, partial(identify, start=structure, model_error=False))
-        if found is not None and _likelier(found.estimates, after) > held.policy.believed:
+        if found is not None and likelier(found.estimates, after) > held.policy.believed:
             return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs
     return None
 
@@ -79,13 +79,13 @@ def _held_out(diagnosis: Diagnosis, before: Estimate, after: Estimate, held: Hel
             return None
         if (
             max(found.ratios) <= explained_below(joint[1])
-            and _likelier(found.estimates, joint[0]) > held.policy.believed
+            and likelier(found.estimates, joint[0]) > held.policy.believed
         ):
             return apart(parts, joint[1], fitted)
     return None
 
 
-def _likelier(estimates: Sequence[Estimate], joint: Estimate) -> float:
+def likelier(estimates: Sequence[Estimate], joint: Estimate) -> float:
     """Log-likelihood [nats] that fits of the parts gain on one fit to all, less half the logarithm of the samples for
     each further parameter (Schwarz 1978)."""
     gain = sum(e.log_likelihood for e in estimates) - joint.log_likelihood

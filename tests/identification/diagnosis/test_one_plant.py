@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Plant
-from identification import Diagnosis, diagnose
-from identification.diagnosis.one_plant import first_alone
+from identification import Diagnosis, diagnose, identify
+from identification.diagnosis.one_plant import first_alone, likelier
 from identification.logs.checks import LogWarning
 from identification.logs.log import Log
 from tests.factories import noisy_log, scaled_effect
@@ -61,6 +61,14 @@ def test_which_logs_are_searched_further(changed: Diagnosis) -> None:
     logs = logs_of(TABLE_3, TABLE_3)
     assert changed.different is not None
     assert first_alone(logs, changed.different) == (logs[0],)
+
+
+def test_what_chance_gains_makes_no_two_plants_of_one() -> None:
+    logs = logs_of(TABLE_3, TABLE_3)
+    joint = identify(logs, model_error=False)
+    alone = [identify(log, model_error=False) for log in logs]
+    assert sum(e.log_likelihood for e in alone) > joint.log_likelihood  # more parameters always gain
+    assert likelier(alone, joint) < 0.0
 
 
 def test_held_out_logs_of_a_weaker_supply_do_not_judge_names() -> None:
