@@ -7,6 +7,8 @@ settings. `hanging_log` and `open_loop_log` are recorded without a controller, `
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -119,6 +121,21 @@ def noisy_log(seed: int, plant: Plant = TABLE_3, T: float = 0.002, duration: flo
 
 
 @cache
+def changing_gain_log(gain: Callable[[float], float], duration: float = 8.0, T: float = 0.004) -> Log:
+    """Table 3 under the paper's experiment; the motor gives `gain`(t) times the command that the log has, t seconds
+    after its start."""
+    loop, signal = PaperPolicy(T), paper_signal()
+    clock = iter(np.arange(0.0, 2 * duration, T))
+
+    def motor(y: np.ndarray) -> float:
+        t = next(clock)
+        return gain(t) * (loop(y) + float(signal(t)))
+
+    run = simulate(TABLE_3, motor, duration, T, Sensors(4096), torque_noise=TORQUE_NOISE, longest_step=5e-4)
+    log = Log.from_run(run, TABLE_3.unit, 4096, "sagging.csv")
+    return replace(log, t=log.t + 3.0, u=log.u / np.array([gain(t) for t in log.t]))
+
+
 def hanging_log(plant: Plant = TABLE_3, duration: float = 8.0) -> Log:
     """The plant hanging, driven by a chirp, with coarse sensors and a slow clock (4 ms)."""
     chirp = Chirp(1.5, 0.5, 3.0, duration)

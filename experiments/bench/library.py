@@ -16,6 +16,7 @@ from .kernels import fields as at
 
 WARM_UP = 12.0  # s, time constant of the exponential form of the drifts
 _FALLS = 1.0 / 24.0  # 1/s, at most: within the 20 s of a run friction falls to a sixth, never below zero
+_FADES = 1.0 / 40.0  # 1/s, at most: within the 20 s of a run a motor loses half of its gain
 
 
 def _library(name, says, other, units, sizes, build) -> BenchEffect:
@@ -55,6 +56,10 @@ def _cubic(d, p, bench):
     d.command.cubic, d.command.cubic_levels_off = p["a"], bench
 
 
+def _fade(d, p, bench):
+    d.put(fade=p["a"], fade_tau=WARM_UP if bench else math.inf)
+
+
 _COMMAND = (
     _library(
         "input_delay", "τ(t) = u(t − d)", "the delay flutters by 15 %", {"d": "s"},
@@ -83,6 +88,10 @@ _COMMAND = (
     _library(
         "input_cubic_gain", "τ = u + a u³", "levels off at large commands", {"a": "1/{u}²"},
         lambda s, k, v: {"a": 0.045 * k * v.sign() / s.drive**2}, _cubic,
+    ),
+    _library(
+        "input_gain_drift", "arm: a t τ", "exponential warm-up", {"a": "1/s"},
+        lambda s, k, v: {"a": -min(0.005 * k, _FADES)}, _fade,
     ),
 )  # fmt: skip
 

@@ -31,6 +31,7 @@ _AGAINST = {
     "change of the command": "follows the changes of the command",
     "memory of the motion": "depends on the motion before",
     "time (friction)": "is friction that changes in time",
+    "time (gain)": "is a gain of the command that changes in time",
     "time (masses)": "is a mass that changes in time",
     "time (zero of the arm)": "is a zero of the arm that moves",
     "time (zero of the pendulum)": "is a zero of the pendulum that moves",

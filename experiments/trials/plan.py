@@ -30,7 +30,7 @@ def make_plan(
 ) -> list[Trial]:
     """The trials, in an order that tells nothing.
 
-    seeds: trials for each effect and kind of rig; the other kinds of trial follow in proportion (5: 600 library trials,
+    seeds: trials for each effect and kind of rig; the other kinds of trial follow in proportion (5: 620 library trials,
     120 of the bench without effect, 120 of the plain laboratory, 20 with hard friction alone, 56 from outside the
     library, 52 with two effects, 60 with three to five, and a strong effect for each effect and rig that can have it).
     effects, rigs, kinds: only these (default all); `effects` restricts what library and strong trials and pairs hide.

@@ -130,6 +130,7 @@ def families(
         Family("sensor", "pendulum angle", None, on_row(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
     ]
     over_time = stages(t, span or (t[0], t[-1]))
+    found.append(Family("input", "time (gain)", on_row(0, *(u * stage for stage in over_time))))
     found += [Family("sensor", zero, None, on_row(row, *over_time)) for row, zero in enumerate(ZEROS)]
     torques = parameter_torques(s, plant)
     for i in range(9):

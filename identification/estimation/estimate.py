@@ -49,9 +49,11 @@ class GainChange:
             if self.since is None
             else f"after about {self.since:.3g} s of {self.source} as before"
         )
+        steady = self.since is None
+        remedy = "fit the change too (--effects input_gain_drift)" if steady else "fit parts of the log (--cut)"
         return (
             f"the command does about {self.factor:.2g} times as much {when}, and these numbers are a mean of both: "
-            "look at the supply, the driver and the motor's temperature, or fit parts of the log (--cut)"
+            f"look at the supply, the driver and the motor's temperature, or {remedy}"
         )
 
 

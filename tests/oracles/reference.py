@@ -34,7 +34,7 @@ KNOWN = frozenset(
         *("arm_viscous_drift", "arm_backlash", "periodic_torque", "pendulum_quadratic_drag"),
         *("pendulum_stribeck", "pendulum_coulomb_asymmetry", "base_tilt", "friction_sharpness", "payload_step"),
         *("arm_cable", "arm_taut_cable", "arm_hysteresis", "pendulum_encoder_offset"),
-        *("pendulum_encoder_eccentricity", "arm_encoder_eccentricity"),
+        *("pendulum_encoder_eccentricity", "arm_encoder_eccentricity", "input_gain_drift"),
     }
 )
 MEMORY = {"arm_presliding": 1, "arm_backlash": 2, "arm_hysteresis": 2}  # integrated states, in this order
@@ -175,6 +175,8 @@ def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, 
             arm -= at_rest_theta[7] * p["a"] * t * tanh(r1 * v1)
         elif name == "arm_viscous_drift":
             arm -= at_rest_theta[5] * p["a"] * t * v1
+        elif name == "input_gain_drift":
+            arm += (1.0 + p["a"] * t) * tau - tau
         elif name == "periodic_torque":
             arm += p["A"] * sin(2.0 * pi * p["f"] * t + p["φ"])
         elif name == "pendulum_quadratic_drag":

@@ -43,7 +43,7 @@ _FLOATS: dict[str, float] = {
     "beat": 0.0, "beat_f": 1.0, "beat_phase": 0.0,
     "cable": 0.0, "cable_q": 1.0, "cable_e": math.inf,
     # actuator
-    "lag_a": 0.0, "lag_b": 0.0,
+    "lag_a": 0.0, "lag_b": 0.0, "fade": 0.0, "fade_tau": math.inf,
     # the second body and its joint
     "motor_j": 0.0, "join_k": 0.0, "join_c": 0.0, "join_gap": 0.0, "join_slip": 0.0, "join_limit": 1.0,
     # a mass on the pendulum, at distance pay_s from the pivot on an arm of length pay_arm

@@ -30,6 +30,10 @@ def _cubic_gain(u, a):
     return u + a * u * u * u
 
 
+def _gain_drift(t, tau, a):
+    return a * t * tau, 0.0
+
+
 def _dead_zone(u, w):
     return u - min(max(u, -w), w)
 
@@ -160,5 +164,16 @@ COMMAND_EFFECTS = (
         kernels={"filter": _lag},
         memory=("tau0",),
         mistaken_for=("input_delay",),
+    ),
+    EffectType(
+        name="input_gain_drift",
+        title="a gain of the motor that drifts",
+        place="input",
+        equation="arm: a t τ, so that the command acts 1 + a t times as strongly",
+        symptom="the same command moves the arm less and less during the run, as a motor warms up or a battery empties",
+        says=lambda a: f"The motor's gain {either(a, 'rises', 'falls')} by {percent(a)} a second during the run",
+        parameters=(Parameter("a", "1/s", "relative change a second", -0.005, lower=-1.0, upper=1.0),),
+        kernels={"torque": _gain_drift},
+        mistaken_for=("arm_friction_drift", "arm_viscous_drift", "payload_step"),
     ),
 )

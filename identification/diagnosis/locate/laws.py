@@ -61,6 +61,8 @@ def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable
     if remembers:
         return {(place, "memory of the motion"), (place, f"{place} speed")}
     moving = {a for a in arguments if a[0] == "v"}
+    if {"t", "tau"} <= arguments:
+        return {(place, "time (gain)")}
     if "t" in arguments:
         return {(place, "time (friction)" if moving else "frequency")}
     if moving and "q1" in arguments:

@@ -224,6 +224,7 @@ def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, cou
         "change of the command": "follows the command's changes, as a delay or a lag would",
         "memory of the motion": "remembers the way the joint has turned",
         "time (friction)": "is friction that changes in time",
+        "time (gain)": "is a gain of the command that changes in time",
         "time (masses)": "is an inertia or a weight that changes in time",
         **dict.fromkeys(ZEROS, "is a zero that moves in time, as lost counts or a slipping coupling give"),
     }.get(best.variable, f"depends on the {best.variable}")

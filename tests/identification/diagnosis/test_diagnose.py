@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from experiments.bench import HiddenEffect, Rig, record
-from furuta_gym.plant import TABLE_3
+from furuta_gym.plant import EFFECTS, TABLE_3
 from identification.diagnosis import searched as module
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.held_out import HeldOut
@@ -23,7 +23,7 @@ from identification.estimation.identify import identify
 from identification.logs.log import Log
 from identification.logs.reading import read_log
 from identification.validation.gap import validate
-from tests.factories import loop_log, scaled_effect
+from tests.factories import changing_gain_log, loop_log, scaled_effect
 
 POLICY = replace(DecisionPolicy(), tail=0.4)
 
@@ -194,3 +194,12 @@ def test_the_plant_of_a_name_is_at_the_optimum_of_its_parameters(tmp_path: Path)
     assert found.after.log_likelihood > best.log_likelihood - 1.0
     true = rig.truth()["effects"][0]["parameters"]["k"]["value"]
     assert found.after.value("arm_spring.k") == pytest.approx(true, rel=0.1)
+
+
+def test_a_motor_that_weakens_is_named_among_what_else_drifts() -> None:
+    log = changing_gain_log(lambda t: 1.0 - 0.02 * t)
+    found = diagnose(log, only=[name for name in EFFECTS if name.endswith("_drift")])
+    assert [suspect.name for suspect in found.named] == ["input_gain_drift"]
+    assert not found.leftover
+    assert found.after is not None
+    assert found.after.value("input_gain_drift.a") == pytest.approx(-0.02, rel=0.02)

@@ -3,35 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from experiments.bench import HiddenEffect, Rig
-from furuta_gym.plant import TABLE_3
-from furuta_gym.sensors import Sensors
-from furuta_gym.simulation import simulate
-from identification.design.signals import paper_signal
+from furuta_gym.plant import TABLE_3, THETA_NAMES
 from identification.estimation.identify import identify
 from identification.logs.log import Log
-from tests.factories import TORQUE_NOISE, PaperPolicy, bench_log, loop_log
+from tests.factories import bench_log, changing_gain_log, loop_log
 
 DURATION, T = 8.0, 0.004
 
 
 def changing(gain: Callable[[float], float]) -> Log:
-    """Table 3 under the paper's experiment; the motor gives `gain`(t) times the command that the log has."""
-    loop, signal = PaperPolicy(T), paper_signal()
-    clock = iter(np.arange(0.0, 2 * DURATION, T))
-
-    def motor(y: np.ndarray) -> float:
-        t = next(clock)
-        return gain(t) * (loop(y) + float(signal(t)))
-
-    run = simulate(TABLE_3, motor, DURATION, T, Sensors(4096), torque_noise=TORQUE_NOISE, longest_step=5e-4)
-    log = Log.from_run(run, TABLE_3.unit, 4096, "sagging.csv")
-    return replace(log, t=log.t + 3.0, u=log.u / np.array([gain(t) for t in log.t]))
+    return changing_gain_log(gain, DURATION, T)
 
 
 def test_a_supply_that_sags_is_told_with_its_factor() -> None:
@@ -42,14 +27,28 @@ def test_a_supply_that_sags_is_told_with_its_factor() -> None:
     said = str(estimate)
     assert "! the command does about 0.7" in said
     assert "at the end of sagging.csv as at its beginning" in said
+    assert "--effects input_gain_drift" in said
     assert "all parameters identified" not in said
     assert "θ is a mean, as the command did not do the same all along" in estimate.verdict
     assert any("at the end of sagging.csv" in text for text in estimate.to_dict()["warnings"])
 
 
+def test_a_gain_that_drifts_is_fitted_as_an_effect() -> None:
+    """From no drift at all: θ is that of the beginning, and no change is left to tell."""
+    estimate = identify(changing(lambda t: 1.0 - 0.25 * t / DURATION), effects=["input_gain_drift"])
+    names, std = list(estimate.names), estimate.std
+    truth = {"input_gain_drift.a": -0.25 / DURATION} | dict(zip(THETA_NAMES, TABLE_3.theta, strict=True))
+    for name, value in truth.items():
+        i = names.index(name)
+        assert abs(estimate.values[i] - value) < 4.0 * std[i], name
+    assert std[names.index("input_gain_drift.a")] < 0.05 * 0.25 / DURATION
+    assert estimate.gain_changes == ()
+
+
 @pytest.mark.parametrize("at", [0.35, 0.5])
 def test_a_step_is_told_with_its_time_by_the_logs_clock(at: float) -> None:
     (change,) = identify(changing(lambda t: 1.0 if t < at * DURATION else 0.9)).gain_changes
+    assert "--cut" in str(change)
     assert change.factor == pytest.approx(0.9, abs=0.02)
     assert change.since == pytest.approx(3.0 + at * DURATION, abs=0.1)
 

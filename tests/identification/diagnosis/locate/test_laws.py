@@ -39,6 +39,7 @@ def test_the_same_place_and_argument_is_the_same_variable() -> None:
     assert own_variables("input_delay") == own_variables("actuator_lag")
     assert own_variables("arm_stribeck").isdisjoint(own_variables("pendulum_stribeck"))
     assert own_variables("arm_friction_drift").isdisjoint(own_variables("arm_stribeck"))
+    assert own_variables("input_gain_drift").isdisjoint(own_variables("arm_friction_drift"))
 
 
 def test_what_a_cable_leaves_of_a_spring_goes_with_the_angle(pulled: Seen) -> None:

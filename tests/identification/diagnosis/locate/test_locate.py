@@ -20,7 +20,7 @@ from identification.discrepancy.basis import Knots, Signals, families
 from identification.discrepancy.correction import flexible
 from identification.kalman.record import Record
 from identification.logs.reading import read_log
-from tests.factories import bench_log, loop_log
+from tests.factories import bench_log, changing_gain_log, loop_log
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +118,12 @@ def test_the_map_of_a_spring_is_its_characteristic(spring):
     beyond = (found.mean + p["k"] * (angle - p["q1n"])) / found.std
     assert np.abs(beyond).max() < 4
     assert np.mean(np.abs(beyond) < 1.96) > 0.7
+
+
+def test_a_driver_that_switches_is_a_gain_that_changes_in_time():
+    found = locate(TABLE_3, changing_gain_log(lambda t: 1.0 if t < 4.0 else 0.9))
+    assert (found.channel, found.variable) == ("input", "time (gain)")
+    assert "is a gain of the command that changes in time" in found.sentence
 
 
 def test_what_changes_in_time_is_found_in_time():
