@@ -300,8 +300,9 @@ class Diagnosis:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:
                     lines.append(f"    equals on these logs: {', '.join(equals)}")
-        lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []
-        lines += [f"  ! {change}" for change in self.before.gain_changes] if self.before else []
+        if self.after:
+            lines += [f"  {line}" for line in self.after.zeros_told]
+            lines += [f"  ! {change}" for change in self.after.gain_changes]
         if self.leftover and self.rest:
             lines.append(f"  unexplained structure: {self._left}")
             if self.found:

@@ -203,3 +203,4 @@ def test_a_motor_that_weakens_is_named_among_what_else_drifts() -> None:
     assert not found.leftover
     assert found.after is not None
     assert found.after.value("input_gain_drift.a") == pytest.approx(-0.02, rel=0.02)
+    assert "the command does about" not in str(found)  # the effect says it
