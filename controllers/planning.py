@@ -95,11 +95,11 @@ def plan_swing_up(plant: Plant, intervals: int = INTERVALS) -> Plan:
     Where the plant's limits have a slew, the torque changes by at most 0.9 of it, from none at the start. A delay of
     the command changes no plan: it begins so much later. intervals: of the collocation. Each of several first guesses
     leads to a local minimum; the fastest is taken. Takes some seconds. Raises DesignError where none leads to a
-    swing-up (which proves nothing), where the plant carries effects on arm or pendulum, which plans do not know, and
+    swing-up (which proves nothing), where the plant carries effects that add torques, which plans do not know, and
     without CasADi.
     """
     ca = require_casadi()
-    strange = [e.name for e in plant.effects if e.type.place not in _KNOWN]
+    strange = [e.name for e in plant.effects if e.type.place not in _KNOWN or "torque" in e.type.kernels]
     if strange:
         raise DesignError(f"plans know delay, lag and static maps of the command, not {', '.join(strange)}")
     for guesses in (GUESSES, LONG_GUESSES):

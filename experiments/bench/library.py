@@ -90,7 +90,7 @@ _COMMAND = (
         lambda s, k, v: {"a": 0.045 * k * v.sign() / s.drive**2}, _cubic,
     ),
     _library(
-        "input_gain_drift", "arm: a t τ", "exponential warm-up", {"a": "1/s"},
+        "input_gain_drift", "arm: a t τ", "levels off as t/(1 + t/12 s)", {"a": "1/s"},
         lambda s, k, v: {"a": -min(0.005 * k, _FADES)}, _fade,
     ),
 )  # fmt: skip

@@ -156,6 +156,21 @@ class DifferentPlants(Struct):
         dict[str, Number],
         Meta(description="Parameters that differ for certain: largest factor from the first to another"),
     ]
+    one_factor: Annotated[Number | None, Meta(description="By which all θ differ, if they do by one")]
+
+
+class GainChanged(Struct):
+    source: Annotated[str, Meta(description="The log")]
+    factor: Annotated[
+        Number,
+        Meta(description="What the command does after the change over what it did before; or at the end of the log"),
+    ]
+    since: Annotated[
+        Number | None,
+        Meta(description="When it changed, by the clock of the log, in s; null where it did so all along"),
+    ]
+    sure: Annotated[Number, Meta(description="How sure that is, in standard deviations")]
+    beside: Annotated[bool, Meta(description="Whether that is beside a drift of the gain that the plant has")]
 
 
 class LearnedEntry(Struct):
@@ -312,6 +327,10 @@ class DiagnosisFile(Struct, kw_only=True):
     zeros: Annotated[
         dict[str, Span] | UnsetType,
         Meta(description="By log, where its encoders count from [rad]: arm, pendulum"),
+    ] = UNSET
+    gain_changes: Annotated[
+        list[GainChanged] | UnsetType,
+        Meta(description="Searched logs in which the command did not do the same all along, beside the effects found"),
     ] = UNSET
     gap: Annotated[
         GapEntry | None,

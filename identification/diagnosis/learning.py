@@ -76,7 +76,7 @@ def learned_from(
 def _no_judge(held: HeldOut) -> str:
     """Why the held-out logs cannot say whether what is learned holds; empty if they can."""
     if not held.whole:
-        return "no other log was held out, and one log cannot tell whether it holds elsewhere"
+        return "no other log of this rig was held out, and one log cannot tell whether it holds elsewhere"
     fitted = {kind_of(log) for log in held.logs}
     if all(kind_of(log) in fitted for log in held.whole):
         return "no held-out log is of another kind of experiment, and one kind cannot tell whether it holds"

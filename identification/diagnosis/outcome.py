@@ -10,7 +10,7 @@ from msgspec import structs
 from furuta_gym.declared import written
 from furuta_gym.plant import EFFECTS, EffectType, Plant
 
-from ..estimation.estimate import Estimate
+from ..estimation.estimate import Estimate, GainChange
 from ..estimation.informative import spans_text
 from ..validation.one_rig import OneByOne
 from . import sentences
@@ -20,6 +20,7 @@ from .diagnosis_file import (
     DifferentPlants,
     EffectFound,
     EffectInPlant,
+    GainChanged,
     OtherLaw,
     ParameterFound,
     Ranked,
@@ -213,6 +214,12 @@ class Diagnosis:
         where = "on held-out data only" if self.still_off > 1.0 else "in other tests"
         return f"no torque stands out of the noise on the searched logs; what remains shows {where}"
 
+    @property
+    def gain_changes(self) -> tuple[GainChange, ...]:
+        """Where what the command does changed within a searched log, beside the effects that `plant` has."""
+        shown = self.after if self.confirmed else self.before
+        return shown.gain_changes if shown else ()
+
     def entry(self) -> DiagnosisFile:
         """What diagnosis.json holds of it."""
         naming = self.naming
@@ -237,6 +244,7 @@ class Diagnosis:
             left_over_torque=self.left_over,
             command_rms=self.command_rms,
             zeros=self.after.zeros_by_log if self.after else {},
+            gain_changes=[GainChanged(c.source, c.factor, c.since, c.sure, c.beside) for c in self.gain_changes],
             gap=self.gap.entry() if self.gap else None,
             together_over_floor=self.together,
             second_witness=self.second.entry() if self.second else None,
@@ -255,7 +263,7 @@ class Diagnosis:
         found = self.different
         if found is None:
             return None
-        return DifferentPlants(list(found.sources), list(found.ratios), dict(found.factors))
+        return DifferentPlants(list(found.sources), list(found.ratios), dict(found.factors), found.one_factor)
 
     def _effect(self, i: int, suspect: Suspect) -> EffectFound:
         assert self.naming is not None
@@ -300,9 +308,8 @@ class Diagnosis:
                     lines.append(f"    {ONCE_A_TURN}")
                 if equals:
                     lines.append(f"    equals on these logs: {', '.join(equals)}")
-        if self.after:
-            lines += [f"  {line}" for line in self.after.zeros_told]
-            lines += [f"  ! {change}" for change in self.after.gain_changes]
+        lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []
+        lines += [f"  ! {change}" for change in self.gain_changes]
         if self.leftover and self.rest:
             lines.append(f"  unexplained structure: {self._left}")
             if self.found:

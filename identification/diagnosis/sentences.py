@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.effects.words import number
 
+from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import HORIZON
 from ..validation.one_rig import OneByOne
 from .locate.location import Where
@@ -153,14 +154,19 @@ def astray(ratio: float, together: float | None, far: float) -> str:
 
 
 def different_plants(found: OneByOne) -> str:
-    """That no plant explains all logs, and each of them is explained by one of its own."""
+    """That no plant explains all logs, or only one with an effect that plants of their own need not have."""
     ratios = ", ".join(f"{ratio:.2f} ({name})" for name, ratio in zip(found.sources, found.ratios, strict=True))
     differ = f" {capital(found.what_differs)}." if found.what_differs else ""
     effects = ", with the same effects" if found.estimates and found.estimates[0].plant.effects else ""
+    common = (
+        "No plant explains all logs, but each is explained by one of its own"
+        if found.together > ADEQUATE_BELOW
+        else "One plant with an effect explains all logs, but a plant of its own for each is likelier"
+    )
     return (
-        f"No plant explains all logs, but each is explained by one of its own{effects}: the errors are {ratios} times "
-        f"the noise floor. So the rig changed between them, they are of different rigs, or the model "
-        f"lacks what other parameters imitate in each.{differ} All else here is of {found.sources[0]} alone: diagnose "
+        f"{common}{effects}: the errors are {ratios} times the noise floor. So the rig changed between them, they are "
+        f"of different rigs, or the model lacks what other parameters imitate in each.{differ} All else here is of "
+        f"{found.sources[0]} alone: diagnose "
         "the others by themselves."
     )
 

@@ -58,7 +58,8 @@ def _of_no_size(diagnosis: Diagnosis) -> bool:
     between = []
     for suspect in diagnosis.found:
         if (effect := diagnosis.after.plant.effect(suspect.name)) is not None:
-            between += [effect.interval(p.name) for p in effect.type.parameters if p.role == "size"]
+            in_play = effect.type.in_play(effect.parameters)
+            between += [effect.interval(p.name) for p in in_play if p.role == "size"]
     return bool(between) and all(ends is not None and ends[0] < 0.0 < ends[1] for ends in between)
 
 

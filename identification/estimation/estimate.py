@@ -36,12 +36,14 @@ class NoiseReport:
 @dataclass(frozen=True)
 class GainChange:
     """factor: what the command does after `since` [s] of the log's clock over what it did before; or, with since None,
-    at the log's end over what it did at its beginning. sure: in standard deviations."""
+    at the log's end over what it did at its beginning. sure: in standard deviations. beside: whether that is beside a
+    drift of the gain that the plant has."""
 
     source: str
     factor: float
     since: float | None
     sure: float
+    beside: bool = False
 
     def __str__(self) -> str:
         when = (
@@ -49,8 +51,13 @@ class GainChange:
             if self.since is None
             else f"after about {self.since:.3g} s of {self.source} as before"
         )
+        if self.beside:
+            return (
+                f"beside the drift that was fitted, the command does about {self.factor:.2g} times as much {when}: "
+                "this log does not follow that drift. Fit it alone, or parts of it (--cut)"
+            )
         steady = self.since is None
-        remedy = "fit the change too (--effects input_gain_drift)" if steady else "fit parts of the log (--cut)"
+        remedy = "fit the change too (`identify --effects input_gain_drift`)" if steady else "fit parts of it (--cut)"
         return (
             f"the command does about {self.factor:.2g} times as much {when}, and these numbers are a mean of both: "
             f"look at the supply, the driver and the motor's temperature, or {remedy}"

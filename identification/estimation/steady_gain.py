@@ -76,7 +76,10 @@ def gain_change(source: str, paths: Sequence[FilterPath], start: float = 0.0) ->
         return None
     before = 1.0 - change * float(found.mean[best])  # as θ stands for the gain's mean over the log
     since = start + first + _STEPS[best] * (last - first) if best < len(_STEPS) else None
-    return GainChange(source, (before + change) / before, since, sure) if before > 0 < before + change else None
+    if not before > 0 < before + change:
+        return None
+    drifts = paths[0].plant.effect("input_gain_drift") is not None
+    return GainChange(source, (before + change) / before, since, sure, drifts)
 
 
 @dataclass(frozen=True)

@@ -30,29 +30,35 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class OneByOne:
     """Fits of single logs, or of parts of them. sources: their names. ratios: error over the noise floor of each with
-    its own plant. factors: of the θ and sizes of effects that differ for certain, by name, the largest factor from the
-    first to another. one_factor: by which all θ differ, if they do by one. estimates: the fits."""
+    its own plant, together: of one plant for all of them. factors: of the θ and sizes of effects that differ for
+    certain, by name, the largest factor from the first to another. one_factor: by which all θ differ, if they do by
+    one. estimates: the fits."""
 
     sources: tuple[str, ...]
     ratios: tuple[float, ...]
     factors: Mapping[str, float]
     one_factor: float | None = None
     estimates: tuple[Estimate, ...] = field(default=(), repr=False, compare=False)
+    together: float = np.inf
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
-        return {"ratio_to_floor": list(self.ratios), "factors": dict(self.factors)}
+        return {"ratio_to_floor": list(self.ratios), "factors": dict(self.factors), "one_factor": self.one_factor}
 
     @property
     def what_differs(self) -> str:
         """The parameters that differ for certain, in words; empty without any."""
+        told = []
+        shared = THETA_NAMES if self.one_factor is not None else ()
         if self.one_factor is not None:
-            return (
+            told.append(
                 f"All θ differ from {self.sources[0]} by one factor, {self.one_factor:.3g}: look at the supply, the "
                 "driver, and the command's unit or scale"
             )
-        differ = ", ".join(f"{name} by a factor of {factor:.3g}" for name, factor in self.factors.items())
-        return f"What differs from {self.sources[0]}: {differ}" if differ else ""
+        factors = [f"{name} by a factor of {factor:.3g}" for name, factor in self.factors.items() if name not in shared]
+        if factors:
+            told.append(f"What {'else ' if told else ''}differs from {self.sources[0]}: {', '.join(factors)}")
+        return ". ".join(told)
 
     def __str__(self) -> str:
         ratios = ", ".join(f"{ratio:.2f}" for ratio in self.ratios)
@@ -105,7 +111,12 @@ def apart(
         estimates.append(found)
         ratios.append(own)
     return OneByOne(
-        tuple(name for name, _ in parts), tuple(ratios), _factors(estimates), _one_factor(estimates), tuple(estimates)
+        tuple(name for name, _ in parts),
+        tuple(ratios),
+        _factors(estimates),
+        _one_factor(estimates),
+        tuple(estimates),
+        ratio,
     )
 
 

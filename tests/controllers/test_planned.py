@@ -133,6 +133,8 @@ def test_slopes_upright_are_those_of_the_linear_plant() -> None:
 
 class TestRefusals:
     def test_effects_that_no_plan_knows(self, casadi) -> None:
+        with pytest.raises(DesignError, match="not input_gain_drift"):
+            plan_swing_up(QUBE.with_effects(QUBE.default_effect("input_gain_drift")))
         with pytest.raises(DesignError, match="not arm_spring"):
             make_controller("planned", QUBE.with_effects(QUBE.default_effect("arm_spring")))
 

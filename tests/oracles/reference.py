@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import copysign, cos, exp, inf, pi, sin, sqrt, tanh
+from math import copysign, cos, exp, expm1, inf, pi, sin, sqrt, tanh
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -176,7 +176,7 @@ def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, 
         elif name == "arm_viscous_drift":
             arm -= at_rest_theta[5] * p["a"] * t * v1
         elif name == "input_gain_drift":
-            arm += (1.0 + p["a"] * t) * tau - tau
+            arm += max(p["a"] * (-expm1(-p["s"] * t) / p["s"] if p["s"] else t), -1.0) * tau
         elif name == "periodic_torque":
             arm += p["A"] * sin(2.0 * pi * p["f"] * t + p["φ"])
         elif name == "pendulum_quadratic_drag":

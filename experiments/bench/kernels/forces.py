@@ -173,7 +173,7 @@ def derivative(t, x, tau, n1, n2, s1, s2, params, link, dx):
         dx[LAG_B] = (drive - x[LAG_B]) / p.lag_b
         drive = x[LAG_B]
     if p.fade != 0.0:
-        drive *= 1.0 + _warmed(t, p.fade, p.fade_tau)
+        drive *= 1.0 + p.fade * t / (1.0 + t / p.fade_tau)
 
     at_motor = p.friction_at_motor != 0
     qf, vf = (x[QM], x[VM]) if at_motor else (q1, v1)

@@ -1,6 +1,7 @@
 """Effects between the logged command u and the motor torque τ: the command path is delay → static maps → lag."""
 
 import math
+from collections.abc import Mapping
 
 from ..elementary import decay
 from .declaration import EffectType, Parameter
@@ -30,8 +31,16 @@ def _cubic_gain(u, a):
     return u + a * u * u * u
 
 
-def _gain_drift(t, tau, a):
-    return a * t * tau, 0.0
+def _gain_drift(t, tau, a, s):
+    # selects, where branches would keep lanes from going side by side
+    settling = (1.0 - decay(s * t if s > 0.0 else 1.0)) / (s if s > 0.0 else 1.0)
+    change = a * (settling if s > 0.0 else t)
+    return (change if change > -1.0 else -1.0) * tau, 0.0  # a motor without strength turns no other way round
+
+
+def _drift_that_settles(own: Mapping[str, float]) -> tuple[dict[str, float], ...]:
+    """Faster at first, and slower later."""
+    return () if own["s"] else ({"a": 1.3 * own["a"], "s": 0.03}, {"a": 2.0 * own["a"], "s": 0.1})
 
 
 def _dead_zone(u, w):
@@ -169,11 +178,18 @@ COMMAND_EFFECTS = (
         name="input_gain_drift",
         title="a gain of the motor that drifts",
         place="input",
-        equation="arm: a t τ, so that the command acts 1 + a t times as strongly",
-        symptom="the same command moves the arm less and less during the run, as a motor warms up or a battery empties",
-        says=lambda a: f"The motor's gain {either(a, 'rises', 'falls')} by {percent(a)} a second during the run",
-        parameters=(Parameter("a", "1/s", "relative change a second", -0.005, lower=-1.0, upper=1.0),),
+        equation="arm: a t τ, so that the command acts 1 + a t times as strongly; a (1 − exp(−s t))/s for a t if s > 0",
+        symptom="the same command moves the arm less (or more) during the run, as a motor warms or a battery empties",
+        says=lambda a, s: (
+            f"The motor's gain {either(a, 'rises', 'falls')} by {percent(a)} a second "
+            f"{'at first, and less later' if s > 0.0 else 'during the run'}"
+        ),
+        parameters=(
+            Parameter("a", "1/s", "relative change a second, at first", -0.005, lower=-1.0, upper=1.0),
+            Parameter("s", "1/s", "rate at which it settles; 0: it does not", 0.0, lower=0.0, upper=5.0, optional="s"),
+        ),
         kernels={"torque": _gain_drift},
+        wider=_drift_that_settles,
         mistaken_for=("arm_friction_drift", "arm_viscous_drift", "payload_step"),
     ),
 )

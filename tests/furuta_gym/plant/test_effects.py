@@ -31,7 +31,11 @@ STOP = 0.6
 # A payload that arrives inside the tests' short motions; the other defaults are seen at once.
 SOON = {"payload_step": {"t0": 0.2011}}
 # Where the default is at a bound.
-INSIDE = {"input_saturation": {"knee": 0.4}, "arm_hysteresis": {"κ2": 0.5, "d2": 0.03, "ρ": 0.4}}
+INSIDE = {
+    "input_saturation": {"knee": 0.4},
+    "arm_hysteresis": {"κ2": 0.5, "d2": 0.03, "ρ": 0.4},
+    "input_gain_drift": {"s": 0.3},
+}
 
 # The contract's table: names and parameters that files, commands and acceptance checks rely on.
 CONTRACT = {

@@ -266,6 +266,7 @@ def test_two_sharpnesses_may_be_one_where_their_intervals_overlap(std: float, on
 def test_a_name_whose_size_may_be_zero_is_none_where_model_5_is_adequate() -> None:
     held = HeldOut((loop_log(duration=6.0)[0],), (loop_log(duration=6.0, seed=1)[0],), POLICY)
     assert not _of_no_size(_a_drift_known_within(1e-6))
+    assert _of_no_size(_a_drift_known_within(1.0, "input_gain_drift"))  # its other size is not in play
     told = verified(_a_drift_known_within(1.0), held)
     assert (told.verdict, told.named, told.added) == ("none", (), False)
     assert "may as well be zero" in told.summary
@@ -293,8 +294,8 @@ def test_a_name_is_not_needless_where_structure_is_left(where: str, monkeypatch:
     assert told.rest is found.rest
 
 
-def _a_drift_known_within(std: float) -> Diagnosis:
-    drift = TABLE_3.default_effect("arm_friction_drift")
+def _a_drift_known_within(std: float, name: str = "arm_friction_drift") -> Diagnosis:
+    drift = TABLE_3.default_effect(name)
     known = Effect(drift.name, drift.parameters, {"a": std})
     before = an_estimate(TABLE_3)
     before.noise = NoiseReport((3e-7, 1e-9), ())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -43,6 +44,14 @@ def test_a_gain_that_drifts_is_fitted_as_an_effect() -> None:
         assert abs(estimate.values[i] - value) < 4.0 * std[i], name
     assert std[names.index("input_gain_drift.a")] < 0.05 * 0.25 / DURATION
     assert estimate.gain_changes == ()
+
+
+def test_a_log_that_does_not_follow_the_common_drift_is_told_as_that() -> None:
+    steady = replace(changing(lambda t: 1.0), source="steady.csv")
+    logs = [changing(lambda t: 1.0 - 0.25 * t / DURATION), steady]
+    said = [str(change) for change in identify(logs, effects=["input_gain_drift"]).gain_changes]
+    assert said
+    assert all("beside the drift that was fitted" in text and "--effects" not in text for text in said)
 
 
 @pytest.mark.parametrize("at", [0.35, 0.5])

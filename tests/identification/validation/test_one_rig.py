@@ -40,6 +40,14 @@ def test_a_heavier_pendulum_is_told_by_its_parameters() -> None:
     assert "theta5 by a factor of 1.2" in str(found)
 
 
+def test_an_effect_that_differs_is_told_beside_a_common_factor() -> None:
+    factors = {"theta1": 1.25, "theta4": 1.25, "arm_spring.k": 2.6}
+    found = OneByOne(("a.csv", "b.csv"), (1.0, 1.0), factors, one_factor=1.25)
+    assert "one factor, 1.25" in found.what_differs
+    assert "What else differs from a.csv: arm_spring.k by a factor of 2.6" in found.what_differs
+    assert found.to_dict()["one_factor"] == 1.25
+
+
 def test_logs_of_one_rig_are_not_fitted_again() -> None:
     assert asked(*(loop_log(duration=4.0, T=0.004, seed=seed)[0] for seed in (0, 1))) is None
     late = [loop_log("input_delay", T=0.004, duration=4.0, seed=seed)[0] for seed in (0, 1)]

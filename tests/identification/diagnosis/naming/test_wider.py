@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +20,7 @@ from identification.diagnosis.policy import DecisionPolicy
 from identification.estimation.identify import identify
 from identification.estimation.start import Noise
 from identification.kalman.record import stretches
-from tests.factories import bench_log
+from tests.factories import bench_log, changing_gain_log
 from tests.identification.diagnosis.fits import NOISE, ToyFit
 
 
@@ -56,6 +57,18 @@ def test_a_search_widens_the_law_before_it_looks_for_more() -> None:
     hysteresis = found.plant.effect("arm_hysteresis")
     assert hysteresis is not None
     assert hysteresis.parameters["ρ"] > 0.3
+
+
+def test_a_motor_that_warms_up_and_settles_gets_a_wider_law() -> None:
+    log = changing_gain_log(lambda t: 1.0 - 0.05 * (1.0 - math.exp(-0.4 * t)) / 0.4)
+    found = diagnose(log, only=("input_gain_drift", "arm_viscous_drift"))
+    assert [s.name for s in found.named] == ["input_gain_drift"]
+    assert not found.leftover
+    assert found.after is not None
+    names, std = list(found.after.names), found.after.std
+    for name, true in (("a", -0.05), ("s", 0.4)):
+        i = names.index(f"input_gain_drift.{name}")
+        assert abs(found.after.values[i] - true) < 4.0 * std[i] < 0.5 * abs(true)
 
 
 def test_one_element_stays_one() -> None:
