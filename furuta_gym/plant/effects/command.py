@@ -31,10 +31,14 @@ def _cubic_gain(u, a):
     return u + a * u * u * u
 
 
+_LITTLE = 1e-4  # of s t: below it 1 − exp(−s t) would lose its digits, and its series is exact
+
+
 def _gain_drift(t, tau, a, s):
     # selects, where branches would keep lanes from going side by side
-    settling = (1.0 - decay(s * t if s > 0.0 else 1.0)) / (s if s > 0.0 else 1.0)
-    change = a * (settling if s > 0.0 else t)
+    x = s * t
+    settling = (1.0 - decay(x)) / (s if x > _LITTLE else 1.0)
+    change = a * (settling if x > _LITTLE else t * (1.0 - x * (0.5 - x / 6.0)))
     return (change if change > -1.0 else -1.0) * tau, 0.0  # a motor without strength turns no other way round
 
 
