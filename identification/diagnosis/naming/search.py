@@ -18,10 +18,10 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
-from .discrete import starts_of, stepped
+from .discrete import has_whole_number, starts_of, stepped
 from .dropped import Rest, dropped
 from .fits import Effort, Fit, Fitter, added, fit
-from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, multi_start, rivals_of
+from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start, rivals_of
 from .scores import Score, scores
 from .suspects import Ranking, Suspect, alike, plainer, price, shortlist, slight
 
@@ -198,6 +198,7 @@ class Search:
     def _finish(self, chase: _Chase) -> Fit:
         """The best suspects fitted to the end; returns the model without any, the better of two starts."""
         policy, current = self.policy, chase.current
+        self._step_look_alikes(chase)
         best = chase.best.value
         least = {n: price(n, current.samples) + policy.believed - policy.reach for n in chase.fits}
         hopeful = [n for n in chase.fits if current.value - chase.fits[n].value > least[n]]
@@ -218,6 +219,18 @@ class Search:
         self.progress("fitting the model without it")
         again = self._rival(dropped(chase.best, added(chase.best, current).name), current, chase.best)
         return again if again.value < current.value else current
+
+    def _step_look_alikes(self, chase: _Chase) -> None:
+        """Look-alikes that are behind the best, with another whole number: a score chose theirs at another θ, and no
+        descent moves it."""
+        best, current = chase.best.value, chase.current
+        for name in look_alikes(chase.name, chase.fits):
+            fitted = chase.fits[name]
+            behind = fitted.value > best + self.policy.reach
+            contests = current.value - fitted.value > self.policy.contested * (current.value - best)
+            if behind and contests and has_whole_number(name):
+                self.progress(f"trying other whole numbers of {name}")
+                chase.fits[name] = stepped(fitted, current, self, rough=False)
 
     def _rival(self, rest: Rest, start: Fit, against: Fit) -> Fit:
         """A plant fitted to compare it with a better one: only as well as the difference asks for."""

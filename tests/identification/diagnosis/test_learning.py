@@ -76,7 +76,7 @@ def test_it_is_added_where_it_holds_in_another_experiment_and_the_gap_shrinks():
     assert found.plant.provenance["start"] == "the search for missing effects"
 
 
-@pytest.mark.parametrize(("others", "reason"), [(0, "no other log of this rig was held out"), (1, "another kind of experiment")])
+@pytest.mark.parametrize(("others", "reason"), [(0, "no other log of this rig"), (1, "another kind of experiment")])
 def test_without_another_experiment_it_is_refused(monkeypatch, others, reason):
     surface = Surface(Effect("arm_learned", {"c00": 0.1}), 100.0)
     monkeypatch.setattr(learning, "most_likely_surface", lambda *_: surface)

@@ -74,6 +74,22 @@ def test_a_cable_comes_before_a_ripple_that_is_not_seen_to_repeat(cable: float, 
     assert naming.equals == ((("arm_ripple",) if first == "arm_cable" else ()),), "it explains no less"
 
 
+def test_a_look_alike_far_behind_is_tried_with_other_whole_numbers() -> None:
+    """A ripple of ten periods whose score chose four: no descent would ever come there."""
+
+    def still(plant: Plant) -> float:
+        ripple = plant.effect("arm_ripple")
+        return 20.0 * abs(ripple.parameters["n"] - 10.0) if ripple else 0.0
+
+    by = search({"": 1000.0, "arm_taut_cable": 60.0, "arm_ripple": 0.0}, still=still)
+    by = replace(by, scorer=Ripples({"arm_taut_cable": 400.0, "arm_ripple": 500.0}, n=4.0))
+    first = ranking_of(by, a_fit(value=1000.0), "arm_taut_cable", "arm_ripple")[0]
+    assert first.name == "arm_ripple"
+    ripple = first.fit.plant.effect("arm_ripple")
+    assert ripple is not None
+    assert ripple.parameters["n"] == 10.0
+
+
 def test_a_best_that_is_overtaken_follows_from_the_new_bests_parameters() -> None:
     """Ripple, spring, ripple: it ends only when the best stays the best."""
     ripple = [Bowl(20.0, x=-1.5), Bowl(1.0, x=-3.5)]
