@@ -53,15 +53,17 @@ def draw(
         raise ValueError(f"{groups} groups given, expected 1 to {MOST}")
     if strange := sorted(set(kinds) - set(WEIGHTS)):
         raise ValueError(f"unknown kinds: {', '.join(strange)}; there are {', '.join(WEIGHTS)}")
-    seeds = max(2, groups // 3)  # enough rigs to choose from, also where one kind or one effect is asked for
-    plan = make_plan("dev", seeds, effects, rigs, kinds or KINDS, seed=secret)
+    plan, first = [], max(2, groups // 3)
+    for seeds in (first, 2 * first, 4 * first):  # of some kinds few rigs are plain to see
+        if len(plan) < groups:
+            drawn = make_plan("dev", seeds, effects, rigs, kinds or KINDS, seed=secret)
+            plan = [trial for trial in drawn if trial.experiment == EXPERIMENT and _plain(trial)]
     sets = rigs or list(SETS)
     if hardly := [name for name in effects if all(experiment_for(name, rig) != EXPERIMENT for rig in sets)]:
         raise ValueError(
             f"every log to fit is of the experiment {EXPERIMENT!r}, which hardly shows {', '.join(hardly)} on rigs of "
             f"{', '.join(sets)}; expected other effects"
         )
-    plan = [trial for trial in plan if trial.experiment == EXPERIMENT and _plain(trial)]
     waiting = {kind: [trial for trial in plan if trial.kind == kind] for kind in WEIGHTS}
     rng = np.random.default_rng([secret, 0x1AB])
     found: list[dict[str, Any]] = []

@@ -169,4 +169,4 @@ def test_a_script_reads_what_the_verdict_says(log: Log) -> None:
     assert told["verdict"] == estimate.verdict
     assert "θ is a mean" in told["verdict"]
     assert told["uncertain"] == estimate.uncertain
-    assert told["gain_changes"] == [{"source": "a.csv", "factor": 0.8, "since": None, "sure": 9.0}]
+    assert told["gain_changes"] == [{"source": "a.csv", "factor": 0.8, "since": None, "sure": 9.0, "beside": False}]
