@@ -20,7 +20,7 @@ from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
-from identification.estimation.estimate import NoiseReport
+from identification.estimation.estimate import GainChange, NoiseReport
 from identification.kalman.record import Record
 from identification.validation.gap import validate
 from tests.factories import loop_log, open_loop_log, paper_log
@@ -300,3 +300,13 @@ def _a_drift_known_within(std: float, name: str = "arm_friction_drift") -> Diagn
     before = an_estimate(TABLE_3)
     before.noise = NoiseReport((3e-7, 1e-9), ())
     return a_diagnosis(drift.name, before=before, after=an_estimate(TABLE_3.with_effects(known)))
+
+
+def test_a_name_that_is_taken_back_takes_no_warning_with_it() -> None:
+    """The drift explained the change of the gain; the plant that is left has none."""
+    change = GainChange("warm.csv", 0.9, None, 12.0)
+    before, after = an_estimate(TABLE_3), an_estimate(TABLE_3)
+    before.gain_changes = (change,)
+    named = a_diagnosis("input_gain_drift", before=before, after=after)
+    assert named.gain_changes == ()
+    assert replace(named, confirmed=False).gain_changes == (change,)
