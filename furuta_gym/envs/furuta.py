@@ -280,7 +280,8 @@ def _publish(lanes, sizes, observation, state, measured):
 def _reset_one(
     lanes, streams, codes, sizes, numbers, table, root, switches, ranges, start, observation, state, measured
 ):
-    k.reset_lane(lanes, 0, streams, codes, sizes, numbers, table, root, switches, ranges, start)
+    only = lanes.shape[1] - 1  # as a literal, it would have all compiled once more
+    k.reset_lane(lanes, only, streams, codes, sizes, numbers, table, root, switches, ranges, start)
     _publish(lanes, sizes, observation, state, measured)
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from .compiled import compiled, lanes_of
 from .effects.dispatch import (
     add_torques,
+    adds_torques,
+    changes_memory,
     changes_motion,
     changes_theta,
     command_delays,
@@ -99,26 +101,22 @@ def _accelerate(X, F, TH, K):
 
 
 @compiled(apart=True)
-def _to_start(XS, S, X, lanes):
-    """One row at the beginning of a Runge–Kutta step."""
-    for k in range(lanes):
-        XS[k] = X[k]
-        S[k] = 0.0
+def _to_stage(XS, S, X, K, h, w, ahead):
+    """All rows on to the next Runge–Kutta stage: S += w K, from nothing where w = 1, and XS = X + ahead h K."""
+    first = w == 1.0
+    for row in range(X.shape[0]):
+        for k in range(X.shape[1]):
+            rate = K[row, k]
+            S[row, k] = rate if first else S[row, k] + w * rate
+            XS[row, k] = X[row, k] + ahead * h[k] * rate
 
 
 @compiled(apart=True)
-def _to_stage(XS, S, X, K, h, w, ahead, lanes):
-    """One row on to the next Runge–Kutta stage: S += w K and XS = X + ahead h K."""
-    for k in range(lanes):
-        S[k] += w * K[k]
-        XS[k] = X[k] + ahead * h[k] * K[k]
-
-
-@compiled(apart=True)
-def _to_end(X, S, K, h, w, lanes):
-    """One row to the end of the Runge–Kutta step."""
-    for k in range(lanes):
-        X[k] += h[k] * (1.0 / 6.0) * (S[k] + w * K[k])
+def _to_end(X, S, K, h):
+    """All rows to the end of the Runge–Kutta step."""
+    for row in range(X.shape[0]):
+        for k in range(X.shape[1]):
+            X[row, k] += h[k] * (1.0 / 6.0) * (S[row, k] + K[row, k])
 
 
 @compiled(apart=True)
@@ -163,18 +161,18 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
     rows, lanes = X.shape
     XS, K, S = work[:rows], work[rows : 2 * rows], work[2 * rows : 3 * rows]
     F, tau, ts, since = work[3 * rows + N_BASE : 3 * rows + N_BASE + 2], work[-3], work[-2], work[-4]
-    filtered, remembered = True, rows > 4
-    changed = changes_theta(codes)
+    filtered, remembered, pushed = True, rows > 4, adds_torques(codes)
+    changed, carried = changes_theta(codes), rows > 4 and changes_memory(codes)
     TH = work[3 * rows : 3 * rows + N_BASE] if changed else P[:N_BASE]
+    for row in range(4, rows):
+        for k in range(lanes):
+            K[row, k] = 0.0
     for k in range(lanes):
         tau[k] = command[k]
     for i in range(n):
-        for row in range(rows):
-            _to_start(lanes_of(XS, row), lanes_of(S, row), lanes_of(X, row), lanes)
         for stage in range(4):
+            at = X if stage == 0 else XS
             c = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-            ahead = 1.0 if stage == 2 else 0.5  # of a step, to the next stage
-            w = 2.0 if 0 < stage < 3 else 1.0
             if filtered:
                 for k in range(lanes):
                     since[k] = (i + c) * h[k]
@@ -189,19 +187,15 @@ def _runge_kutta(X, t, h, n, command, W, P, codes, work):
                     for k in range(lanes):
                         TH[row, k] = P[row, k]
                 modify_theta(ts, P, codes, TH)
-            add_torques(ts, XS, tau, P, codes, TH, F)
-            _accelerate(XS, F, TH, K)
-            if rows > 4:
-                for row in range(4, rows):
-                    for k in range(lanes):
-                        K[row, k] = 0.0
-                memory_rates(ts, XS, tau, P, codes, TH, K)
-            for row in range(rows):
-                x, rate, total = lanes_of(X, row), lanes_of(K, row), lanes_of(S, row)
-                if stage == 3:
-                    _to_end(x, total, rate, lanes_of(h, 0), w, lanes)
-                else:
-                    _to_stage(lanes_of(XS, row), total, x, rate, lanes_of(h, 0), w, ahead, lanes)
+            if pushed:
+                add_torques(ts, at, tau, P, codes, TH, F)
+            _accelerate(at, F, TH, K)
+            if carried:
+                memory_rates(ts, at, tau, P, codes, TH, K)
+            if stage == 3:
+                _to_end(X, S, K, h)
+            else:
+                _to_stage(XS, S, X, K, h, 1.0 if stage == 0 else 2.0, 1.0 if stage == 2 else 0.5)
         if remembered:
             remembered = update_memory(X, P, codes)
 

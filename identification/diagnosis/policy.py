@@ -119,6 +119,7 @@ class DecisionPolicy:
         DEV,
         "rounds",
     )
+    stands: float = _rule(1.0, "a fit stands still if its last round brought less than this", COST, "nats")
     rivals: int = _rule(2, "fits, besides the look-alikes, that restart from the best fit's parameters", COST, "fits")
     special: float = _rule(
         1.0, "a fit that is better than its special case by less than this starts from its grid as well", DEV, "nats"

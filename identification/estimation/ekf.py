@@ -149,6 +149,7 @@ def _track(readings, state, scaling, noise, wander, age, history):
     Phi, work, H = np.eye(n), np.empty((n, n)), np.zeros((2, n))
     K, CH, d, e, S, prior = np.empty((n, 2)), np.empty(n), np.empty(2), np.empty(2), np.empty(3), np.empty(2)
     torques, no_effects = np.empty(4), np.empty((0, 3), dtype=np.int64)
+    rows, plain = X.shape[0], no_effects.shape[0] == 0  # no literals: with these, all would be compiled once more
     H[0, 0] = 1.0
     H[1, 1] = 1.0
     for k in range(y.shape[0]):
@@ -162,11 +163,11 @@ def _track(readings, state, scaling, noise, wander, age, history):
                     P[i, lane] = math.exp(eta) if i < _LOG else eta * scale[i - _LOG]
                 P[R1, lane] = effective_sharpness(r[0], C[2, 2])
                 P[R2, lane] = effective_sharpness(r[1], C[3, 3])
-            slopes = rest_slopes(P[:, 0].copy(), no_effects, 4)
+            slopes = rest_slopes(P[:, 0].copy(), no_effects, rows)
             longest = fitted_step(friction_rate(slopes, 1.0, 1.0), 0.0, 1.0)
-            moving = moving_step(P[:, 0].copy(), no_effects, 4, P[R1, 0], P[R2, 0], 0.0, 1.0)
+            moving = moving_step(P[:, 0].copy(), no_effects, rows, P[R1, 0], P[R2, 0], 0.0, 1.0)
             advance_alike(
-                X, t[k - 1], t[k], t, u, k - 1, W, P, no_effects, longest, moving, P[R1, 0], P[R2, 0], True, before,
+                X, t[k - 1], t[k], t, u, k - 1, W, P, no_effects, longest, moving, P[R1, 0], P[R2, 0], plain, before,
                 *space,
             )  # fmt: skip
             for i in range(4):

@@ -24,7 +24,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant.compiled import compiled
+from furuta_gym.plant.compiled import compiled, lanes_of
 from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import (
@@ -56,6 +56,13 @@ def whole_registers(lanes):
 def effective_sharpness(r, variance):
     """ρ [s/rad]: the sharpness left of r where the velocity is known to this variance [rad²/s²]."""
     return r / math.sqrt(1.0 + 0.5 * math.pi * r * r * variance)
+
+
+@compiled(apart=True)
+def _blunted(left, r, variance, lanes):
+    """`effective_sharpness` of all lanes."""
+    for i in range(lanes):
+        left[i] = effective_sharpness(r[i], variance[i])
 
 
 @compiled
@@ -218,8 +225,7 @@ def innovations(
                     variance[i] = C[velocity, i]
                 for i in range(B, B + exact * n):
                     variance[i] = C[velocity, owner[i]]
-                for i in range(lanes):
-                    PL[row, i] = effective_sharpness(blunt[row, i], variance[i])
+                _blunted(lanes_of(PL, row), lanes_of(blunt, row), lanes_of(variance, 0), lanes)
             r1, r2 = sharpest(PL[:, 0], sharp)
             step = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), response, coarser)
             advance_alike(

@@ -17,7 +17,7 @@ from furuta_gym.plant.elementary import log
 from .arguments import LeaderReadings
 from .rounding import cell
 
-_WRITTEN_OUT = (4, 5, 6)  # sizes of a state: model (5), and effects with one or two memories
+_WRITTEN_OUT = (4, 5, 6, 7)  # sizes of a state: model (5), and effects with up to three memories
 
 
 @compiled(forceinline=True)
@@ -100,7 +100,7 @@ def _written_out(n: int) -> Any:
     return compiled(names[f"step_{n}"], nogil=True)
 
 
-_step_4, _step_5, _step_6 = (_written_out(n) for n in _WRITTEN_OUT)
+_step_4, _step_5, _step_6, _step_7 = (_written_out(n) for n in _WRITTEN_OUT)
 
 
 @compiled(nogil=True)
@@ -119,6 +119,8 @@ def step_leaders(C, Phi, q2, theta, T, H, direct, noise, d, quantum, told: Leade
         _step_5(C, Phi, q2, theta, noise, d, told.K, told.e, told.S, told.prior, told.cost, T, quantum)
     elif direct and n == 6:
         _step_6(C, Phi, q2, theta, noise, d, told.K, told.e, told.S, told.prior, told.cost, T, quantum)
+    elif direct and n == 7:
+        _step_7(C, Phi, q2, theta, noise, d, told.K, told.e, told.S, told.prior, told.cost, T, quantum)
     else:
         _propagate(C, Phi, work)
         _add_noise(C, q2, theta, noise, T)

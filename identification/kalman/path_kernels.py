@@ -54,6 +54,7 @@ def follow_log(
     moving = moving_step(P[:, 0].copy(), codes, rows, full1, full2, response, 1.0)
     C, d = first.copy(), np.zeros(n)
     small = 1e-3 * P[3, 0]  # of a torque, for its Jacobian: the motion is nearly linear in it
+    plain = codes.shape[0] == 0 and small == 0.0
     for k in range(N):
         if k > 0:
             T = t[k] - t[k - 1]
@@ -73,7 +74,7 @@ def follow_log(
             r1, r2 = sharpest(PL[:, 0], sharp)
             step = fitted_step(friction_rate(slopes, r1 / full1, r2 / full2), response, 1.0)
             advance_alike(
-                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step, moving, r1, r2, False, before, space, state, source
+                X, t[k - 1], t[k], t, u, k - 1, W, PL, codes, step, moving, r1, r2, plain, before, space, state, source
             )  # fmt: skip
             for i in range(rows):
                 for m in range(rows):

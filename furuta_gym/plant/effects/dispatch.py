@@ -90,30 +90,23 @@ def store_filter(X, codes, value):
                 X[codes[i, 2], k] = value[k]
 
 
-_CHANGING = tuple(NUMBERS[e.name] for e in CARRIED.values() if "theta" in e.kernels)
+def _asks(*hooks: str) -> Any:
+    """A kernel that says whether an active effect has one of these hooks."""
+    numbers = tuple(NUMBERS[e.name] for e in CARRIED.values() if e.kernels.keys() & set(hooks))
+
+    def any_has(codes: Any) -> bool:
+        for i in range(codes.shape[0]):
+            for number in numbers:
+                if codes[i, 0] == number:
+                    return True
+        return False
+
+    return compiled(any_has, forceinline=True)
 
 
-@compiled(forceinline=True)
-def changes_theta(codes):
-    """Whether an active effect changes θ or r on the way."""
-    for i in range(codes.shape[0]):
-        for number in _CHANGING:
-            if codes[i, 0] == number:
-                return True
-    return False
-
-
-_MOTION = frozenset({"filter", "theta", "torque", "rate", "update"})
-_OUTSIDE = tuple(NUMBERS[e.name] for e in CARRIED.values() if not _MOTION & e.kernels.keys())
-
-
-@compiled(forceinline=True)
-def changes_motion(codes):
-    """Whether an active effect acts within the motion, and not before it (on the command) or after it (on readings)."""
-    for i in range(codes.shape[0]):
-        outside = False
-        for number in _OUTSIDE:
-            outside = outside or codes[i, 0] == number
-        if not outside:
-            return True
-    return False
+changes_theta = _asks("theta")
+"""Whether an active effect changes θ or r on the way."""
+adds_torques = _asks("torque")
+changes_memory = _asks("rate")
+changes_motion = _asks("filter", "theta", "torque", "rate", "update")
+"""Whether an active effect acts within the motion, and not before it (on the command) or after it (on readings)."""

@@ -82,7 +82,7 @@ def multi_start(
             fits[start] = result
         best = min(ahead, *(f.value for f in fits.values()))
         order = sorted((start for start, _ in running), key=lambda start: fits[start].value)
-        on = [start for start in order if not fits[start].optimum.converged]
+        on = [start for start in order if not fits[start].optimum.converged and pace[start] > policy.stands]
         if halve:
             on = on[: max(2, len(fits) >> (turn + 1))]
         running = [

@@ -137,7 +137,10 @@ class Search:
         suggested |= {name: added(fitted, current) for name, fitted in joined.items()}
         if not suggested:
             return current, ()
-        fits = dict(joined) or self._started(current, suggested, held, thorough)
+        if held is not None:  # its θ is near the truth, and that of `current` is not: see `from_best`
+            fits = {added(held, current).name: held}
+        else:
+            fits = dict(joined) or self._started(current, suggested, thorough)
         chase = _Chase(fits, suggested, table, current, held, effort, resized=set(joined))
         hopeless = nothing_left and all(
             current.value - f.value < price(name, current.samples) for name, f in fits.items()
@@ -160,14 +163,11 @@ class Search:
             ranking = (first, *by_name.values())
         return current, ranking
 
-    def _started(self, current: Fit, suggested: dict[str, Effect], held: Fit | None, thorough: bool) -> dict[str, Fit]:
+    def _started(self, current: Fit, suggested: dict[str, Effect], thorough: bool) -> dict[str, Fit]:
         """A coarse fit of every suspect from what its score suggests, and from other sizes where all went astray."""
         self.progress(f"fitting {', '.join(suggested)}")
-        ahead = math.inf if held is None else held.value
         starts = [at for start in suggested.values() for at in starts_of(start, current, self)]
-        fits = best_of(multi_start(starts, current, self, ahead))
-        if held is not None and held.value < fits[added(held, current).name].value:
-            fits[added(held, current).name] = held
+        fits = best_of(multi_start(starts, current, self))
         # worse than without any: all went astray
         if thorough or min(f.value for f in fits.values()) > current.value + self.policy.reach:
             fits = self._resized(list(fits), suggested, fits, current)
