@@ -45,20 +45,24 @@ def restarted(problem: PredictionError, found: Optimum, iterations: int, toleran
     if part is None:
         return _rounds(problem, found, iterations, tolerance, exact)
     there = minimise(part, found.z, iterations, tolerance, exact=False)
-    lower = _rounds(part, there, iterations, tolerance, exact=False)
-    if lower.value > part.value(found.z) - len(found.z):  # what other samples move the minimum by
+    worth = float(len(found.z))  # what other samples move the minimum by
+    lower = _rounds(part, there, iterations, tolerance, exact=False, worth=worth)
+    if lower.value > part.value(found.z) - worth:
         return found
     again = minimise(problem, lower.z, iterations, tolerance, exact=exact)
     return again if again.value < found.value else found
 
 
-def _rounds(problem: PredictionError, found: Optimum, iterations: int, tolerance: float, exact: bool) -> Optimum:
+def _rounds(
+    problem: PredictionError, found: Optimum, iterations: int, tolerance: float, exact: bool, worth: float = _WORTH
+) -> Optimum:
+    """Restarts as long as each brings V down by `worth` [nats]."""
     for _ in range(_ROUNDS):
         if not _may_have_stalled(problem, found):
             break
         starts = [_shifted(problem, found.z, scale) for scale in _SCALES] + _elsewhere(problem, found)
-        best = _best_of(problem, starts, found.value, tolerance)
-        if not best.value < found.value - _WORTH:
+        best = _best_of(problem, starts, found.value - (worth - _WORTH), tolerance)
+        if not best.value < found.value - worth:
             break
         again = minimise(problem, best.z, iterations, tolerance, exact=exact)
         if not again.value < found.value:

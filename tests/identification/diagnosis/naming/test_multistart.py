@@ -48,10 +48,20 @@ QUICK = Bowl(0.0, rate=0.01)
 @pytest.mark.parametrize(("behind", "goes_on"), [(18.0, True), (35.0, False)])
 def test_a_fit_goes_on_that_is_near_the_best(behind: float, goes_on: bool) -> None:
     """One that hardly moves is judged by where it is: 25 nats decide."""
-    slow = Bowl(behind - 100.0, rate=0.9995)
+    slow = Bowl(behind - 100.0, rate=0.998)
     found = raced({"input_delay": QUICK, "arm_spring": slow})
     assert found["input_delay"] == pytest.approx(0.0, abs=0.05)
     assert found["arm_spring"] == pytest.approx(after(8 if goes_on else 2, slow))
+
+
+def test_a_fit_that_stands_still_is_left_where_it_is() -> None:
+    """However near to the best: what a round no longer moves by a nat is left to the fits to the end."""
+    still = Bowl(-82.0, rate=0.9995)
+    assert after(1, still) - after(2, still) < 1.0
+    assert raced({"input_delay": QUICK, "arm_spring": still})["arm_spring"] == pytest.approx(after(2, still))
+    restless = replace(DecisionPolicy(), stands=0.1)
+    found = raced({"input_delay": QUICK, "arm_spring": still}, restless)
+    assert found["arm_spring"] == pytest.approx(after(8, still))
 
 
 def test_one_that_is_far_but_fast_goes_on_and_wins() -> None:
