@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.dynamics import rates
 from furuta_gym.plant.effects.dispatch import add_torques, map_command
+from furuta_gym.plant.integration import rates
 from furuta_gym.plant.layout import N_BASE
 from furuta_gym.sensors import Sensors, angles_read
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Effect, Plant
-from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.advance import advance
 from furuta_gym.plant.linearization import HANGING, discretize, linearize
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import integration_step

@@ -4,7 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.plant.dynamics import advance, command_delays, mass_matrix
+from furuta_gym.plant.advance import advance
+from furuta_gym.plant.dynamics import mass_matrix
+from furuta_gym.plant.effects.dispatch import command_delays
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, integration_step
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from furuta_gym.arguments import ArgumentError
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
-from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.advance import advance
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import ArgumentError
-from .plant.dynamics import advance
+from .plant.advance import advance
 from .plant.effects import EFFECTS
 from .plant.integration_step import substep
 from .plant.plant import Plant

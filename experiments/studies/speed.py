@@ -25,7 +25,7 @@ from furuta_gym.envs import ENV_ID
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.files import write_whole
 from furuta_gym.plant import PLANTS, TABLE_3
-from furuta_gym.plant.dynamics import plain_steps
+from furuta_gym.plant.integration import plain_steps
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,11 @@ import math
 
 import numpy as np
 
+from ..plant.advance import acting_row, until_next, workspace
 from ..plant.compiled import compiled
-from ..plant.dynamics import _runge_kutta, acting_row, plain_steps, until_next, workspace
 from ..plant.effects.dispatch import command_delays, filter_command, map_command, store_filter
 from ..plant.elementary import sincos
+from ..plant.integration import plain_steps, runge_kutta
 from ..sensors import read_encoders
 from .draws import draw_parameters, draw_ranges
 from .streams import normal_pair, uniform
@@ -127,7 +128,7 @@ def _held(X, P, codes, start, h, command, W, substeps, work):
         plain_steps(X, h, substeps, command, W, P)
         return
     map_command(P, codes, command)
-    _runge_kutta(X, start, h, substeps, command, W, P, codes, work)
+    runge_kutta(X, start, h, substeps, command, W, P, codes, work)
     since, torque = work[-1], work[-3]
     for k in range(X.shape[1]):
         since[k] = h[k] * substeps

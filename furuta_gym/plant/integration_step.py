@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from .compiled import compiled
-from .dynamics import rates
 from .effects.dispatch import filter_command
+from .integration import rates
 from .layout import N_BASE
 
 _STEP_TIMES_RATE = 1.0  # of friction

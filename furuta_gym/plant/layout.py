@@ -1,6 +1,6 @@
 """Which row of P, the packed parameters of a plant, holds which parameter: the one place that knows their order.
 
-The compiled kernels of `dynamics` read θ and r by position; everything else asks by name.
+The compiled kernels of `dynamics` and `integration` read θ and r by position; everything else asks by name.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import rates
+from .integration import rates
 from .layout import N_BASE
 from .plant import Plant
 

@@ -33,7 +33,7 @@ _MAPPINGS = ("sensors", "provenance", "checks", "limits", "randomize")
 
 
 class Packed(NamedTuple):
-    """A plant as the compiled code takes it; see `dynamics`. p (rows of the layout,), codes (effects, 3), rows of X."""
+    """A plant as `integration` takes it: p (rows of the layout,), codes (effects, 3), rows of X."""
 
     p: NDArray[np.float64]
     codes: NDArray[np.int64]

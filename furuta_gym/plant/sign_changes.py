@@ -7,8 +7,9 @@ such pushes for a friction of another sharpness. So the passage is found, and ta
 
 import math
 
+from .advance import advance_within
 from .compiled import compiled
-from .dynamics import advance_within, shared_steps
+from .integration import shared_steps
 
 _PIECE = 2e-3  # s, in which a velocity changes nearly evenly
 _EDGE = 3.0  # of r q̇: beyond it friction is constant to half a percent

@@ -60,7 +60,8 @@ def _of_no_size(diagnosis: Diagnosis) -> bool:
         if (effect := diagnosis.after.plant.effect(suspect.name)) is not None:
             in_play = effect.type.in_play(effect.parameters)
             between += [effect.interval(p.name) for p in in_play if p.role == "size"]
-    return bool(between) and all(ends is not None and ends[0] < 0.0 < ends[1] for ends in between)
+    # the interval of a size that cannot be negative ends at zero at the least
+    return bool(between) and all(ends is not None and ends[0] <= 0.0 < ends[1] for ends in between)
 
 
 def _sharpness_alone(diagnosis: Diagnosis) -> bool:

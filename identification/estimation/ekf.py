@@ -20,16 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.advance import workspace
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.integration_step import fitted_step, friction_rate, moving_step, rest_slopes
 from furuta_gym.plant.layout import N_BASE, R1, R2
 from furuta_gym.plant.sign_changes import advance_alike
 
 from ..kalman.arguments import Gaussian, Readings
-from ..kalman.bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, read_pair
+from ..kalman.bank import STATE_STEP
 from ..kalman.noise_model import RecordNoise
+from ..kalman.one_filter import add_torque_noise, propagate, read_pair
 from ..kalman.record import stretches
+from ..kalman.sharpness import effective_sharpness
 from ..logs.log import Log, as_logs
 from .start import candidates
 

@@ -21,11 +21,12 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.layout import N_BASE
 
 from ..kalman.arguments import BankResult, Gaussian, LeaderReadings, Model
-from ..kalman.bank import innovations, sharpness_rows, whole_registers
+from ..kalman.bank import innovations, whole_registers
 from ..kalman.coordinates import Coordinate, Zeros, filled_noise, filled_parameters, filled_plant, filled_zeros
 from ..kalman.likelihood import differentiate
 from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
+from ..kalman.sharpness import sharpness_rows
 from .optimise import Expansion
 from .pool import in_shared_pool, mapped
 from .priors import Priors

@@ -11,21 +11,13 @@ Filters of a bank come in three kinds, by what they carry of their own:
               noise only;
     followers the gain of filter 0: the usual Gauss–Newton simplification of a frozen gain, three to four times cheaper.
 
-tanh(r q̇) is sharper than what a filter knows of q̇ where noise is large, and its slope at the mean then says nothing.
-So the mean over the velocity's uncertainty σ is taken: with tanh(r v) ≈ erf(√π r v / 2),
-
-    E tanh(r (v + σ ξ)) ≈ tanh(ρ v),   ρ = r / √(1 + (π/2) r² σ²),
-
-which is statistical linearisation (Gelb 1974, section 6.2) of the friction: ρ takes the place of r, sample by sample.
+Each filter takes friction as sharp as its knowledge of the velocity allows: see `sharpness`.
 """
 
-import math
-
 import numpy as np
-from numpy.typing import NDArray
 
+from furuta_gym.plant.advance import workspace
 from furuta_gym.plant.compiled import compiled, lanes_of
-from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import (
     fitted_step,
@@ -34,15 +26,13 @@ from furuta_gym.plant.integration_step import (
     response_rate,
     rest_slopes,
 )
-from furuta_gym.plant.layout import ParameterLayout
 from furuta_gym.plant.sign_changes import advance_alike
 
 from .arguments import BankResult, Gaussian, LeaderReadings, Model, Readings
-from .leaders import packed, shaken, step_leaders
-from .rounding import counted
+from .leaders import packed, step_leaders
+from .sharpness import effective_sharpness, sharpest
 
 _REGISTER = 8  # lanes, of the widest processors
-_SPEED = {"r1": 2, "r2": 3}  # the state in which the velocity of its friction is
 STATE_STEP = 1e-5  # of a state, for its Jacobian: far below 1/r, and so far above rounding that V is smooth over 1e-6
 
 
@@ -52,103 +42,11 @@ def whole_registers(lanes):
     return (lanes + _REGISTER - 1) // _REGISTER * _REGISTER
 
 
-@compiled(forceinline=True)
-def effective_sharpness(r, variance):
-    """ρ [s/rad]: the sharpness left of r where the velocity is known to this variance [rad²/s²]."""
-    return r / math.sqrt(1.0 + 0.5 * math.pi * r * r * variance)
-
-
 @compiled(apart=True)
 def _blunted(left, r, variance, lanes):
     """`effective_sharpness` of all lanes."""
     for i in range(lanes):
         left[i] = effective_sharpness(r[i], variance[i])
-
-
-@compiled
-def sharpest(p, sharp):
-    """(r1, r2) [s/rad]: the sharpest frictions of a plant, and 1 at least. p: its parameters, sharp: see `Model`."""
-    r1, r2 = 1.0, 1.0
-    for m in range(sharp.shape[0]):
-        if sharp[m, 1] == 2:
-            r1 = max(r1, p[sharp[m, 0]])
-        else:
-            r2 = max(r2, p[sharp[m, 0]])
-    return r1, r2
-
-
-@compiled(nogil=True)
-def add_torque_noise(C, q2, theta, noise, T):
-    """C (n, n) += covariance that white torques of intensity noise[:2] leave in the state after T seconds."""
-    v11, v12, v22 = shaken(q2, theta[0], theta[1], theta[2], theta[3], noise[0], noise[1])
-    for i in range(2):
-        for j in range(2):
-            v = v11 if i + j == 0 else (v22 if i + j == 2 else v12)
-            C[i, j] += v * T * T * T / 3.0
-            C[i + 2, j] += v * T * T / 2.0
-            C[i, j + 2] += v * T * T / 2.0
-            C[i + 2, j + 2] += v * T
-
-
-@compiled(nogil=True)
-def propagate(C, Phi, work):
-    """C ← Φ C Φᵀ."""
-    n = C.shape[0]
-    for i in range(n):
-        for j in range(n):
-            s = 0.0
-            for m in range(n):
-                s += Phi[i, m] * C[m, j]
-            work[i, j] = s
-    for i in range(n):
-        for j in range(i + 1):
-            s = 0.0
-            for m in range(n):
-                s += work[i, m] * Phi[j, m]
-            C[i, j] = s
-            C[j, i] = s
-
-
-@compiled(nogil=True)
-def read_pair(C, H, noise, d, quantum, K, e, S, prior, CH):
-    """A pair of readings d (2,) beyond their predictions: gains K (n, 2) of the two in turn; C ← what is left.
-
-    e (2,), S (3,) = (S11, S12, S22): joint innovations and covariance of the equivalent Gaussian readings, prior (2,):
-    variances of the readings before rounding. K[:, 1] answers the second innovation less what the first told of it.
-    Returns the cost.
-    """
-    n = C.shape[0]
-    cost, told = 0.0, 0.0
-    S[1] = 0.0
-    for a in range(2):
-        v = noise[2 + a]
-        for i in range(n):
-            x = 0.0
-            for m in range(n):
-                x += C[i, m] * H[a, m]
-            CH[i] = x
-        for i in range(n):
-            v += H[a, i] * CH[i]
-        if a == 0:
-            e[0], S[0], cost = counted(d[0], v, quantum[0])
-            for i in range(n):
-                S[1] += H[1, i] * CH[i]
-            told = S[1] / S[0]
-            prior[0] = v
-            s = S[0]
-        else:
-            e[1], s, c = counted(d[1] - told * e[0], v, quantum[1])
-            e[1] += told * e[0]
-            cost += c
-            prior[1] = v + told * S[1]
-            S[2] = s + told * S[1]
-        for i in range(n):
-            K[i, a] = CH[i] / s
-        for i in range(n):
-            for j in range(i + 1):
-                C[i, j] -= K[i, a] * CH[j]
-                C[j, i] = C[i, j]
-    return cost
 
 
 @compiled(nogil=True)
@@ -305,9 +203,3 @@ def _spread(X, x, exact):
             X[i, B + i * exact + g] += STATE_STEP
         for k in range(B + exact * n, X.shape[1]):
             X[i, k] = x[i, 0]
-
-
-def sharpness_rows(layout: ParameterLayout) -> NDArray[np.int64]:
-    """(m, 2): rows of P that hold a friction's sharpness, and the state that its velocity is."""
-    names = ("r1", "r2", "friction_sharpness.r1", "friction_sharpness.r2")
-    return np.array([(row, _SPEED[name[-2:]]) for name in names for row in layout.rows(name)], dtype=np.int64)

@@ -76,7 +76,7 @@ def _propagate_bank(C, d, Phi, work, new):
 
 @compiled(nogil=True)
 def _add_noise_bank(C, q2, theta, noise, walk, T):
-    """As `bank.add_torque_noise`, in every lane, and what the walking torques add."""
+    """As `one_filter.add_torque_noise`, in every lane, and what the walking torques add."""
     n, L = C.shape[0], noise.shape[1]
     m11, m12, m22 = mass_matrix(q2, theta[0], theta[1], theta[2], theta[3])
     det = m11 * m22 - m12 * m12

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from .arguments import Assumed, Filtered, Linearised, Model
-from .bank import sharpness_rows
 from .noise_model import RecordNoise
 from .path_kernels import follow_log, run_filter, run_smoother
 from .record import Record
+from .sharpness import sharpness_rows
 from .taken import taken
 
 Array = NDArray[np.float64]

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from furuta_gym.plant.advance import workspace
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import workspace
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import (
     fitted_step,
@@ -15,7 +15,9 @@ from furuta_gym.plant.integration_step import (
 from furuta_gym.plant.sign_changes import advance_alike
 
 from .arguments import Assumed, Filtered, Linearised, Model, Readings
-from .bank import STATE_STEP, add_torque_noise, effective_sharpness, propagate, sharpest, whole_registers
+from .bank import STATE_STEP, whole_registers
+from .one_filter import add_torque_noise, propagate
+from .sharpness import effective_sharpness, sharpest
 
 
 @compiled(nogil=True)

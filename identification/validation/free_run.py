@@ -12,16 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from furuta_gym.plant.advance import advance
 from furuta_gym.plant.compiled import compiled
-from furuta_gym.plant.dynamics import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.integration_step import SHORTEST_FITTED, substep
 
 from ..kalman.arguments import Model
-from ..kalman.bank import add_torque_noise, propagate, sharpness_rows
 from ..kalman.noise_model import RecordNoise
+from ..kalman.one_filter import add_torque_noise, propagate
 from ..kalman.path import FilterPath
 from ..kalman.path_kernels import gain
+from ..kalman.sharpness import sharpness_rows
 
 _LONGEST_STEP = 1e-3  # s: runs that start apart share no change of friction's sign
 PER_HORIZON = 8

@@ -13,7 +13,8 @@ from controllers.planned import BALANCING, CALMING, _moved_by_torque, _slopes, d
 from controllers.planning import MARGIN, SHARPEST, on_symbols, plan_swing_up
 from controllers.trials import run_trials, swing_up_starts
 from furuta_gym.plant import QUBE, Effect, Plant
-from furuta_gym.plant.dynamics import acceleration, advance
+from furuta_gym.plant.advance import advance
+from furuta_gym.plant.dynamics import acceleration
 
 COARSE = 40  # intervals; quick, and within a per cent of the plan's time
 LAGGED = QUBE.replace(u_max=6.0).with_effects(Effect("actuator_lag", {"T": 0.01}))

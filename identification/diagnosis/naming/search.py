@@ -18,12 +18,13 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
+from .comparison import Comparison
 from .discrete import has_whole_number, starts_of, stepped
 from .dropped import Rest, dropped
 from .fits import Effort, Fit, Fitter, added, fit
-from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start, rivals_of
+from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, alike, plainer, price, shortlist, slight
+from .suspects import Ranking, Suspect, plainer, price, shortlist, slight
 
 Scorer = Callable[..., dict[str, Score]]
 
@@ -34,47 +35,6 @@ NOTHING_YET: Mapping[str, Fit] = {}
 
 def _silent(text: str) -> None:
     """Progress that nobody wants."""
-
-
-@dataclass
-class _Chase:
-    """Where the comparison of suspects stands: the best fit of each, and what has been done with it.
-
-    suggested: starts from the scores. table: all scores. current: the model without any. held: a fit that takes part
-    as it is. effort: of a fit to the end. led: effects that were the best, and how well they did. resized: effects
-    tried from other sizes. finished: fits to the end.
-    """
-
-    fits: dict[str, Fit]
-    suggested: dict[str, Effect]
-    table: dict[str, Score]
-    current: Fit
-    held: Fit | None
-    effort: Effort
-    led: dict[str, float] = field(default_factory=dict)
-    resized: set[str] = field(default_factory=set)
-    finished: dict[str, Fit] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """The best suspect."""
-        return min(self.fits, key=lambda name: self.fits[name].value)
-
-    @property
-    def best(self) -> Fit:
-        return self.fits[self.name]
-
-    def rivals(self, policy: DecisionPolicy) -> dict[str, Effect]:
-        """What might be mistaken for the best, each with where it starts: fitted effects as they are, suggested ones
-        that have not been fitted, and declared look-alikes that no score suggested as their scores or defaults have
-        them."""
-        best = self.name
-        found = {n: added(self.fits[n], self.current) for n in rivals_of(best, self.fits, policy) if n != best}
-        found |= {n: start for n, start in self.suggested.items() if n not in self.fits}
-        for name in self.table:
-            if alike(name, best) and name not in self.fits and name not in found:
-                found[name] = self.table[name].start or self.current.plant.default_effect(name)
-        return found
 
 
 @dataclass(frozen=True)
@@ -141,24 +101,24 @@ class Search:
             fits = {added(held, current).name: held}
         else:
             fits = dict(joined) or self._started(current, suggested, thorough)
-        chase = _Chase(fits, suggested, table, current, held, effort, resized=set(joined))
+        comparison = Comparison(fits, suggested, table, current, held, effort, resized=set(joined))
         hopeless = nothing_left and all(
             current.value - f.value < price(name, current.samples) for name, f in fits.items()
         )
         if not hopeless:
-            self._compare(chase)
-        if not hopeless and worth(current.value - chase.best.value):
-            before = chase.best.value
-            chase.current = self._finish(chase)
-            if chase.best.value < before - self.policy.reach:  # the best had stalled: the others may have, too
-                self._compare(chase)
-                chase.current = self._finish(chase)
-            current = chase.current
-        ranking = _ranking(chase, current)
+            self._compare(comparison)
+        if not hopeless and worth(current.value - comparison.best.value):
+            before = comparison.best.value
+            comparison.current = self._finish(comparison)
+            if comparison.best.value < before - self.policy.reach:  # the best had stalled: the others may have, too
+                self._compare(comparison)
+                comparison.current = self._finish(comparison)
+            current = comparison.current
+        ranking = _ranking(comparison, current)
         if (plain := plainer(ranking, self.policy)) is not None:
             self.progress(f"fitting {plain.name} in place of a ripple that follows its law")
-            chase.fits[plain.name] = self.fitted(plain.fit.plant, plain.fit, effort)
-            by_name = {s.name: s for s in _ranking(chase, current)}
+            comparison.fits[plain.name] = self.fitted(plain.fit.plant, plain.fit, effort)
+            by_name = {s.name: s for s in _ranking(comparison, current)}
             first = by_name.pop(plain.name)
             ranking = (first, *by_name.values())
         return current, ranking
@@ -173,64 +133,68 @@ class Search:
             fits = self._resized(list(fits), suggested, fits, current)
         return fits
 
-    def _compare(self, chase: _Chase) -> None:
+    def _compare(self, comparison: Comparison) -> None:
         """Coarse fits until the best stays the best: it and its nearest look-alike from other sizes, its declared
         look-alikes and the next in order from its θ. A best that has improved is compared again."""
-        current, suggested = chase.current, chase.suggested
+        current, suggested = comparison.current, comparison.suggested
         for _ in range(2 * len(EFFECTS)):
-            best = chase.name
-            if chase.best.value > chase.led.get(best, math.inf) - self.policy.reach:
+            best = comparison.name
+            if comparison.best.value > comparison.led.get(best, math.inf) - self.policy.reach:
                 break
-            chase.led[best] = chase.best.value
-            fresh = [n for n in best_and_look_alike(chase.fits) if n not in chase.resized and n in suggested]
-            if chase.best is not chase.held and fresh:
-                chase.resized.update(fresh)
-                chase.fits = self._resized(fresh, suggested, chase.fits, current)
-                best = chase.name
-            rivals = chase.rivals(self.policy)
+            comparison.led[best] = comparison.best.value
+            fresh = [n for n in best_and_look_alike(comparison.fits) if n not in comparison.resized and n in suggested]
+            if comparison.best is not comparison.held and fresh:
+                comparison.resized.update(fresh)
+                comparison.fits = self._resized(fresh, suggested, comparison.fits, current)
+                best = comparison.name
+            rivals = comparison.rivals(self.policy)
             self.progress(f"fitting {', '.join(rivals) or 'nothing'} from the parameters of {best}")
-            chase.fits = from_best(best, rivals, chase.fits, current, self)
+            comparison.fits = from_best(best, rivals, comparison.fits, current, self)
 
     def _resized(self, names: Sequence[str], suggested: dict, fits: dict[str, Fit], current: Fit) -> dict[str, Fit]:
         self.progress(f"trying other sizes of {', '.join(names)}")
         return from_other_sizes(names, suggested, fits, current, self)
 
-    def _finish(self, chase: _Chase) -> Fit:
+    def _finish(self, comparison: Comparison) -> Fit:
         """The best suspects fitted to the end; returns the model without any, the better of two starts."""
-        policy, current = self.policy, chase.current
-        self._step_look_alikes(chase)
-        best = chase.best.value
-        least = {n: price(n, current.samples) + policy.believed - policy.reach for n in chase.fits}
-        hopeful = [n for n in chase.fits if current.value - chase.fits[n].value > least[n]]
-        ranked = sorted(hopeful, key=lambda name: chase.fits[name].value)[: policy.finalists]
-        near = [name for name in ranked if chase.fits[name].value < best + policy.reach]
-        names = [n for n in near if chase.fits[n] is not chase.held and chase.fits[n] is not chase.finished.get(n)]
+        policy, current = self.policy, comparison.current
+        self._step_look_alikes(comparison)
+        best = comparison.best.value
+        least = {n: price(n, current.samples) + policy.believed - policy.reach for n in comparison.fits}
+        hopeful = [n for n in comparison.fits if current.value - comparison.fits[n].value > least[n]]
+        ranked = sorted(hopeful, key=lambda name: comparison.fits[name].value)[: policy.finalists]
+        near = [name for name in ranked if comparison.fits[name].value < best + policy.reach]
+        names = [
+            n
+            for n in near
+            if comparison.fits[n] is not comparison.held and comparison.fits[n] is not comparison.finished.get(n)
+        ]
 
         def to_the_end(name: str) -> Fit:
-            nearest = stepped(chase.fits[name], current, self)
-            effort = chase.effort if chase.fits[name].value == best else "full"
+            nearest = stepped(comparison.fits[name], current, self)
+            effort = comparison.effort if comparison.fits[name].value == best else "full"
             return self.fitted(nearest.plant, nearest, effort)
 
         if names:
             self.progress(f"fitting {', '.join(names)} to the end")
         pool = shared_pool() if len(names) > 1 else None  # a single fit uses the threads by itself
-        chase.finished |= zip(names, mapped(pool, to_the_end, names), strict=True)
-        chase.fits |= {name: chase.finished[name] for name in names}
+        comparison.finished |= zip(names, mapped(pool, to_the_end, names), strict=True)
+        comparison.fits |= {name: comparison.finished[name] for name in names}
         self.progress("fitting the model without it")
-        again = self._rival(dropped(chase.best, added(chase.best, current).name), current, chase.best)
+        again = self._rival(dropped(comparison.best, added(comparison.best, current).name), current, comparison.best)
         return again if again.value < current.value else current
 
-    def _step_look_alikes(self, chase: _Chase) -> None:
+    def _step_look_alikes(self, comparison: Comparison) -> None:
         """Look-alikes that are behind the best, with another whole number: a score chose theirs at another θ, and no
         descent moves it."""
-        best, current = chase.best.value, chase.current
-        for name in look_alikes(chase.name, chase.fits):
-            fitted = chase.fits[name]
+        best, current = comparison.best.value, comparison.current
+        for name in look_alikes(comparison.name, comparison.fits):
+            fitted = comparison.fits[name]
             behind = fitted.value > best + self.policy.reach
             contests = current.value - fitted.value > self.policy.contested * (current.value - best)
             if behind and contests and has_whole_number(name):
                 self.progress(f"trying other whole numbers of {name}")
-                chase.fits[name] = stepped(fitted, current, self, rough=False)
+                comparison.fits[name] = stepped(fitted, current, self, rough=False)
 
     def _rival(self, rest: Rest, start: Fit, against: Fit) -> Fit:
         """A plant fitted to compare it with a better one: only as well as the difference asks for."""
@@ -302,12 +266,12 @@ class Search:
         return found
 
 
-def _ranking(chase: _Chase, current: Fit) -> Ranking:
+def _ranking(comparison: Comparison, current: Fit) -> Ranking:
     """The fits as suspects, the best first."""
     suspects = []
-    for name, fitted in chase.fits.items():
+    for name, fitted in comparison.fits.items():
         gain = current.value - fitted.value
-        score = chase.table[name].gain if name in chase.table else 0.0
+        score = comparison.table[name].gain if name in comparison.table else 0.0
         suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
     return tuple(sorted(suspects, key=lambda s: -s.net))
 

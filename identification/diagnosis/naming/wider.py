@@ -13,6 +13,7 @@ import numpy as np
 from furuta_gym.plant import Effect
 
 from .fits import Fit
+from .multistart import Start, multi_start
 from .search import Search
 
 
@@ -26,18 +27,31 @@ def widened(current: Fit, search: Search) -> Fit:
 
 
 def _wider(name: str, current: Fit, search: Search) -> Fit | None:
-    """The best fit with a wider law of one effect; None if there is none that pays for its parameters."""
+    """The best fit with a wider law of one effect; None if there is none that pays for its parameters. Coarse fits
+    decide which laws are fitted to the end."""
     effect = current.plant.effect(name)
     assert effect is not None
+    laws = list(effect.type.wider(effect.parameters)) if effect.type.wider else []
+    if not laws:
+        return None
+    search.progress(f"fitting wider laws of {name}")
+    starts = {_start(Effect(name, values), current): values for values in laws}
+    coarse = multi_start(list(starts), current, search, ahead=current.value)
     best, most = None, search.policy.believed
-    for values in effect.type.wider(effect.parameters) if effect.type.wider else ():
-        search.progress(f"fitting a wider law of {name}")
-        fitted = search.fitted(current.plant.with_effects(Effect(name, values)), current, "full")
-        more = len(effect.type.in_play(values)) - len(effect.type.in_play(effect.parameters))
-        net = current.value - fitted.value - 0.5 * more * math.log(fitted.samples)
+    for start, near in sorted(coarse.items(), key=lambda item: item[1].value):
+        more = len(effect.type.in_play(starts[start])) - len(effect.type.in_play(effect.parameters))
+        price = 0.5 * more * math.log(current.samples)
+        if current.value - near.value - price <= most - search.policy.reach:
+            continue
+        fitted = search.fitted(near.plant, near, "full")
+        net = current.value - fitted.value - price
         if net > most and not _too_far(name, fitted):
             best, most = fitted, net
     return best
+
+
+def _start(effect: Effect, current: Fit) -> Start:
+    return Start((effect.name,), current.plant.with_effects(effect), current.noise, current.zeros)
 
 
 def _too_far(name: str, fitted: Fit) -> bool:

@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import furuta_gym
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3
-from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.advance import advance
 from furuta_gym.plant.sets import SPREAD
 from furuta_gym.sensors import FilteredDifference, Sensors
 

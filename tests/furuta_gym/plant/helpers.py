@@ -3,7 +3,8 @@
 import numpy as np
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
-from furuta_gym.plant.dynamics import advance, energy
+from furuta_gym.plant.advance import advance
+from furuta_gym.plant.dynamics import energy
 from furuta_gym.plant.effects.dispatch import read_sensors
 from furuta_gym.plant.linearization import state_derivative
 from tests.oracles.reference import Reference, static_command

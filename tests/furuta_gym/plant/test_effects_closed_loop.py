@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import EFFECTS, PAPER_GAIN, TABLE_3
-from furuta_gym.plant.dynamics import advance
+from furuta_gym.plant.advance import advance
 from furuta_gym.plant.effects.dispatch import read_sensors
 from tests.furuta_gym.plant.helpers import neutral
 

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from furuta_gym.plant import EFFECTS, LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
-from furuta_gym.plant.dynamics import acting_row, advance, plain_steps, shared_steps, until_next
+from furuta_gym.plant.advance import acting_row, advance, until_next
+from furuta_gym.plant.integration import plain_steps, shared_steps
 from tests.furuta_gym.plant.helpers import mechanical_energy, reference_run, run, square_waves
 from tests.oracles import lagrangian
 from tests.oracles.mujoco_model import RigidSet

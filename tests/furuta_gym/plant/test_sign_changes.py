@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furuta_gym.plant import QUBE, Effect
-from furuta_gym.plant.dynamics import workspace
+from furuta_gym.plant.advance import workspace
 from furuta_gym.plant.integration_step import LONGEST_FITTED, fitted_step, moving_step
 from furuta_gym.plant.sign_changes import advance_alike, passage
 

@@ -267,6 +267,8 @@ def test_a_name_whose_size_may_be_zero_is_none_where_model_5_is_adequate() -> No
     held = HeldOut((loop_log(duration=6.0)[0],), (loop_log(duration=6.0, seed=1)[0],), POLICY)
     assert not _of_no_size(_a_drift_known_within(1e-6))
     assert _of_no_size(_a_drift_known_within(1.0, "input_gain_drift"))  # its other size is not in play
+    assert _of_no_size(_a_drift_known_within(1.0, "arm_spring"))  # k ≥ 0: its interval begins at zero
+    assert not _of_no_size(_a_drift_known_within(1e-6, "arm_spring"))
     told = verified(_a_drift_known_within(1.0), held)
     assert (told.verdict, told.named, told.added) == ("none", (), False)
     assert "may as well be zero" in told.summary
@@ -296,7 +298,7 @@ def test_a_name_is_not_needless_where_structure_is_left(where: str, monkeypatch:
 
 def _a_drift_known_within(std: float, name: str = "arm_friction_drift") -> Diagnosis:
     drift = TABLE_3.default_effect(name)
-    known = Effect(drift.name, drift.parameters, {"a": std})
+    known = Effect(drift.name, drift.parameters, {drift.type.parameters[0].name: std})
     before = an_estimate(TABLE_3)
     before.noise = NoiseReport((3e-7, 1e-9), ())
     return a_diagnosis(drift.name, before=before, after=an_estimate(TABLE_3.with_effects(known)))

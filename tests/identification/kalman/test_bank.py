@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
-from identification.kalman.bank import effective_sharpness, sharpness_rows
 from identification.kalman.noise_model import RecordNoise
 from identification.kalman.path import along, follow
 from identification.kalman.record import Record
+from identification.kalman.sharpness import effective_sharpness, sharpness_rows
 from tests.factories import TORQUE_NOISE, loop_log
 
 SPEEDS = {"r1": 2, "r2": 3}  # the states q̇1 and q̇2

@@ -8,8 +8,8 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from furuta_gym.plant.dynamics import mass_matrix
 from identification.kalman.arguments import LeaderReadings
-from identification.kalman.bank import add_torque_noise, read_pair
 from identification.kalman.leaders import step_leaders
+from identification.kalman.one_filter import add_torque_noise, read_pair
 
 QUANTUM = np.array([0.05, 0.0])
 NOISE = np.array([0.3, 0.4, 0.02, 0.03])  # intensities of torques, variances of readings

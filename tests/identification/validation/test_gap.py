@@ -14,9 +14,9 @@ from furuta_gym.plant import QUBE, TABLE_3
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import open_loop, simulate
 from identification.estimation.identify import identify
-from identification.kalman.bank import add_torque_noise
 from identification.kalman.noise import fit_noise
 from identification.kalman.noise_model import RecordNoise
+from identification.kalman.one_filter import add_torque_noise
 from identification.kalman.path import follow, refilter, smooth
 from identification.kalman.record import Record, stretches
 from identification.kalman.taken import informative

@@ -85,14 +85,37 @@ def test_a_wider_law_is_no_spring(d2: float, kept: bool) -> None:
     plant = TABLE_3.with_effects(Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1}))
     plain: Any = ToyFit(plant, NOISE, 0.0, records=records)
 
-    def fitted(tried: Plant, start: Any, effort: str) -> Any:
+    def fitter(tried: Plant, *_: Any, **__: Any) -> Any:
         values = {**tried.effects[0].parameters, "d2": d2}
         two = tried.with_effects(Effect("arm_hysteresis", values))
         return replace(plain, plant=two, value=-100.0 if values["κ2"] and not values["ρ"] else 0.0)
 
-    search: Any = SimpleNamespace(fitted=fitted, progress=lambda text: None, policy=DecisionPolicy())
+    search: Any = SimpleNamespace(
+        fitter=fitter, fitted=fitter, anchor=plant, progress=lambda text: None, policy=DecisionPolicy()
+    )
     values = widened(plain, search).plant.effects[0].parameters
     assert (values["κ2"] > 0.0) == kept
+
+
+def test_only_what_may_pay_is_fitted_to_the_end() -> None:
+    """Of the laws that a coarse fit finds no better than the plain one, none is."""
+    plant = TABLE_3.with_effects(Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1}))
+    plain: Any = ToyFit(plant, NOISE, 0.0)
+    to_the_end = []
+
+    def fitter(tried: Plant, *_: Any, **__: Any) -> Any:
+        return replace(plain, plant=tried, value=-100.0 if tried.effects[0].parameters["ρ"] else 20.0)
+
+    def fitted(tried: Plant, *_: Any) -> Any:
+        to_the_end.append(tried.effects[0].parameters)
+        return fitter(tried)
+
+    search: Any = SimpleNamespace(
+        fitter=fitter, fitted=fitted, anchor=plant, progress=lambda text: None, policy=DecisionPolicy()
+    )
+    assert widened(plain, search).plant.effects[0].parameters["ρ"] > 0.0
+    assert to_the_end
+    assert all(parameters["ρ"] for parameters in to_the_end)
 
 
 def test_wider_laws_have_the_effects_parameters_in_play() -> None:
