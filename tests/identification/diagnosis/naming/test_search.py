@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -99,6 +99,30 @@ def test_a_best_that_is_overtaken_follows_from_the_new_bests_parameters() -> Non
         "arm_ripple",
         pytest.approx(1.0, abs=0.05),
     )
+
+
+class Heard(Bowls):
+    """Keeps where coarse fits start: the change of ln θ9."""
+
+    starts: ClassVar[list[float]] = []
+
+    def __call__(self, plant: Plant, noise: Any, records: Any, *, effort: str = "restarted", **asked: Any) -> Any:
+        if effort == "coarse":
+            self.starts.append(float(np.log(plant.theta[8] / TABLE_3.theta[8])))
+        return super().__call__(plant, noise, records, effort=effort, **asked)
+
+
+def test_rivals_of_a_name_that_is_reconsidered_start_at_its_parameters() -> None:
+    """And none at the model without it, whose θ is far off."""
+    by_effects = {"": 1000.0, "arm_spring": 0.0, "arm_ripple": 50.0}
+    by = replace(search(by_effects), fitter=Heard(by_effects))
+    Heard.starts.clear()
+    table = {"arm_ripple": Score("arm_ripple", 900.0, TABLE_3.default_effect("arm_ripple"), 0.0)}
+    held, without = a_fit("arm_spring", value=0.0), a_fit(value=1000.0, x=5.0)
+    _, ranking = by.refits(without, list(table), table, held=held, effort="full")
+    assert [s.name for s in ranking] == ["arm_spring", "arm_ripple"]
+    assert Heard.starts
+    assert max(Heard.starts) < 1.0
 
 
 class Stalling(Bowls):
