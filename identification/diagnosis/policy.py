@@ -115,11 +115,14 @@ class DecisionPolicy:
     rounds: int = _rule(8, "rounds of the multi-start at most", COST, "rounds")
     catches_up: float = _rule(
         3.0,
-        "a fit goes on only if it could reach the best within so many rounds at the pace of its last one",
+        "a fit goes on only if it could reach the best within so many rounds, at the pace of its last one or at what "
+        "its derivatives promise, if that is less",
         DEV,
         "rounds",
     )
-    stands: float = _rule(1.0, "a fit stands still if its last round brought less than this", COST, "nats")
+    stands: float = _rule(
+        1.0, "a fit stands still if its last round brought less than this, or the next one promises less", COST, "nats"
+    )
     rivals: int = _rule(2, "fits, besides the look-alikes, that restart from the best fit's parameters", COST, "fits")
     special: float = _rule(
         1.0, "a fit that is better than its special case by less than this starts from its grid as well", DEV, "nats"

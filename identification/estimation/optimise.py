@@ -108,6 +108,13 @@ def minimise(
     return Optimum(z, expansion.value, expansion, iterations, False, f"not converged in {iterations} iterations")
 
 
+def promised(problem: Problem, found: Optimum) -> float:
+    """Decrease [nats] that the quadratic model promises from where a minimisation ended."""
+    z, there = found.z, found.expansion
+    ridged = _ridged(there.information, problem.reach(z))
+    return _hoped(problem, z, there.gradient, ridged, np.arange(len(z)))[0]
+
+
 _RIDGE = 0.1  # nats a square `reach`: a coordinate that the data hardly see (a vanishing noise) stays about where it is
 
 
@@ -125,11 +132,9 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
     V alone decides there (`expansion.information` of such a trial is not to be used).
     """
     g, H = expansion.gradient, expansion.information
-    held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
-    move = np.array([i for i in free if not held[i]], dtype=int)
     axes, reach = problem.axes(z), problem.reach(z)
     ridged = _ridged(H, reach)
-    hoped = 0.5 * float(g[move] @ np.linalg.solve(ridged[np.ix_(move, move)], g[move]))
+    hoped, move = _hoped(problem, z, g, ridged, free)
     if hoped < tolerance:
         return None, None, hoped, damping
     near = polishing and hoped < _NEAR
@@ -160,6 +165,13 @@ def _descend(problem, z, expansion, free, damping, tolerance, polishing):
             return trial, there, hoped, damping * easier if gained else damping * 2.0
         damping = max(10.0 * damping, 1e-4)
     return None, None, hoped, damping
+
+
+def _hoped(problem, z, g, ridged, free):
+    """The decrease that an undamped step promises, and the coordinates that it moves: not those held at a bound."""
+    held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
+    move = np.array([i for i in free if not held[i]], dtype=int)
+    return 0.5 * float(g[move] @ np.linalg.solve(ridged[np.ix_(move, move)], g[move])), move
 
 
 def _back(problem, trial, there, expected, move):

@@ -29,6 +29,7 @@ _LOUDER = 100.0  # times the torque noise
 _HIDING = 10.0  # times the least torque noise, from which noise may hide that a fit has stalled
 _UNDETERMINED = 2.0  # standard deviation of a logarithm: a factor of seven
 _SHORT = 4  # iterations of a restart before those that are behind are dropped
+_ROUGH = 1.0  # nats, of descents on a part, whose minimum is apart from that of all by several
 _WORTH = 0.5  # nats, that a restart must come down by
 _ROUNDS = 3
 
@@ -44,12 +45,15 @@ def restarted(problem: PredictionError, found: Optimum, iterations: int, toleran
     part = glimpse_of(problem)
     if part is None:
         return _rounds(problem, found, iterations, tolerance, exact)
-    there = minimise(part, found.z, iterations, tolerance, exact=False)
+    there = minimise(part, found.z, iterations, _ROUGH, exact=False)
     worth = float(len(found.z))  # what other samples move the minimum by
     lower = _rounds(part, there, iterations, tolerance, exact=False, worth=worth)
     if lower.value > part.value(found.z) - worth:
         return found
-    again = minimise(problem, lower.z, iterations, tolerance, exact=exact)
+    near = _best_of(problem, [lower.z], found.value, _ROUGH)
+    if not near.value < found.value:
+        return found  # lower on the part only
+    again = minimise(problem, near.z, iterations, tolerance, exact=exact)
     return again if again.value < found.value else found
 
 

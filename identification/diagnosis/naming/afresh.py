@@ -18,7 +18,7 @@ from ...estimation.start import Start as LogStart
 from ...estimation.start import reduced
 from .discrete import grid_of
 from .fits import Fit, added
-from .multistart import Start, best_of, multi_start, one_round
+from .multistart import Start, best_of, catches_up, multi_start, one_round
 from .search import Search
 from .suspects import price
 
@@ -54,13 +54,18 @@ def afresh(
     every = [start for group in tried.values() for start in group]
     rounds = mapped(shared_pool(), lambda start: one_round(start, thin, search), every)
     first = dict(zip(every, rounds, strict=True))
-    best = [first[min(group, key=lambda start: first[start].value)] for group in tried.values()]
-    on = [_start_at(fitted, nominal) for fitted in best]
+    best = {_start_at(found := min((first[s] for s in group), key=_value), nominal): found for group in tried.values()}
     ahead = math.inf if known is None else one_round(known, thin, search).value
-    ends = best_of(multi_start(on, thin, search, ahead, halve=False))
+    least = min(ahead, *map(_value, best.values()))
+    on = [start for start, fitted in best.items() if catches_up(fitted, fitted.promised, least, policy)]
+    ends = best_of(multi_start(on, thin, search, ahead, halve=False), best_of(best))
     order = sorted(ends, key=lambda name: cost(ends[name]))
     full = [_start_at(ends[name], nominal) for name in order[: policy.fitted_whole]]
     return best_of(multi_start(full, nominal, search, halve=False))
+
+
+def _value(fitted: Fit) -> float:
+    return fitted.value
 
 
 def _start_at(fitted: Fit, nominal: Fit) -> Start:

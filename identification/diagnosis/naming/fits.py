@@ -11,7 +11,7 @@ import numpy as np
 
 from furuta_gym.plant import EFFECTS, Effect, Plant
 
-from ...estimation.optimise import Optimum, minimise
+from ...estimation.optimise import Optimum, minimise, promised
 from ...estimation.pool import shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
 from ...estimation.restarts import restarted
@@ -64,6 +64,11 @@ class Fit:
         return PredictionError(self.plant, self.records, self.coordinates, self.noise, zeros=self.zeros)
 
     @property
+    def promised(self) -> float:
+        """What the derivatives promise further iterations [nats]."""
+        return promised(self.problem(), self.optimum) if math.isfinite(self.value) else math.inf
+
+    @property
     def moved(self) -> tuple[Record, ...]:
         """The records with the zeros of their encoders taken off."""
         return tuple(r.moved(self.zeros[r.log]) if r.log in self.zeros else r for r in self.records)
@@ -104,7 +109,7 @@ def fit(
     """
     problem = _problem(plant, noise, records, anchor, policy, effort, zeros)
     exact = effort in ("full", "restarted")
-    tolerance = _ROUGH if effort == "quick" else _TOLERANCE
+    tolerance = _TOLERANCE if exact else policy.stands if effort == "coarse" else _ROUGH
     iterations = iterations or (_FEW if effort == "quick" else _MANY)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=exact)
     if effort == "restarted":

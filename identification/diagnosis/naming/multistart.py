@@ -78,19 +78,21 @@ def multi_start(
         results = mapped(shared_pool(), lambda entry: one_round(entry[1], current, setting), running)
         pace = {}
         for (start, _), result in zip(running, results, strict=True):
-            pace[start] = fits[start].value - result.value if start in fits else math.inf
+            came = fits[start].value - result.value if start in fits else math.inf
+            pace[start] = min(came, result.promised)
             fits[start] = result
         best = min(ahead, *(f.value for f in fits.values()))
         order = sorted((start for start, _ in running), key=lambda start: fits[start].value)
         on = [start for start in order if not fits[start].optimum.converged and pace[start] > policy.stands]
         if halve:
             on = on[: max(2, len(fits) >> (turn + 1))]
-        running = [
-            (start, fits[start])
-            for start in on
-            if fits[start].value - policy.catches_up * pace[start] < best + policy.reach
-        ]
+        running = [(start, fits[start]) for start in on if catches_up(fits[start], pace[start], best, policy)]
     return fits
+
+
+def catches_up(fitted: Fit, pace: float, best: float, policy: DecisionPolicy) -> bool:
+    """Whether a fit may reach the best value [nats] in a few more rounds, at a pace [nats a round]."""
+    return fitted.value - policy.catches_up * pace < best + policy.reach
 
 
 def one_round(at: Start | Fit, current: Fit, setting: Setting) -> Fit:

@@ -13,7 +13,7 @@ import numpy as np
 from furuta_gym.plant import Effect
 
 from .fits import Fit
-from .multistart import Start, multi_start
+from .multistart import Start, multi_start, one_round
 from .search import Search
 
 
@@ -37,11 +37,12 @@ def _wider(name: str, current: Fit, search: Search) -> Fit | None:
     search.progress(f"fitting wider laws of {name}")
     starts = {_start(Effect(name, values), current): values for values in laws}
     coarse = multi_start(list(starts), current, search, ahead=current.value)
+    plain = one_round(current, current, search).value  # as coarse as the others
     best, most = None, search.policy.believed
     for start, near in sorted(coarse.items(), key=lambda item: item[1].value):
         more = len(effect.type.in_play(starts[start])) - len(effect.type.in_play(effect.parameters))
         price = 0.5 * more * math.log(current.samples)
-        if current.value - near.value - price <= most - search.policy.reach:
+        if plain - near.value - price <= most - search.policy.equal:
             continue
         fitted = search.fitted(near.plant, near, "full")
         net = current.value - fitted.value - price

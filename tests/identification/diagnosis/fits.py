@@ -53,6 +53,7 @@ class ToyFit:
     records: tuple[Record, ...] = (RECORD,)
     zeros: Zeros = field(default_factory=dict)
     coordinates: tuple[Coordinate, ...] = ()
+    promised: float = math.inf
 
     @property
     def optimum(self) -> Any:
@@ -79,12 +80,14 @@ def ranked(*suspects: tuple[str, float], fit: Any) -> Ranking:
 @dataclass(frozen=True)
 class Bowl:
     """A local minimum of V [nats]: `value` where ln θ9 is changed by x and effects have `sizes` (times their default's,
-    1 where not given). rate: share of the way there that an iteration leaves."""
+    1 where not given). rate: share of the way there that an iteration leaves. seen: share of V above the minimum that
+    derivatives promise."""
 
     value: float
     x: float = 0.0
     sizes: Mapping[str, float] = field(default_factory=dict)
     rate: float = 0.1
+    seen: float = 1.0
 
     def bottom(self, names: Sequence[str]) -> NDArray[np.float64]:
         return np.array([self.x, *(self.sizes.get(name, 1.0) for name in names)])
@@ -135,7 +138,8 @@ class Bowls:
         theta = TABLE_3.theta * np.exp([*8 * [0.0], at[0]])
         effects = [_sized(plant, name, size) for name, size in zip(names, at[1:], strict=True)]
         ended = plant.replace(theta=theta).with_effects(*effects)
-        return ToyFit(ended, noise, v(bowl, at) + self.still(ended), v(bowl, at) < bowl.value + 0.05)
+        left = v(bowl, at) - bowl.value
+        return ToyFit(ended, noise, v(bowl, at) + self.still(ended), left < 0.05, promised=bowl.seen * left)
 
 
 def _bowls(given: Bowl | float | Sequence[Bowl]) -> list[Bowl]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimation.optimise import Expansion, minimise
+from identification.estimation.optimise import Expansion, Optimum, minimise, promised
 
 Array = np.ndarray
 
@@ -61,6 +61,15 @@ def test_where_no_step_comes_lower_half_a_nat_may_be_promised_still(nats: float,
     assert found.value == 0.0
     assert found.converged is converged
     assert found.message == ("converged" if converged else "no further descent")
+
+
+@pytest.mark.parametrize("nats", [0.0, 0.35, 40.0])
+def test_what_is_promised_is_half_the_slope_by_the_step(nats: float) -> None:
+    """Within the ridge, which holds back a step of unit length by a tenth of a nat; towards a bound nothing is."""
+    problem, z = Promised(nats), np.zeros(2)
+    assert promised(problem, Optimum(z, 0.0, problem.expand(z), 4, False, "")) == pytest.approx(nats, rel=0.1)
+    problem.low = np.zeros(2)
+    assert promised(problem, Optimum(z, 0.0, problem.expand(z), 4, False, "")) == 0.0
 
 
 class Banana(Valley):

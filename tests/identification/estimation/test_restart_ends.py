@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,12 @@ from identification.estimation.optimise import Expansion, Optimum
 
 
 class Alone:
-    """A problem that has no threads."""
+    """A problem that has no threads, with V = 0 everywhere."""
 
     pool = None
+
+    def value(self, z: np.ndarray) -> float:
+        return 0.0
 
     def alone(self) -> Alone:
         return self
@@ -34,3 +38,25 @@ def test_a_start_that_no_longer_improves_is_dropped(monkeypatch: pytest.MonkeyPa
     best = restarts._best_of(Alone(), [np.array([x]) for x in (0.0, 1.0, 2.0)], 39.0, 0.05)  # type: ignore[arg-type]
     assert best.value == 39.0
     assert len(tried) < 10
+
+
+@pytest.mark.parametrize("lower", [False, True])
+def test_what_is_lower_on_a_part_only_takes_no_exact_derivatives(monkeypatch: pytest.MonkeyPatch, lower: bool) -> None:
+    """Thinned records have minima of their own. Short fits with frozen gains say whether all records agree."""
+    whole, part, exactly = Alone(), Alone(), []
+
+    def ended(value: float) -> Optimum:
+        return Optimum(np.zeros(1), value, Expansion(value, np.zeros(1), np.eye(1)), 1, True, "converged")
+
+    def descends(problem: Any, *_: Any, exact: bool = True, **__: Any) -> Optimum:
+        if exact:
+            exactly.append(problem)
+        return ended(-90.0 if problem is part else 50.0 if lower else 150.0)
+
+    found = replace(ended(100.0), converged=False)
+    monkeypatch.setattr(restarts, "glimpse_of", lambda problem: part)
+    monkeypatch.setattr(restarts, "minimise", descends)
+    monkeypatch.setattr(restarts, "_rounds", lambda *_, **__: ended(-90.0))
+    again = restarts.restarted(whole, found, 20, 0.05, exact=True)  # type: ignore[arg-type]
+    assert again.value == (50.0 if lower else 100.0)
+    assert exactly == ([whole] if lower else [])

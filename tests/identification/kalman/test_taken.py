@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.discrepancy.basis import Family
-from identification.discrepancy.response import answers
+from identification.discrepancy.response import Normal, answers
 from identification.kalman.likelihood import whiten
 from identification.kalman.noise import fit_noise
 from identification.kalman.noise_model import RecordNoise
@@ -104,6 +104,21 @@ def test_answers_are_what_a_torque_changes_where_readings_are_left_out(partly: F
     found = answers(partly, Family("arm", "any", torque)).reshape(-1, 2)
     np.testing.assert_allclose(whiten(pushed.e - partly.e, partly.S), found, atol=1e-6 * np.abs(found).max())
     assert not found[~partly.used].any()
+
+
+def test_families_side_by_side_answer_as_each_does_alone(partly: FilterPath) -> None:
+    """In their order, whatever they stand for: torques, errors of readings, or one kind after the other."""
+    rng, shape = np.random.default_rng(3), (len(partly.record.t), 2)
+    families = [
+        Family("arm", "any", rng.normal(size=(*shape, 1))),
+        Family("input", "any", rng.normal(size=(*shape, 3))),
+        Family("sensor", "any", None, rng.normal(size=(*shape, 2))),
+        Family("pendulum", "any", rng.normal(size=(*shape, 2))),
+    ]
+    alone = Normal.of_columns(partly, [answers(partly, family) for family in families])
+    together = Normal.of(partly, families)
+    np.testing.assert_allclose(together.gram, alone.gram, rtol=1e-12)
+    np.testing.assert_allclose(together.right, alone.right, rtol=1e-9)
 
 
 def test_the_noise_of_a_rig_that_rests_is_not_its_rounding() -> None:

@@ -64,6 +64,14 @@ def test_a_fit_that_stands_still_is_left_where_it_is() -> None:
     assert found["arm_spring"] == pytest.approx(after(8, still))
 
 
+@pytest.mark.parametrize(("seen", "goes_on"), [(1.0, True), (0.1, False)])
+def test_one_that_may_no_longer_catch_up_is_left_at_once(seen: float, goes_on: bool) -> None:
+    """After a first round nobody knows its pace, but its derivatives promise something."""
+    late = Bowl(-20.0, rate=0.9, seen=seen)
+    found = raced({"input_delay": QUICK, "arm_spring": late}, replace(DecisionPolicy(), reach=1.0))
+    assert (found["arm_spring"] < after(1, late) - 1.0) == goes_on
+
+
 def test_one_that_is_far_but_fast_goes_on_and_wins() -> None:
     late = Bowl(-20.0, rate=0.93)
     found = raced({"input_delay": QUICK, "arm_spring": late})

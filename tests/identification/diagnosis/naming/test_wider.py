@@ -98,13 +98,13 @@ def test_a_wider_law_is_no_spring(d2: float, kept: bool) -> None:
 
 
 def test_only_what_may_pay_is_fitted_to_the_end() -> None:
-    """Of the laws that a coarse fit finds no better than the plain one, none is."""
+    """Of the laws that a coarse fit finds no better than the plain one by a coarse fit, none is."""
     plant = TABLE_3.with_effects(Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1}))
     plain: Any = ToyFit(plant, NOISE, 0.0)
     to_the_end = []
 
     def fitter(tried: Plant, *_: Any, **__: Any) -> Any:
-        return replace(plain, plant=tried, value=-100.0 if tried.effects[0].parameters["ρ"] else 20.0)
+        return replace(plain, plant=tried, value=-120.0 if tried.effects[0].parameters["ρ"] else -20.0)
 
     def fitted(tried: Plant, *_: Any) -> Any:
         to_the_end.append(tried.effects[0].parameters)
