@@ -8,7 +8,7 @@ import pytest
 from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.added_torque import added_torque, motion_of
 from identification.diagnosis.naming.afresh import afresh, cost
-from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.fits import Fit, fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import price
@@ -60,6 +60,24 @@ def test_what_cannot_catch_up_with_a_known_fit_costs_less(strong):
     beside = afresh(nominal, starts, wrong, known)
     assert len(rounds) - spent - 1 < spent  # one round is of the known fit
     assert all(cost(found) > cost(known) + 100.0 for found in (*without.values(), *beside.values()))
+
+
+def test_what_derivatives_promise_too_little_is_left_after_its_first_round(strong, monkeypatch):
+    log, nominal, anchor = strong
+    rounds: list[str] = []
+
+    def counting(plant, *args, **asked):
+        rounds.append(asked["effort"])
+        return fit(plant, *args, **asked)
+
+    def spent(nats: float) -> int:
+        rounds.clear()
+        monkeypatch.setattr(Fit, "promised", property(lambda self: nats))
+        fits = afresh(nominal, candidates([log], TABLE_3), Search(anchor, ONLY, fitter=counting))
+        assert min(fits, key=lambda name: cost(fits[name])) == "input_gain_asymmetry"
+        return len(rounds)
+
+    assert spent(1e9) - spent(2.0) >= len(ONLY) - 1
 
 
 def test_without_starts_nothing_is_found(strong):

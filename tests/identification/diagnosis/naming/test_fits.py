@@ -1,0 +1,41 @@
+"""One structure fitted as well as is asked for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from furuta_gym.plant import TABLE_3
+from identification.diagnosis.naming.fits import Fit, fit
+from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.policy import DecisionPolicy
+from identification.kalman.record import stretches
+from tests.factories import loop_log
+
+
+def test_a_coarse_fit_ends_where_no_more_than_a_standstill_is_promised() -> None:
+    """What its derivatives promise there is less than `stands`, and so is what another descent brings."""
+    log, _ = loop_log(duration=4.0)
+    start = TABLE_3.replace(theta=1.2 * TABLE_3.theta)
+
+    def coarse(stands: float) -> Fit:
+        records = [stretch.record for stretch in stretches([log])]
+        policy = replace(DecisionPolicy(), stands=stands)
+        return fit(start, START_NOISE, records, policy=policy, effort="coarse")
+
+    rough, fine = coarse(20.0), coarse(0.01)
+    assert rough.optimum.converged
+    assert fine.optimum.converged
+    assert 0.01 < rough.promised < 20.0
+    assert fine.promised < 0.01
+    assert rough.optimum.iterations < fine.optimum.iterations
+    assert 0.0 < rough.value - fine.value < 20.0
+    assert coarse(1e9).optimum.iterations == 1, "there it starts"
+
+
+def test_nothing_finite_is_promised_where_the_filter_diverges() -> None:
+    log, _ = loop_log(duration=1.0)
+    (stretch,) = stretches([log])
+    lost = fit(TABLE_3, START_NOISE, [stretch.record], iterations=1, effort="coarse")
+    assert math.isfinite(lost.promised)
+    assert math.isinf(replace(lost, optimum=replace(lost.optimum, value=math.inf)).promised)
