@@ -15,6 +15,7 @@ from ...kalman.coordinates import Zeros
 from ...kalman.record import Record
 
 _ANGLES = 60  # at which two laws are compared
+_FLAT = 1e-9  # of a torque's size: a smaller deviation is rounding
 Array = NDArray[np.float64]
 
 
@@ -27,14 +28,17 @@ def related(one: str, other: str) -> bool:
 
 def nearest(effect: Effect, start: Effect, angles: Array) -> Effect:
     """The effect of the name of `start`, a related one, whose torque is nearest to that of `effect` at some angles
-    (N,) [rad] of the arm. start: parameters from which it is looked for, besides those that both laws share."""
+    (N,) [rad] of the arm. start: parameters from which it is looked for, besides those that both laws share; they
+    stay where the effect is constant at these angles, as a cable is that comes taut beyond them."""
     kind = start.type
     if (same := kind.includes.get(effect.name)) is not None:
         values = same(effect.parameters, kind.neutral())
         if all(p.lower <= values[p.name] <= p.upper for p in kind.parameters):
             return Effect(start.name, values)
     wanted = _torque(effect.type, effect.parameters, angles)
-    scale = max(float(np.std(wanted)), 1e-300)
+    scale = float(np.std(wanted))
+    if scale <= _FLAT * np.abs(wanted).max():
+        return start
     names = [p.name for p in kind.parameters]
     bounds = [p.lower for p in kind.parameters], [p.upper for p in kind.parameters]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
@@ -91,3 +91,29 @@ def test_a_special_case_and_what_includes_it_find_each_other(best: str, lost: st
     fits = {best: a_fit(at[best], value=0.0), lost: a_fit(far[lost], value=400.0)}
     found = from_best(best, {lost: far[lost]}, fits, a_fit(value=1000.0), setting)
     assert found[lost].value < 1.0
+
+
+def test_a_law_that_is_constant_at_these_angles_has_no_nearest_one() -> None:
+    """A cable that comes taut beyond the arm's travel: whatever is looked for stays where it was."""
+    angles = np.linspace(-0.2, 0.3, 60)
+    slack = Effect("arm_taut_cable", {"k1": 5e-21, "k2": 0.004, "q1n": 13.6, "qt": 5.7})
+    start = cable(0.1, 1.9, 0.005, 0.06)
+    assert nearest(slack, start, angles) is start
+    assert nearest(cable(0.0, 0.0, 0.0, 0.0), spring(), angles) == spring()
+
+
+@settings(max_examples=25)
+@given(
+    st.sampled_from([0.0, 1e-300, 1e-21, 1e-9, 0.1]),
+    st.sampled_from([0.0, 1e-21, 0.004, 3.0]),
+    st.floats(-20.0, 20.0),
+    st.floats(-6.0, 6.0),
+    st.sampled_from(["arm_cable", "arm_spring"]),
+)
+def test_any_taut_cable_has_a_related_law_within_its_bounds(
+    k1: float, k2: float, q1n: float, qt: float, name: str
+) -> None:
+    taut = Effect("arm_taut_cable", {"k1": k1, "k2": k2, "q1n": q1n, "qt": qt})
+    found = nearest(taut, TABLE_3.default_effect(name), np.linspace(-0.3, 0.25, 60))
+    assert found.name == name
+    assert all(p.lower <= found.parameters[p.name] <= p.upper for p in found.type.parameters)
