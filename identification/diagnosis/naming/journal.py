@@ -118,6 +118,7 @@ class FitJournal:
                 "iterations": optimum.iterations,
                 "converged": bool(optimum.converged),
                 "message": optimum.message,
+                "gradient": optimum.expansion.gradient.tolist(),
                 "information": optimum.expansion.information.tolist(),
             }
         )
@@ -151,11 +152,12 @@ def _read(path: Path) -> tuple[dict[str, Optimum], bool]:
 def _parsed(line: str) -> tuple[str, Optimum | None]:
     try:
         told = json.loads(line)
-        z, information = (np.array(told[name], dtype=float) for name in ("z", "information"))
-        expansion = Expansion(float(told["value"]), np.zeros(len(z)), information)
+        z, gradient, information = (np.array(told[name], dtype=float) for name in ("z", "gradient", "information"))
+        expansion = Expansion(float(told["value"]), gradient, information)
         ended = int(told["iterations"]), bool(told["converged"]), str(told["message"])
         optimum = Optimum(z, expansion.value, expansion, *ended)
-        whole = z.ndim == 1 and information.shape == (len(z), len(z)) and np.isfinite(z).all()
+        shapes = gradient.shape == z.shape and information.shape == (*z.shape, *z.shape)
+        whole = z.ndim == 1 and shapes and np.isfinite(z).all()
         return str(told["fit"]), optimum if whole else None
     except (ValueError, TypeError, KeyError, RecursionError):
         return "", None

@@ -118,3 +118,4 @@ def test_a_fit_from_the_journal_knows_its_information(log: Log, tmp_path: Path) 
     kept = FitJournal(journal.path)(TABLE_3, NOISE, records, iterations=2, effort="coarse")
     np.testing.assert_array_equal(kept.optimum.expansion.information, made.optimum.expansion.information)
     assert np.any(made.optimum.expansion.information)
+    assert kept.promised == made.promised > 0.0
