@@ -8,7 +8,7 @@ import numpy as np
 
 from furuta_gym.files import write_whole
 from furuta_gym.plant import TABLE_3, Plant
-from furuta_gym.plant.parameters import physical_consistency
+from furuta_gym.plant.rigid_body import physical_consistency
 
 GRAVITY = 9.81
 STEP = 0.0005  # s of the simulation
@@ -18,7 +18,7 @@ CARRIED = ("arm_spring", "actuator_lag", "input_saturation")
 _MODEL = """\
 <!--
   A Furuta pendulum as furuta-gym identified it. theta = {theta} ({unit}).
-
+{moved}
   Torques are in the command's unit ({unit}), and so are mass and inertia: {unit_note}
   Lengths are in m. Positions: q1 the arm, q2 the pendulum, zero upright; ctrl is the command.
 
@@ -64,10 +64,11 @@ def mjcf(plant: Plant) -> str:
     """The MJCF text of a physically consistent plant.
 
     Lengths and masses follow from θ by Table 2: L1 = g θ3/θ5, l2 = g θ2/θ5, m2 = θ2/l2², J1 = θ1 − θ3²/θ2,
-    J2 = θ4 − θ2. A common factor of all θ (volts instead of N·m) scales masses and torques alike and leaves every
+    J2 = θ4 − θ2. Where θ2 is outside what a rigid body has by no more than its error bar, the nearest θ2 inside is
+    taken. A common factor of all θ (volts instead of N·m) scales masses and torques alike and leaves every
     acceleration as it is. Raises ValueError for a θ that no rigid body has, and for effects that MJCF cannot carry.
     """
-    check = physical_consistency(plant.theta)
+    check = physical_consistency(plant.theta, plant.covariance)
     if not check.consistent:
         way = "Identify the plant with `furuta identify … --physical`, best from logs that also hang"
         if np.array_equal(plant.theta, TABLE_3.theta):
@@ -91,8 +92,10 @@ def mjcf(plant: Plant) -> str:
             "with fixed={'input_saturation.knee': 0}, or simulate it with FurutaID-v0"
         )
     th1, th2, th3, th4, th5, Fv1, Fv2, Fc1, Fc2 = (float(v) for v in plant.theta)
+    estimated, th2 = th2, min(max(th2, th3 * th3 / th1), th4)
+    moved = f"  theta2 is taken as {th2:.6g}, the nearest value that a rigid body has.\n" if th2 != estimated else ""
     L1, l2 = GRAVITY * th3 / th5, GRAVITY * th2 / th5
-    J1, J2 = th1 - th3 * th3 / th2, th4 - th2
+    J1, J2 = max(th1 - th3 * th3 / th2, 0.0), th4 - th2
     spring, lag = plant.effect("arm_spring"), plant.effect("actuator_lag")
     limit = min(plant.supply, saturation.parameters["m"]) if saturation else plant.supply
     motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
@@ -118,6 +121,7 @@ def mjcf(plant: Plant) -> str:
         slew="" if plant.limit("slew", math.inf) == math.inf else "the largest slew of the command, ",
         limits="".join(f"the rig's {name} of {plant.limit(name, 0.0):g} {unit}, " for name, unit in told),
         far=4 * (abs(L1) + l2),
+        moved=moved,
         J1=J1,
         J2=J2,
         Fv1=Fv1,

@@ -130,7 +130,11 @@ EXPERIMENTS: dict[str, Experiment] = {
         Experiment("steps", "balancing while the arm's place jumps", 20.0, True, _steps),
         Experiment("hanging-chirp", "hanging, open loop, a sine of 0.3 to 5 Hz", 20.0, False, _hanging_chirp),
         Experiment(
-            "free-decay", "let go 0.9 to 1.3 rad from hanging, one kick, then motor off", 20.0, False, _free_decay
+            "free-decay",
+            "let go 0.9 to 1.3 rad from hanging, two opposite kicks, then motor off",
+            20.0,
+            False,
+            _free_decay,
         ),
         Experiment("long", "as `paper`, for two minutes", 120.0, True, _paper),
     )

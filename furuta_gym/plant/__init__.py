@@ -2,8 +2,9 @@
 
 from .covariance import Covariance
 from .effects import EFFECTS, Effect, EffectType, Parameter
-from .parameters import THETA_MEANING, THETA_NAMES, RigidBody, physical_consistency
+from .parameters import THETA_MEANING, THETA_NAMES
 from .plant import PLANTS, Plant
+from .rigid_body import RigidBody, physical_consistency
 from .sampling import sampled_plants
 from .sets import LARGE_RIG, PAPER_GAIN, QUBE, TABLE_3
 

@@ -59,6 +59,14 @@ class Covariance:
         kept = [i for i, name in enumerate(self.names) if name not in names]
         return Covariance(tuple(self.names[i] for i in kept), self.matrix[np.ix_(kept, kept)])
 
+    def std_along(self, slopes: Mapping[str, float]) -> float:
+        """Standard deviation of Σ slope · parameter, to first order that of a quantity with these derivatives. A
+        parameter that is not estimated counts as known."""
+        kept = [name for name in slopes if name in self.names]
+        rows = [self.names.index(name) for name in kept]
+        g = np.array([slopes[name] for name in kept])
+        return float(np.sqrt(max(0.0, g @ self.matrix[np.ix_(rows, rows)] @ g)))
+
     def std_of(self, names: Iterable[str]) -> dict[str, float]:
         """Standard deviations of those of `names` that are estimated."""
         std = np.sqrt(np.diag(self.matrix))

@@ -25,8 +25,9 @@ from .effects.library import NUMBERS
 from .file_remarks import remarks
 from .integration_step import friction_rate, rest_slopes
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
-from .parameters import THETA_NAMES, physical_consistency, theta_vector
+from .parameters import THETA_NAMES, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
+from .rigid_body import physical_consistency
 
 _OWN = ("friction_sharpness", "unit", "u_max", "sample_time")
 _MAPPINGS = ("sensors", "provenance", "checks", "limits", "randomize")
@@ -216,7 +217,7 @@ class Plant:
             "sample_time": self.sample_time,
             "u_max": self.u_max,
             "provenance": dict(self.provenance),
-            "checks": dict(self.checks) | physical_consistency(self.theta).to_dict(),
+            "checks": dict(self.checks) | physical_consistency(self.theta, self.covariance).to_dict(),
         } | {name: dict(value) for name in ("limits", "randomize") if (value := getattr(self, name)) is not None}
 
     def to_json(self) -> str:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from .covariance import Covariance
-from .parameters import THETA_NAMES, RigidBody, theta_vector
+from .parameters import THETA_NAMES, theta_vector
 from .plant import PLANTS, Plant
+from .rigid_body import RigidBody
 
 TABLE_3 = Plant(
     theta=theta_vector([0.19717, 0.03909, 0.01746, 0.01187, 0.40808, 0.0108, 0.00267, 0.11456, 0.00732]),

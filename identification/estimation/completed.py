@@ -14,12 +14,14 @@ import numpy as np
 
 from furuta_gym.plant import Effect, Plant
 from furuta_gym.plant.covariance import Covariance
-from furuta_gym.plant.parameters import physical_consistency
+from furuta_gym.plant.rigid_body import physical_consistency
 from furuta_gym.sensors import Sensors
 
 from ..kalman.record import counts_of
 from ..logs.log import Log
 from .estimate import Estimate
+
+_REMEDY = "Its error bar does not explain that, so an effect may be missing; physical=True (--physical) keeps it out"
 
 
 def with_plant(
@@ -34,20 +36,22 @@ def with_plant(
         Effect(e.name, e.parameters, {p: std[f"{e.name}.{p}"] for p in e.parameters if f"{e.name}.{p}" in std})
         for e in plant.effects
     )
-    consistency = physical_consistency(plant.theta)
+    covariance = Covariance(estimate.names, estimate.covariance)
+    body = physical_consistency(plant.theta, covariance)
     plant = plant.replace(
         effects=effects,
         u_max=plant.u_max if u_max is None else float(u_max),
-        covariance=Covariance(estimate.names, estimate.covariance),
+        covariance=covariance,
         sensors=_sensors(estimate, logs),
         sample_time=float(f"{logs[0].sample_time:.9g}"),  # stamps differ in their last bits
         provenance=_provenance(estimate, logs, start, u_max, guessed),
-        checks=consistency.to_dict()
+        checks=body.to_dict()
         | {"identifiability": estimate.identifiability.to_dict()}
         | ({"error_bars": estimate.error_bars} if estimate.error_bars else {}),
     )
     largest = max(float(np.abs(log.u).max()) for log in logs)
-    return replace(estimate, plant=plant, u_max_guessed=guessed, largest_command=largest)
+    warnings = (*estimate.warnings, *([f"{'; '.join(body.failures)}. {_REMEDY}"] if body.failures else []))
+    return replace(estimate, plant=plant, warnings=warnings, u_max_guessed=guessed, largest_command=largest)
 
 
 def _sensors(estimate: Estimate, logs: Sequence[Log]) -> dict[str, Any] | None:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from furuta_gym.plant import THETA_NAMES, Plant
 from furuta_gym.plant.covariance import NORMAL_95
 from furuta_gym.plant.effects.words import number
-from furuta_gym.plant.parameters import THETA_MEANING, physical_consistency
+from furuta_gym.plant.parameters import THETA_MEANING
+from furuta_gym.plant.rigid_body import ConsistencyCheck, physical_consistency
 
 from ..kalman.coordinates import SHARPNESS_NAMES, Zeros
 from .identifiability import LOST, WEAK, Identifiability, spoken
@@ -226,11 +227,16 @@ class Estimate:
             "uncertain": self.uncertain,
             "gain_changes": [asdict(change) for change in self.gain_changes],
             "identifiability": self.identifiability.to_dict(),
-            "physical_consistency": physical_consistency(self.plant.theta).to_dict(),
+            "physical_consistency": self.rigid_body.to_dict(),
             "zeros": self.zeros_by_log,
             "warnings": list(self.warnings),
             "error_bars": self.error_bars or None,
         }
+
+    @property
+    def rigid_body(self) -> ConsistencyCheck:
+        """Whether a rigid arm and pendulum can have this θ, within its error bars."""
+        return physical_consistency(self.plant.theta, self.plant.covariance)
 
     @property
     def zeros_by_log(self) -> dict[str, list[float]]:
@@ -313,8 +319,7 @@ class Estimate:
             parts.append(f"{spoken(uncertain)} uncertain, as this model lacks something")
         if self.at_bound:
             parts.append(f"{spoken(self.at_bound)} at the bound")
-        consistent = physical_consistency(self.plant.theta).consistent
-        parts.append("physically consistent" if consistent else "not a possible rigid body")
+        parts.append("physically consistent" if self.rigid_body.consistent else "not a possible rigid body")
         return "; ".join(parts)
 
 

@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from furuta_gym.plant import THETA_NAMES, Effect, Plant
-from furuta_gym.plant.parameters import physical_consistency
 
 from ..kalman.coordinates import (
     SHARPNESS_NAMES,
@@ -231,9 +230,6 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
     for source, found in signs:
         if wrong := found.wrong:
             yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
-    if failures := physical_consistency(plant.theta).failures:
-        remedy = "With weak parameters this happens by chance; physical=True (--physical) keeps it out"
-        yield "; ".join(failures) + f". {remedy}"
     # what the torque noise adds up to over a tenth of a second, against the command's size
     missing = math.sqrt(noise.torque[0] / 0.1)
     command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))

@@ -5,6 +5,7 @@ import pytest
 
 from controllers.exports.mjcf import export_mjcf, mjcf
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect, Plant
+from furuta_gym.plant.covariance import Covariance
 from furuta_gym.plant.linearization import state_derivative
 from furuta_gym.simulation import open_loop, simulate
 
@@ -96,6 +97,20 @@ def test_refusals(tmp_path):
     with pytest.raises(ValueError, match=r"no round knee.*has 0.3"):
         export_mjcf(soft, tmp_path / "no.xml")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("index", [1, 0], ids=["θ2 above θ4", "θ1 below θ3²/θ2"])
+def test_an_estimate_that_is_a_rigid_body_within_its_error_bar_is_exported(index):
+    """As of a thin rod, which has θ4 = θ2: the nearest θ2 of a rigid body moves as the plant does, to 1e-4."""
+    theta = without_coulomb(LARGE_RIG).theta.copy()
+    theta[index] = (theta[3], theta[2] ** 2 / theta[1])[index - 1] * (1.00002 if index else 0.99998)
+    std = 3e-5 * theta[index]
+    estimated = LARGE_RIG.replace(theta=theta, covariance=Covariance((f"theta{index + 1}",), np.array([[std**2]])))
+    assert "theta2 is taken as" in mjcf(estimated)
+    theirs, ours = accelerations(estimated, np.array([0.3, 1.0, 2.0, -3.0]), 1.0)
+    assert theirs == pytest.approx(ours, rel=1e-3)
+    with pytest.raises(ValueError, match="no rigid body"):
+        mjcf(estimated.replace(covariance=None))
 
 
 def test_the_limits_of_the_rig_are_carried_or_named():

@@ -15,6 +15,7 @@ from furuta_gym.plant import (
     RigidBody,
     physical_consistency,
 )
+from furuta_gym.plant.covariance import Covariance
 from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.parameters import pendulum_frequency, theta_vector
 from tests.furuta_gym.plant.strategies import thetas
@@ -80,6 +81,33 @@ def test_consistency_is_what_table_2_demands(theta):
     check = physical_consistency(theta)
     assert check.consistent == (J1 >= 0 and J2 >= 0)
     assert len(check.failures) == (J1 < 0) + (J2 < 0)
+
+
+def _with_error(names, matrix):
+    return Covariance(tuple(names), np.array(matrix))
+
+
+@pytest.mark.parametrize(("std", "possible"), [(1e-5, True), (2e-6, False)])
+def test_a_thin_rod_is_a_rigid_body_within_its_error_bars(std, possible):
+    """θ4 = θ2 for a thin rod, so half of its estimates have θ4 < θ2: here by 5e-6, against 1.96 deviations."""
+    theta = LARGE_RIG.theta.copy()
+    theta[1] = theta[3] + 5e-6
+    assert not physical_consistency(theta).consistent
+    errors = _with_error(["theta2", "theta4"], [[std**2, 0.0], [0.0, 0.0]])
+    assert physical_consistency(theta, errors).consistent == possible
+    together = _with_error(["theta2", "theta4"], np.full((2, 2), std**2))  # their difference is known exactly
+    assert not physical_consistency(theta, together).consistent
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_arms_inertia_is_judged_by_its_error_bar_too(share):
+    """J1 = θ1 − θ3²/θ2 < 0 by `share` times its error bar, which θ1, θ2 and θ3 make together: drawn, not derived."""
+    theta = LARGE_RIG.theta.copy()
+    matrix = np.diag(np.square(0.001 * theta[:3]))
+    rng = np.random.default_rng(0)
+    th1, th2, th3 = rng.multivariate_normal(theta[:3], matrix, 100_000).T
+    theta[0] = theta[2] ** 2 / theta[1] - share * 1.96 * np.std(th1 - th3**2 / th2)
+    assert physical_consistency(theta, _with_error(THETA_NAMES[:3], matrix)).consistent == (share < 1.0)
 
 
 @pytest.mark.parametrize("index", range(5, 9))

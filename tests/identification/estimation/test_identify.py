@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
-from furuta_gym.plant.parameters import physical_consistency
+from furuta_gym.plant.rigid_body import physical_consistency
 from furuta_gym.simulation import LONGEST_STEP
 from identification.estimation.classical import _plant
 from identification.estimation.ekf import track
