@@ -100,7 +100,7 @@ _COMMAND = (
 
 
 def _stribeck1(d, p, bench):
-    d.put(strib1=p["ΔF"], strib1_v=p["vs"], strib1_e=1.0 if bench else 2.0)
+    d.put(strib1=p["ΔF"], strib1_v=p["vs"], strib1_tail=1.0 if bench else 0.0)
 
 
 def _asymmetry1(d, p, bench):
@@ -135,7 +135,7 @@ def _place_sizes(s, k, v):
 
 _ARM_FRICTION = (
     _library(
-        "arm_stribeck", "arm: −ΔF exp(−(q̇1/vs)²) tanh(r q̇1)", "exponent 1", {"ΔF": "{u}", "vs": "rad/s"},
+        "arm_stribeck", "arm: −ΔF exp(−(q̇1/vs)²) tanh(r q̇1)", "ΔF/(1 + (q̇1/vs)²)", {"ΔF": "{u}", "vs": "rad/s"},
         lambda s, k, v: {"ΔF": 0.9 * k * s.coulomb[0], "vs": v.near(0.3, 0.2, 0.5)}, _stribeck1,
     ),
     _library(
@@ -285,7 +285,7 @@ def _drag2(d, p, bench):
 
 
 def _stribeck2(d, p, bench):
-    d.put(strib2=p["ΔF"], strib2_v=p["vs"], strib2_e=1.0 if bench else 2.0)
+    d.put(strib2=p["ΔF"], strib2_v=p["vs"], strib2_tail=1.0 if bench else 0.0)
 
 
 def _asymmetry2(d, p, bench):
@@ -338,7 +338,7 @@ _REST = (
         lambda s, k, v: {"c": 0.8 * k * s.inertia[3]}, _drag2,
     ),
     _library(
-        "pendulum_stribeck", "pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)", "exponent 1",
+        "pendulum_stribeck", "pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)", "ΔF/(1 + (q̇2/vs)²)",
         {"ΔF": "{u}", "vs": "rad/s"},
         lambda s, k, v: {"ΔF": 2.0 * k * s.coulomb[1], "vs": v.near(0.3, 0.2, 0.5)}, _stribeck2,
     ),

@@ -306,7 +306,7 @@ class DiagnosisFile(Struct, kw_only=True):
         list[OtherLaw] | UnsetType,
         Meta(
             description="Effects that are in the plant only because a named effect follows another law than the "
-            "library's. Each is an entry as in effects; law_of is that named effect"
+            "library's, or because they follow from it. Each is an entry as in effects; law_of is that named effect"
         ),
     ] = UNSET
     ranking: Annotated[list[Ranked], Meta(description="The effects that were tried first, the best first")]

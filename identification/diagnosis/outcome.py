@@ -31,6 +31,7 @@ from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
+from .naming.hung import set_while_hanging
 from .naming.suspects import Suspect, follows_clock
 from .policy import DecisionPolicy
 
@@ -300,7 +301,13 @@ class Diagnosis:
                 sign = "+" if self.confirmed else "tried, not named:"
                 lines.append(f"  {sign} {found}   [{EFFECTS[suspect.name].equation}]")
                 if (of := self.naming.describes(suspect.name)) is not None:
-                    lines.append(f"    describes what the law of {of} misses; no effect of its own")
+                    hung = of == set_while_hanging(self.naming.final)
+                    what = (
+                        f"follows from {of}, as the counter was set hanging"
+                        if hung
+                        else f"describes what the law of {of} misses"
+                    )
+                    lines.append(f"    {what}; no effect of its own")
                     continue
                 if self.confirmed:
                     lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")

@@ -155,7 +155,7 @@ def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, 
     arm = pendulum = 0.0
     for name, p in effects.items():
         if name == "arm_stribeck":
-            arm -= p["ΔF"] * exp(-((v1 / p["vs"]) ** 2)) * tanh(r1 * v1)
+            arm -= p["ΔF"] * exp(-(abs(v1 / p["vs"]) ** p["δ"])) * tanh(r1 * v1)
         elif name == "arm_coulomb_asymmetry":
             arm -= p["a"] * abs(tanh(r1 * v1))
         elif name == "arm_quadratic_drag":
@@ -182,7 +182,7 @@ def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, 
         elif name == "pendulum_quadratic_drag":
             pendulum -= p["c"] * v2 * abs(v2)
         elif name == "pendulum_stribeck":
-            pendulum -= p["ΔF"] * exp(-((v2 / p["vs"]) ** 2)) * tanh(r2 * v2)
+            pendulum -= p["ΔF"] * exp(-(abs(v2 / p["vs"]) ** p["δ"])) * tanh(r2 * v2)
         elif name == "pendulum_coulomb_asymmetry":
             pendulum -= p["a"] * abs(tanh(r2 * v2))
         elif name == "base_tilt":

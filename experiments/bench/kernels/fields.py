@@ -28,7 +28,7 @@ _FLOATS: dict[str, float] = {
     # friction
     "fv1": 0.0, "fv2": 0.0, "fc1": 0.0, "fc2": 0.0, "r1": 100.0, "r2": 100.0,
     "static1": 1.0, "static2": 1.0,
-    "strib1": 0.0, "strib1_v": 1.0, "strib1_e": 2.0, "strib2": 0.0, "strib2_v": 1.0, "strib2_e": 2.0,
+    "strib1": 0.0, "strib1_v": 1.0, "strib1_tail": 0.0, "strib2": 0.0, "strib2_v": 1.0, "strib2_tail": 0.0,
     "asym1": 0.0, "asym2": 0.0,
     "drag1": 0.0, "drag1_e": 2.0, "drag2": 0.0, "drag2_e": 2.0,
     "place_sin": 0.0, "place_cos": 0.0, "place_2nd": 0.0,

@@ -38,10 +38,18 @@ def _warmed(t, rate, tau):
 
 
 @compiled
+def _stribeck(v, size, speed, tail):
+    """How much larger friction is than in fast motion: Gauss's curve, or size/(1 + (v/speed)²), with its long tail
+    (Hess and Soom 1990)."""
+    x = (v / speed) ** 2
+    return size / (1.0 + x) if tail > 0.0 else size * math.exp(-x)
+
+
+@compiled
 def arm_level(t, q, v, p):
     """Coulomb level of the arm axis, the part that does not depend on the direction."""
     level = 0.0 if p.bristle > 0.0 else p.fc1
-    level += p.strib1 * math.exp(-(abs(v / p.strib1_v) ** p.strib1_e)) if p.strib1 != 0.0 else 0.0
+    level += _stribeck(v, p.strib1, p.strib1_v, p.strib1_tail) if p.strib1 != 0.0 else 0.0
     if p.warm_c != 0.0:
         level += p.fc1 * _warmed(t, p.warm_c, p.warm_c_tau)
     if p.place_sin != 0.0 or p.place_cos != 0.0:
@@ -55,7 +63,7 @@ def pendulum_level(v, p):
     """Coulomb level of the pendulum axis, the part that does not depend on the direction."""
     if p.strib2 == 0.0:
         return p.fc2
-    return p.fc2 + p.strib2 * math.exp(-(abs(v / p.strib2_v) ** p.strib2_e))
+    return p.fc2 + _stribeck(v, p.strib2, p.strib2_v, p.strib2_tail)
 
 
 @compiled

@@ -4,14 +4,14 @@ play. Cables with other laws are in `cable`."""
 import math
 
 from ..compiled import compiled
-from ..elementary import decay, sincos, tanh
+from ..elementary import sincos, tanh
 from .declaration import EffectType, Parameter
+from .stribeck import other_exponent, stribeck_level, stribeck_parameters
 from .words import Quantity, by_direction, either, near_standstill, percent
 
 
-def _stribeck(v1, r1, ΔF, vs):
-    speed = v1 / vs
-    return -ΔF * decay(speed * speed) * tanh(r1 * v1), 0.0
+def _stribeck(v1, r1, ΔF, vs, δ):
+    return -stribeck_level(v1, ΔF, vs, δ) * tanh(r1 * v1), 0.0
 
 
 def _coulomb_asymmetry(v1, r1, a):
@@ -105,16 +105,12 @@ ARM_EFFECTS = (
         name="arm_stribeck",
         title="friction of the arm that grows near standstill",
         place="arm",
-        equation="arm: −ΔF exp(−(q̇1/vs)²) tanh(r q̇1)",
+        equation="arm: −ΔF exp(−|q̇1/vs|^δ) tanh(r q̇1), δ = 2 unless asked for",
         symptom="friction is larger near standstill than the Coulomb level it settles to in motion",
         says=lambda ΔF, vs: near_standstill("arm", ΔF, vs),
-        parameters=(
-            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 0.5, relative_to="theta8", lower=0.0),
-            Parameter(
-                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=3.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
-            ),
-        ),
+        parameters=stribeck_parameters("theta8", 0.5),
         kernels={"torque": _stribeck},
+        wider=other_exponent,
         mistaken_for=("arm_quadratic_drag", "friction_sharpness", "arm_presliding", "arm_hysteresis"),
     ),
     EffectType(

@@ -2,8 +2,9 @@
 
 import math
 
-from ..elementary import decay, sincos, tanh
+from ..elementary import sincos, tanh
 from .declaration import EffectType, Parameter
+from .stribeck import other_exponent, stribeck_level, stribeck_parameters
 from .words import Quantity, by_direction, either, near_standstill, percent
 
 
@@ -11,9 +12,8 @@ def _quadratic_drag(v2, c):
     return 0.0, -c * v2 * abs(v2)
 
 
-def _stribeck(v2, r2, ΔF, vs):
-    speed = v2 / vs
-    return 0.0, -ΔF * decay(speed * speed) * tanh(r2 * v2)
+def _stribeck(v2, r2, ΔF, vs, δ):
+    return 0.0, -stribeck_level(v2, ΔF, vs, δ) * tanh(r2 * v2)
 
 
 def _coulomb_asymmetry(v2, r2, a):
@@ -72,16 +72,12 @@ PENDULUM_EFFECTS = (
         name="pendulum_stribeck",
         title="friction of the pendulum that grows near standstill",
         place="pendulum",
-        equation="pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)",
+        equation="pendulum: −ΔF exp(−|q̇2/vs|^δ) tanh(r q̇2), δ = 2 unless asked for",
         symptom="the pendulum sticks near rest more than its friction in motion explains",
         says=lambda ΔF, vs: near_standstill("pendulum", ΔF, vs),
-        parameters=(
-            Parameter("ΔF", "{u}", "break-away minus Coulomb torque", 1.0, relative_to="theta9", lower=0.0),
-            Parameter(
-                "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=3.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
-            ),
-        ),
+        parameters=stribeck_parameters("theta9", 1.0),
         kernels={"torque": _stribeck},
+        wider=other_exponent,
         mistaken_for=("pendulum_quadratic_drag", "friction_sharpness"),
     ),
     EffectType(

@@ -35,6 +35,7 @@ INSIDE = {
     "input_saturation": {"knee": 0.4},
     "arm_hysteresis": {"κ2": 0.5, "d2": 0.03, "ρ": 0.4},
     "input_gain_drift": {"s": 0.3},
+    "pendulum_stribeck": {"ΔF": 0.04, "δ": 1.3},  # at its default size the exponent moves hardly anything
 }
 
 # The contract's table: names and parameters that files, commands and acceptance checks rely on.
@@ -45,7 +46,7 @@ CONTRACT = {
     "input_saturation": ("m", "knee"),  # knee: ours; 0, its default, is the contract's sharp one
     "input_offset": ("b",),
     "input_gain_asymmetry": ("a",),
-    "arm_stribeck": ("ΔF", "vs"),
+    "arm_stribeck": ("ΔF", "vs", "δ"),
     "arm_coulomb_asymmetry": ("a",),
     "arm_quadratic_drag": ("c",),
     "arm_spring": ("k", "q1n"),
@@ -58,7 +59,7 @@ CONTRACT = {
     "arm_friction_drift": ("a",),
     "arm_backlash": ("b",),
     "pendulum_quadratic_drag": ("c",),
-    "pendulum_stribeck": ("ΔF", "vs"),
+    "pendulum_stribeck": ("ΔF", "vs", "δ"),
     "friction_sharpness": ("r1", "r2"),
     "pendulum_coulomb_asymmetry": ("a",),
     "input_cubic_gain": ("a",),
@@ -113,8 +114,8 @@ def test_declaration_is_complete(name):
         assert p.meaning
         assert p.unit.format(u="V")
         if p.optional:
-            assert EFFECTS[name].neutral()[p.optional] == 0.0
-            assert next(q for q in effect.parameters if q.name == p.optional).default == 0.0
+            asked_for = next(q for q in effect.parameters if q.name == p.optional)
+            assert asked_for.default == EFFECTS[name].neutral()[p.optional], "the plain law is the default"
         if p.role == "size":
             assert p.lower <= p.neutral <= p.upper
         assert p.lower <= p.default
@@ -243,8 +244,10 @@ TH = LARGE_RIG.theta
 LOSSES = {
     "arm_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1)}),
     "pendulum_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1)}),
-    "arm_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3)}),
-    "pendulum_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3)}),
+    "arm_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3), "δ": st.floats(0.5, 4)}),
+    "pendulum_stribeck": st.fixed_dictionaries(
+        {"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3), "δ": st.floats(0.5, 4)}
+    ),
     "arm_coulomb_asymmetry": st.fixed_dictionaries({"a": st.floats(-TH[7], TH[7])}),
     "pendulum_coulomb_asymmetry": st.fixed_dictionaries({"a": st.floats(-TH[8], TH[8])}),
     "arm_position_friction": st.fixed_dictionaries(

@@ -20,7 +20,7 @@ from identification.diagnosis.policy import DecisionPolicy
 from identification.estimation.identify import identify
 from identification.estimation.start import Noise
 from identification.kalman.record import stretches
-from tests.factories import bench_log, changing_gain_log
+from tests.factories import bench_log, changing_gain_log, paper_log
 from tests.identification.diagnosis.fits import NOISE, ToyFit
 
 
@@ -69,6 +69,18 @@ def test_a_motor_that_warms_up_and_settles_gets_a_wider_law() -> None:
     for name, true in (("a", -0.05), ("s", 0.4)):
         i = names.index(f"input_gain_drift.{name}")
         assert abs(found.after.values[i] - true) < 4.0 * std[i] < 0.5 * abs(true)
+
+
+def test_stribeck_friction_of_another_exponent_gets_a_wider_law() -> None:
+    rig = TABLE_3.with_effects(Effect("arm_stribeck", {"ΔF": 0.1, "vs": 0.3, "δ": 1.0}))
+    found = diagnose(paper_log(0.004, plant=rig)[0], only=("arm_stribeck", "arm_quadratic_drag"))
+    assert [s.name for s in found.named] == ["arm_stribeck"]
+    assert not found.leftover
+    assert found.after is not None
+    names, std = list(found.after.names), found.after.std
+    for name, true in (("ΔF", 0.1), ("vs", 0.3), ("δ", 1.0)):
+        i = names.index(f"arm_stribeck.{name}")
+        assert abs(found.after.values[i] - true) < 4.0 * std[i] < 0.5 * true
 
 
 def test_one_element_stays_one() -> None:
