@@ -8,7 +8,7 @@ import numpy as np
 
 from furuta_gym.files import write_whole
 from furuta_gym.plant import TABLE_3, Plant
-from furuta_gym.plant.rigid_body import physical_consistency
+from furuta_gym.plant.rigid_body import nearest_rigid_body, physical_consistency
 
 GRAVITY = 9.81
 STEP = 0.0005  # s of the simulation
@@ -64,9 +64,9 @@ def mjcf(plant: Plant) -> str:
     """The MJCF text of a physically consistent plant.
 
     Lengths and masses follow from θ by Table 2: L1 = g θ3/θ5, l2 = g θ2/θ5, m2 = θ2/l2², J1 = θ1 − θ3²/θ2,
-    J2 = θ4 − θ2. Where θ2 is outside what a rigid body has by no more than its error bar, the nearest θ2 inside is
-    taken. A common factor of all θ (volts instead of N·m) scales masses and torques alike and leaves every
-    acceleration as it is. Raises ValueError for a θ that no rigid body has, and for effects that MJCF cannot carry.
+    J2 = θ4 − θ2. Where an estimate is no rigid body's by no more than its error bars, the nearest one is taken. A
+    common factor of all θ (volts instead of N·m) scales masses and torques alike and leaves every acceleration as it
+    is. Raises ValueError for a θ that no rigid body has, and for effects that MJCF cannot carry.
     """
     check = physical_consistency(plant.theta, plant.covariance)
     if not check.consistent:
@@ -91,11 +91,11 @@ def mjcf(plant: Plant) -> str:
             f"MJCF has no round knee, and this input_saturation has {saturation.parameters['knee']:.2g}; fit it again "
             "with fixed={'input_saturation.knee': 0}, or simulate it with FurutaID-v0"
         )
-    th1, th2, th3, th4, th5, Fv1, Fv2, Fc1, Fc2 = (float(v) for v in plant.theta)
-    estimated, th2 = th2, min(max(th2, th3 * th3 / th1), th4)
-    moved = f"  theta2 is taken as {th2:.6g}, the nearest value that a rigid body has.\n" if th2 != estimated else ""
+    theta = nearest_rigid_body(plant.theta, plant.covariance)
+    th1, th2, th3, th4, th5, Fv1, Fv2, Fc1, Fc2 = (float(v) for v in theta)
+    moved = "" if np.array_equal(theta, plant.theta) else "  Moved within its error bars to the nearest rigid body.\n"
     L1, l2 = GRAVITY * th3 / th5, GRAVITY * th2 / th5
-    J1, J2 = max(th1 - th3 * th3 / th2, 0.0), th4 - th2
+    J1, J2 = max(th1 - th3 * th3 / th2, 0.0), max(th4 - th2, 0.0)
     spring, lag = plant.effect("arm_spring"), plant.effect("actuator_lag")
     limit = min(plant.supply, saturation.parameters["m"]) if saturation else plant.supply
     motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
@@ -110,7 +110,7 @@ def mjcf(plant: Plant) -> str:
         (name, unit) for name, unit in (("arm_travel", "rad"), ("arm_speed", "rad/s")) if name in (plant.limits or {})
     ]
     return _MODEL.format(
-        theta=", ".join(f"{v:.6g}" for v in plant.theta),
+        theta=", ".join(f"{v:.6g}" for v in theta),
         unit=plant.unit,
         unit_note="kg and kg m^2." if plant.unit == "N·m" else "a common factor that no acceleration feels.",
         carried="".join(f", {name}" for name in carried),
@@ -135,7 +135,7 @@ def mjcf(plant: Plant) -> str:
         m2=th2 / l2**2,
         thick=0.06 * abs(L1),
         thin=0.04 * abs(L1),
-        rod=2 * l2,
+        rod=1.5 * GRAVITY * th4 / th5,  # of a uniform rod, to look at
         actuator=f'<general {motor} dyntype="filter" dynprm="{T!r}"/>' if T > 0 else f"<motor {motor}/>",
     )
 

@@ -56,8 +56,7 @@ def _effect(effect: Effect, d: Diagnosis) -> Text:
     """An effect in small: identifier, law, values with error bars, and whose law it only describes."""
     assert d.after is not None
     assert d.naming is not None
-    of = d.naming.describes(effect.name)
-    told = "" if of is None else f"; describes only what the law of {of} misses"
+    told = "" if d.naming.describes(effect.name) is None else f"; only {d.naming.relation(effect.name)}"
     unit = d.after.plant.unit
     values = ", ".join(_value(effect, p.name, unit) for p in effect.type.in_play(effect.parameters))
     line = Markup('<code>{}</code> <span class="equation">{}</span> {}{}').format(

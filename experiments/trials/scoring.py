@@ -113,7 +113,8 @@ def _result(kind: str, hidden: list[str], hard: bool, sets: list[tuple[str, ...]
     if verdict == "insufficient_excitation":
         return "insufficient"
     if kind == "outside":
-        if verdict == "unknown" or (sets and (answer.get("leftover") or answer.get("other_laws"))):
+        laws = [e for e in answer.get("other_laws", ()) if not e.get("follows")]
+        if verdict == "unknown" or (sets and (answer.get("leftover") or laws)):
             return "right"
         return "wrong" if sets else "missed"
     if verdict == "unknown":

@@ -48,8 +48,8 @@ class Scene:
     def of(cls, setup: "Setup", column: NDArray[np.float64]) -> "Scene":
         """From one env's column of the compiled block."""
         theta = setup.plant.theta
-        # a uniform rod of length 2 l2 on an arm of length L1: 2 θ2/θ3, kept where both can be seen
-        ratio = float(np.clip(2.0 * theta[1] / abs(theta[2]) if theta[2] else 1.0, 0.8, 1.25))
+        # a uniform rod of length 2 l2 on an arm of length L1: 3/2 θ4/θ3, kept where both can be seen
+        ratio = float(np.clip(1.5 * theta[3] / abs(theta[2]) if theta[2] else 1.0, 0.8, 1.25))
         q1, q2 = (float(v) for v in column[k.N_FIXED : k.N_FIXED + 2])
         command, time, reward = (float(column[row]) for row in (k.COMMAND, k.TIME, k.REWARD))
         return cls(

@@ -1,13 +1,16 @@
 """What makes θ that of a possible rigid body, and θ of a body with known masses and lengths."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .covariance import NORMAL_95, Covariance
-from .parameters import theta_vector
+from .parameters import THETA_NAMES, theta_vector
+
+_STEPS = 20  # of Newton's method, and between the two limits
 
 
 @dataclass(frozen=True)
@@ -21,8 +24,21 @@ class ConsistencyCheck:
         return {"physically_consistent": self.consistent, "failures": list(self.failures)}
 
 
+def _inertial_limits(th: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64], str]]:
+    """What must not be negative, its slopes over θ (9,), and the limit in words, of the two limits on inertias.
+
+    Both are polynomials of θ, so that their error bars are those of nearly linear functions."""
+    slopes = np.zeros((2, 9))
+    slopes[0, [0, 1, 2]] = th[1], th[0], -2.0 * th[2]
+    slopes[1, [3, 1]] = 1.0, -1.0
+    with np.errstate(over="ignore"):  # a θ2 near 0 makes J1 −∞
+        J1 = th[0] - th[2] * (th[2] / th[1]) if th[1] else -math.inf
+    yield th[0] * th[1] - th[2] ** 2, slopes[0], f"θ1 ≥ θ3²/θ2 is violated: J1 = {J1:.4g} < 0"
+    yield th[3] - th[1], slopes[1], f"θ4 ≥ θ2 is violated: J2 = θ4 − θ2 = {th[3] - th[1]:.4g} < 0"
+
+
 def physical_consistency(theta: ArrayLike, covariance: Covariance | None = None) -> ConsistencyCheck:
-    """Check θ (9,) against a rigid pendulum: θ1 ≥ θ3²/θ2 and θ4 ≥ θ2 (J1, J2 ≥ 0 of Table 2), θ2, θ5 > 0, friction ≥ 0.
+    """Check θ (9,) against a slender rigid pendulum: θ1 ≥ θ3²/θ2, θ4 ≥ θ2 (J1, J2 ≥ 0), θ2, θ5 > 0, friction ≥ 0.
 
     With the covariance of an estimate, the first two fail only where they are broken by more than their error bars:
     θ4 = θ2 for a thin rod, and an estimate of that lies below it as often as above. A parameter that the covariance
@@ -30,25 +46,39 @@ def physical_consistency(theta: ArrayLike, covariance: Covariance | None = None)
     """
     th = np.asarray(theta, dtype=float)
     failures = []
-
-    def broken(value: float, slopes: Mapping[str, float]) -> bool:
-        return value < 0.0 and not value > -NORMAL_95 * (covariance.std_along(slopes) if covariance else 0.0)
-
     if th[1] <= 0:
         failures.append(f"θ2 = m2 l2² must be positive, is {th[1]:.4g}")
-    else:
-        with np.errstate(over="ignore", invalid="ignore"):  # a θ2 near 0 makes J1 −∞
-            share = th[2] / th[1]
-            J1 = th[0] - th[2] * share
-            impossible = broken(J1, {"theta1": 1.0, "theta2": share**2, "theta3": -2.0 * share})
-        if impossible:
-            failures.append(f"θ1 ≥ θ3²/θ2 is violated: J1 = {J1:.4g} < 0")
-    if broken(th[3] - th[1], {"theta4": 1.0, "theta2": -1.0}):
-        failures.append(f"θ4 ≥ θ2 is violated: J2 = θ4 − θ2 = {th[3] - th[1]:.4g} < 0")
+    for value, slopes, failure in _inertial_limits(th):
+        bar = NORMAL_95 * covariance.std_along(dict(zip(THETA_NAMES, slopes, strict=True))) if covariance else 0.0
+        if value < 0.0 and not value > -bar and (th[1] > 0 or slopes[3]):
+            failures.append(failure + (", by more than its error bar" if bar > 0.0 else ""))
     if th[4] <= 0:
         failures.append(f"θ5 = m2 l2 g must be positive, is {th[4]:.4g}")
     failures += [f"friction θ{i + 1} must not be negative, is {th[i]:.4g}" for i in range(5, 9) if th[i] < 0]
     return ConsistencyCheck(not failures, tuple(failures))
+
+
+def nearest_rigid_body(theta: ArrayLike, covariance: Covariance | None) -> NDArray[np.float64]:
+    """The likeliest θ (9,) within the two limits on inertias, for an estimate that breaks them within its error bars;
+    θ itself where it breaks none."""
+    th = np.array(theta, dtype=float)
+    if covariance is None:
+        return th
+    known = covariance.names
+    S = np.zeros((9, 9))
+    own = [(i, known.index(name)) for i, name in enumerate(THETA_NAMES) if name in known]
+    for i, k in own:
+        for j, m in own:
+            S[i, j] = covariance.matrix[k, m]
+    for _ in range(_STEPS):
+        broken = [(value, slopes) for value, slopes, _ in _inertial_limits(th) if value < 0.0]
+        if not broken:
+            break
+        for value, slopes in broken:
+            towards = S @ slopes
+            if (spread := slopes @ towards) > 0.0:
+                th -= (1.0 + 1e-9) * value * towards / spread
+    return th
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,6 @@ from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
-from .naming.hung import set_while_hanging
 from .naming.suspects import Suspect, follows_clock
 from .policy import DecisionPolicy
 
@@ -233,7 +232,7 @@ class Diagnosis:
             summary=self.summary,
             effects=[e for e, of in zip(effects, describes, strict=True) if of is None],
             other_laws=[
-                OtherLaw(**structs.asdict(e), law_of=of)
+                OtherLaw(**structs.asdict(e), law_of=of, follows=naming is not None and naming.follows(e.name) == of)
                 for e, of in zip(effects, describes, strict=True)
                 if of is not None
             ],
@@ -300,14 +299,8 @@ class Diagnosis:
                 found = self.after.plant.effect(suspect.name) if self.after else None
                 sign = "+" if self.confirmed else "tried, not named:"
                 lines.append(f"  {sign} {found}   [{EFFECTS[suspect.name].equation}]")
-                if (of := self.naming.describes(suspect.name)) is not None:
-                    hung = of == set_while_hanging(self.naming.final)
-                    what = (
-                        f"follows from {of}, as the counter was set hanging"
-                        if hung
-                        else f"describes what the law of {of} misses"
-                    )
-                    lines.append(f"    {what}; no effect of its own")
+                if self.naming.describes(suspect.name) is not None:
+                    lines.append(f"    {self.naming.relation(suspect.name)}; no effect of its own")
                     continue
                 if self.confirmed:
                     lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")

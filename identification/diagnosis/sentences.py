@@ -12,7 +12,6 @@ from ..validation.gap import HORIZON
 from ..validation.one_rig import OneByOne
 from .locate.location import Where
 from .naming.forward import Naming
-from .naming.hung import set_while_hanging
 
 _PLACES = {
     "arm": "a torque on the arm",
@@ -41,13 +40,12 @@ def misses(naming: Naming) -> str:
     either = ", or one of its equals, which explain these logs as well" if any(naming.apart[i] for i in which) else ""
     text = f"The model misses {effects(names, same)}{either}."
     for suspect in naming.accepted:
-        of = naming.describes(suspect.name)
-        if of is not None and of == set_while_hanging(naming.final):
+        if (of := naming.follows(suspect.name)) is not None:
             text += (
                 f" The pendulum hung at rest when its counter was set. So from {of} follows {effects([suspect.name])}, "
                 "and it is part of the plant for that."
             )
-        elif of is not None:
+        elif (of := naming.describes(suspect.name)) is not None:
             text += (
                 f" The law of {of} is not quite the library's: {effects([suspect.name])} describes the difference, "
                 "and is part of the plant for that. Whether it acts on its own, these logs do not show."

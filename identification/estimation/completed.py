@@ -20,8 +20,9 @@ from furuta_gym.sensors import Sensors
 from ..kalman.record import counts_of
 from ..logs.log import Log
 from .estimate import Estimate
+from .methods import DEFAULT
 
-_REMEDY = "Its error bar does not explain that, so an effect may be missing; physical=True (--physical) keeps it out"
+_REMEDY = "An effect may be missing; physical=True (--physical) keeps it out"
 
 
 def with_plant(
@@ -50,7 +51,9 @@ def with_plant(
         | ({"error_bars": estimate.error_bars} if estimate.error_bars else {}),
     )
     largest = max(float(np.abs(log.u).max()) for log in logs)
-    warnings = (*estimate.warnings, *([f"{'; '.join(body.failures)}. {_REMEDY}"] if body.failures else []))
+    warnings = estimate.warnings
+    if body.failures and estimate.method == DEFAULT:
+        warnings = (*warnings, f"{'; '.join(body.failures)}. {_REMEDY}")
     return replace(estimate, plant=plant, warnings=warnings, u_max_guessed=guessed, largest_command=largest)
 
 

@@ -96,7 +96,7 @@ def plant_coordinates(
 
     θ1 … θ5 and r are positive: their logarithms (one that starts negative or zero is linear and keeps no sign).
     Friction is linear, so that it can be zero, and not negative unless asked for. Whole-number parameters, infinite
-    ones (an effect switched off), what was learned, and an optional size that is neutral, with its shapes, stay as they
+    ones (an effect switched off), what was learned, and what only a wider law has, stay as they
     are. A shape that mechanics limit has a log-normal prior around its default. Names are theta1 … theta9, r (or r1,
     r2) and effect.parameter. priors: name: (mean, std). weak_prior_std: a
     log-normal prior of this width around the plant's values on every log coordinate. What stays as it is may be in

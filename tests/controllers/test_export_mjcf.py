@@ -101,12 +101,12 @@ def test_refusals(tmp_path):
 
 @pytest.mark.parametrize("index", [1, 0], ids=["θ2 above θ4", "θ1 below θ3²/θ2"])
 def test_an_estimate_that_is_a_rigid_body_within_its_error_bar_is_exported(index):
-    """As of a thin rod, which has θ4 = θ2: the nearest θ2 of a rigid body moves as the plant does, to 1e-4."""
+    """As of a thin rod, which has θ4 = θ2: the nearest rigid body moves as the plant does, to a thousandth."""
     theta = without_coulomb(LARGE_RIG).theta.copy()
     theta[index] = (theta[3], theta[2] ** 2 / theta[1])[index - 1] * (1.00002 if index else 0.99998)
     std = 3e-5 * theta[index]
     estimated = LARGE_RIG.replace(theta=theta, covariance=Covariance((f"theta{index + 1}",), np.array([[std**2]])))
-    assert "theta2 is taken as" in mjcf(estimated)
+    assert "to the nearest rigid body" in mjcf(estimated)
     theirs, ours = accelerations(estimated, np.array([0.3, 1.0, 2.0, -3.0]), 1.0)
     assert theirs == pytest.approx(ours, rel=1e-3)
     with pytest.raises(ValueError, match="no rigid body"):

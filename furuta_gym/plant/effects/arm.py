@@ -105,7 +105,7 @@ ARM_EFFECTS = (
         name="arm_stribeck",
         title="friction of the arm that grows near standstill",
         place="arm",
-        equation="arm: −ΔF exp(−|q̇1/vs|^δ) tanh(r q̇1), δ = 2 unless asked for",
+        equation="arm: −ΔF exp(−|q̇1/vs|^δ) tanh(r q̇1), δ = 2 in the plain law",
         symptom="friction is larger near standstill than the Coulomb level it settles to in motion",
         says=lambda ΔF, vs: near_standstill("arm", ΔF, vs),
         parameters=stribeck_parameters("theta8", 0.5),

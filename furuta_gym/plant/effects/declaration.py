@@ -38,15 +38,15 @@ class Parameter:
     For a search in data: `grid` are values worth trying (in the unit of `default`, or "frequencies" / "times" that the
     log's length decides); `span` says that a shape enters linearly together with the size, as a "phase" (A sin(x + φ)),
     as a "product" (k (x − s)) or through the effect's `linear` ("linear"), so that no grid is needed (with one, the
-    search tries its values, and only the steps of a descent make use of it); `optional`, on a
-    size that is zero unless asked for and on its shapes, is the name of that size: while that is neutral, an estimator
-    leaves them as they are and a search does not try them; `spread`, on a positive shape, is the standard deviation of
-    its logarithm around the default that mechanics allow, an estimator's prior; `rough` says that small changes make
-    what follows different throughout (a stop is hit or just missed), so that only trying leads to the best value;
-    `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does; `jumps`
-    that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so that
-    derivatives need a longer step; `travel` that it is a way of the arm [rad], and that a law with a longer one than
-    the arm goes is none of this effect.
+    search tries its values, and only the steps of a descent make use of it); `optional`, on a parameter that the plain
+    law leaves at its default and on what goes with it, is the name of that parameter: while it is at its default, an
+    estimator leaves them as they are and a search does not try them; `spread`, on a positive shape, is the standard
+    deviation of its logarithm around the default that mechanics allow, an estimator's prior; `rough` says that small
+    changes make what follows different throughout (a stop is hit or just missed), so that only trying leads to the best
+    value; `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does;
+    `jumps` that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so
+    that derivatives need a longer step; `travel` that it is a way of the arm [rad], and that a law with a longer one
+    than the arm goes is none of this effect.
     """
 
     name: str

@@ -72,7 +72,7 @@ PENDULUM_EFFECTS = (
         name="pendulum_stribeck",
         title="friction of the pendulum that grows near standstill",
         place="pendulum",
-        equation="pendulum: −ΔF exp(−|q̇2/vs|^δ) tanh(r q̇2), δ = 2 unless asked for",
+        equation="pendulum: −ΔF exp(−|q̇2/vs|^δ) tanh(r q̇2), δ = 2 in the plain law",
         symptom="the pendulum sticks near rest more than its friction in motion explains",
         says=lambda ΔF, vs: near_standstill("pendulum", ΔF, vs),
         parameters=stribeck_parameters("theta9", 1.0),

@@ -15,6 +15,7 @@ from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from ..policy import MOST_EFFECTS, DecisionPolicy
 from .fits import Fit
+from .hung import OFFSET, set_while_hanging
 from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .next_effect import next_effect
 from .pairs import two_for_one
@@ -52,10 +53,22 @@ class Naming:
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
 
-    def describes(self, name: str) -> str | None:
-        """The effect found of whose law another one is a part; None for an effect of its own."""
-        of = self.laws.get(name)
+    def follows(self, name: str) -> str | None:
+        """The effect found from which another one follows, as a wrong zero of an encoder may; None for any other."""
+        of = set_while_hanging(self.final) if name == OFFSET else None
         return of if of in {s.name for s in self.accepted} else None
+
+    def describes(self, name: str) -> str | None:
+        """The effect found of whose law another one is a part, or from which it follows; None for an effect of its
+        own."""
+        of = self.laws.get(name)
+        return self.follows(name) or (of if of in {s.name for s in self.accepted} else None)
+
+    def relation(self, name: str) -> str:
+        """What an effect that is none of its own has to do with the one that it `describes`, in words."""
+        if (of := self.follows(name)) is not None:
+            return f"follows from {of}, as the counter was set while the pendulum hung"
+        return f"describes what the law of {self.describes(name)} misses"
 
     @property
     def own(self) -> tuple[Suspect, ...]:

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from furuta_gym.plant import Plant
 from furuta_gym.sensors import angles_read
 
 from .fits import Fit
 
 OFFSET = "pendulum_encoder_offset"
-_TILT, _OFF_CENTRE = "base_tilt", "pendulum_encoder_eccentricity"
+_CAUSES = ("base_tilt", "pendulum_encoder_eccentricity")
 _RESTING = 3  # first readings that do not change
 
 
@@ -21,26 +22,34 @@ def set_while_hanging(fitted: Fit) -> str | None:
 
     A counter that is set to ±π while the pendulum hangs at rest is wrong by the tilt of the base at that angle of the
     arm, and an encoder off its centre is right there instead of upright. So it is if a log begins at rest with a
-    reading of ±π, and the fitted plant has the pendulum at rest there: within two counts, and the angle θ9/θ5 at which
-    Coulomb friction holds it.
+    reading of ±π, and the fitted plant has the pendulum at rest there, but would not have it without that effect.
     """
     plant = fitted.plant
-    tilt, off_centre = plant.effect(_TILT), plant.effect(_OFF_CENTRE)
-    if plant.effect(OFFSET) is None or not (tilt or off_centre):
+    causes = [name for name in _CAUSES if plant.effect(name) is not None]
+    if plant.effect(OFFSET) is None or not causes:
         return None
-    P, codes, _ = plant.packed()
-    columns = P[:, None]
     for record in fitted.records:
         count, first = float(record.quantum[1]), record.y[:_RESTING, 1]
         if record.t[0] > 0.0 or np.ptp(first) > 0.0 or abs(abs(first[0]) - math.pi) > 0.5 * max(count, 1e-6):
             continue
         read = record.y[0] - np.array(fitted.zeros.get(record.log, (0.0, 0.0)))
-        q1, q2 = angles_read(read[:, None], columns, codes)[:, 0]
-        lean = 0.0
-        if tilt is not None:
-            αx, αy = tilt.parameters["αx"], tilt.parameters["αy"]
-            lean = math.atan(αx * math.sin(q1) - αy * math.cos(q1))
-        held = 2.0 * count + abs(plant.theta[8] / plant.theta[4])
-        if abs(math.remainder(q2 - math.pi - lean, 2.0 * math.pi)) < held:
-            return _TILT if abs(lean) > held or off_centre is None else _OFF_CENTRE
+        if _rests(plant, read, count):
+            for name in causes:
+                others = plant.replace(effects=tuple(e for e in plant.effects if e.name != name))
+                if not _rests(others, read, count):
+                    return name
     return None
+
+
+def _rests(plant: Plant, read: np.ndarray, count: float) -> bool:
+    """Whether the pendulum hangs at rest where the encoders read `read` (2,): within two counts, and the angle at which
+    its friction holds it."""
+    P, codes, _ = plant.packed()
+    q1, q2 = angles_read(read[:, None], P[:, None], codes)[:, 0]
+    lean, held = 0.0, plant.theta[8]
+    if (tilt := plant.effect("base_tilt")) is not None:
+        lean = math.atan(tilt.parameters["αx"] * math.sin(q1) - tilt.parameters["αy"] * math.cos(q1))
+    if (stribeck := plant.effect("pendulum_stribeck")) is not None:
+        held += stribeck.parameters["ΔF"]
+    missed = abs(math.remainder(q2 - math.pi - lean, 2.0 * math.pi))
+    return bool(missed < 2.0 * count + abs(held / plant.theta[4]))

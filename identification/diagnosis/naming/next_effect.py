@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .fits import Fit
-from .hung import OFFSET, set_while_hanging
 from .judge import Judge
 from .search import Search
 from .suspects import RIPPLE, Ranking
@@ -16,7 +15,7 @@ from .suspects import RIPPLE, Ranking
 class NextEffect:
     """The rankings of all effects, that of the newest last.
 
-    laws: effects that only describe another law of an effect found, or follow from one, each with that one's name.
+    laws: effects that only describe another law of an effect found, each with the name of that effect.
     leaves_more, small: why the newest is in doubt. It leaves more than it explains, or is small beside the others.
     """
 
@@ -59,8 +58,6 @@ def next_effect(
             laws = with_law(laws, newest, law_of)
     if (law_of := judge.law_of_ripple(together)) is not None:
         laws = with_law(laws, RIPPLE, law_of)
-    if (law_of := set_while_hanging(together[-1][0].fit)) is not None:
-        laws = with_law(laws, OFFSET, law_of)
     return NextEffect(tuple(together), laws, leaves_more, small)
 
 

@@ -115,7 +115,7 @@ def test_declaration_is_complete(name):
         assert p.unit.format(u="V")
         if p.optional:
             asked_for = next(q for q in effect.parameters if q.name == p.optional)
-            assert asked_for.default == EFFECTS[name].neutral()[p.optional], "the plain law is the default"
+            assert asked_for.default == EFFECTS[name].neutral()[p.optional] == {"δ": 2.0}.get(p.optional, 0.0)
         if p.role == "size":
             assert p.lower <= p.neutral <= p.upper
         assert p.lower <= p.default

@@ -18,6 +18,7 @@ from furuta_gym.plant import (
 from furuta_gym.plant.covariance import Covariance
 from furuta_gym.plant.dynamics import mass_matrix
 from furuta_gym.plant.parameters import pendulum_frequency, theta_vector
+from furuta_gym.plant.rigid_body import nearest_rigid_body
 from tests.furuta_gym.plant.strategies import thetas
 from tests.oracles.mujoco_model import RigidSet
 
@@ -101,13 +102,46 @@ def test_a_thin_rod_is_a_rigid_body_within_its_error_bars(std, possible):
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_the_arms_inertia_is_judged_by_its_error_bar_too(share):
-    """J1 = θ1 − θ3²/θ2 < 0 by `share` times its error bar, which θ1, θ2 and θ3 make together: drawn, not derived."""
+    """θ1 θ2 < θ3² by `share` times its error bar, which θ1, θ2 and θ3 make together: drawn, not derived."""
     theta = LARGE_RIG.theta.copy()
+    theta[0] = theta[2] ** 2 / theta[1]
     matrix = np.diag(np.square(0.001 * theta[:3]))
     rng = np.random.default_rng(0)
     th1, th2, th3 = rng.multivariate_normal(theta[:3], matrix, 100_000).T
-    theta[0] = theta[2] ** 2 / theta[1] - share * 1.96 * np.std(th1 - th3**2 / th2)
+    theta[0] -= share * 1.96 * np.std(th1 * th2 - th3**2) / theta[1]
     assert physical_consistency(theta, _with_error(THETA_NAMES[:3], matrix)).consistent == (share < 1.0)
+
+
+@pytest.mark.parametrize(("deviations", "possible"), [(1.5, True), (4.0, False), (9.0, False)])
+def test_a_theta2_far_below_its_limit_is_no_rigid_body(deviations, possible):
+    """However large J1 = θ1 − θ3²/θ2 and its error bar become there."""
+    theta = LARGE_RIG.theta.copy()
+    limit = theta[2] ** 2 / theta[0]
+    std = 0.9 * limit / 9.0
+    theta[1] = limit - deviations * std
+    assert physical_consistency(theta, _with_error(["theta2"], [[std**2]])).consistent == possible
+
+
+@given(data=st.data())
+def test_the_nearest_rigid_body_is_one_and_the_likeliest(data):
+    """Against other points on the limits, by their distance in error bars."""
+    rng = np.random.default_rng(data.draw(st.integers(0, 10**6)))
+    theta = LARGE_RIG.theta.copy()
+    theta[1] = theta[3]  # a thin rod
+    root = rng.normal(size=(5, 5)) * 0.01 * theta[:5, None]
+    covariance = _with_error(THETA_NAMES[:5], root @ root.T)
+    estimate = theta.copy()
+    estimate[:5] += root @ rng.normal(size=5)
+    near = nearest_rigid_body(estimate, covariance)
+    np.testing.assert_array_equal(near[5:], estimate[5:])
+    if estimate[3] >= estimate[1]:
+        np.testing.assert_array_equal(near, estimate)
+        return
+    assert near[3] == pytest.approx(near[1], rel=1e-6)
+    far = np.linalg.solve(root, near[:5] - estimate[:5])
+    for other in (0.1 * root @ rng.normal(size=(5, 20))).T:
+        there = near[:5] + other - (other[3] - other[1]) * np.array([0, 0, 0, 1, 0])
+        assert np.linalg.norm(np.linalg.solve(root, there - estimate[:5])) >= np.linalg.norm(far) * (1 - 1e-6)
 
 
 @pytest.mark.parametrize("index", range(5, 9))

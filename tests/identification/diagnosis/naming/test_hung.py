@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from furuta_gym import simulate
-from furuta_gym.plant import QUBE, Effect, Plant
+from furuta_gym.plant import QUBE, TABLE_3, Effect, Plant
 from furuta_gym.simulation import open_loop
 from identification import Log
+from identification.diagnosis.naming.forward import Naming
 from identification.diagnosis.naming.hung import set_while_hanging
+from identification.diagnosis.naming.suspects import Suspect
+from identification.diagnosis.sentences import misses
 from identification.kalman.record import stretches
 from tests.identification.diagnosis.fits import NOISE, ToyFit
 
@@ -53,6 +56,31 @@ def test_an_encoder_off_its_centre_is_right_where_it_was_set():
     assert set_while_hanging(fitted(rig, math.pi + 3 * COUNT)) is None, "it was not set here"
     assert set_while_hanging(fitted(rig, math.pi, moving=1.0)) is None, "it moved"
     assert set_while_hanging(fitted(rig, 0.0)) is None, "it stood upright"
+
+
+def test_a_tilt_that_does_not_lean_here_explains_no_zero():
+    """Friction may hold the pendulum some counts off, but then the tilt has nothing to do with it."""
+    rig = TABLE_3.with_effects(
+        Effect("base_tilt", {"αx": 0.02, "αy": 0.0, "G1": 3.0}), Effect("pendulum_encoder_offset", {"b": 5.0 * COUNT})
+    )
+    assert abs(TABLE_3.theta[8] / TABLE_3.theta[4]) > 5.0 * COUNT
+    assert set_while_hanging(fitted(rig, math.pi, q1=0.0)) is None
+
+
+def test_only_the_zero_is_said_to_follow():
+    """A ripple that describes the law of the same tilt does not."""
+    rig = QUBE.with_effects(TILT)
+    b = -math.pi - resting(rig, 0.3)
+    rig = rig.with_effects(Effect("pendulum_encoder_offset", {"b": b}), QUBE.default_effect("arm_ripple"))
+    final = fitted(rig, -math.pi)
+    accepted = tuple(Suspect(effect.name, 100.0, 90.0, final) for effect in rig.effects)
+    naming = Naming(final, final, accepted, ((), (), ()), (), {}, laws={"arm_ripple": "base_tilt"})
+    assert [suspect.name for suspect in naming.own] == ["base_tilt"]
+    assert naming.relation("pendulum_encoder_offset").startswith("follows from base_tilt")
+    assert naming.relation("arm_ripple") == "describes what the law of base_tilt misses"
+    told = misses(naming)
+    assert "follows a wrong zero of the pendulum's encoder (pendulum_encoder_offset)" in told
+    assert "cogging of the arm (arm_ripple) describes the difference" in told
 
 
 def test_a_zero_by_itself_follows_from_nothing():
