@@ -223,7 +223,7 @@ def test_what_only_describes_a_law_is_in_small_and_not_in_the_headline(examined)
     told = replace(d, naming=naming, after=after)
     assert first_screen(told, "next").headline == first_screen(d, "next").headline
     shown = text_of(build(replace(examined, diagnosis=told)))
-    assert "describes only what the law of arm_spring misses" in shown
+    assert "only describes what the law of arm_spring misses" in shown
 
 
 def test_the_page_says_which_part_of_long_logs_was_searched(page, examined):
