@@ -48,13 +48,9 @@ class EffectFound(Struct, kw_only=True):
 
 class OtherLaw(EffectFound, kw_only=True):
     law_of: Annotated[str, Meta(description="The named effect")]
-    follows: Annotated[
-        bool,
-        Meta(
-            description="Whether it describes no law, but is a wrong zero of the pendulum's encoder that follows from "
-            "the named effect, as the counter was set while the pendulum hung"
-        ),
-    ] = False
+    follows: Annotated[bool, Meta(description="Whether it is a wrong zero that follows from that effect, no law")] = (
+        False
+    )
 
 
 class Ranked(Struct):
