@@ -229,8 +229,15 @@ def _beat(d, p, bench):
     d.put(beat=p["A"], beat_f=p["f"], beat_phase=p["φ"], beat_shape=shape)
 
 
+def _backlash_sizes(s, k, v):
+    th1, _, th3, th4 = s.inertia[:4]
+    most = 0.7 * (1.0 - th3**2 / (th1 * th4))  # what is left turns the arm
+    return {"b": 0.012 * k, "ρ": min(v.near(0.1, 0.05, 0.45), most)}
+
+
 def _backlash(d, p, bench):
-    share, rate, damping = (0.12, 300.0, 0.4) if bench else (0.1, 200.0, 0.7)
+    heavier, rate, damping = (1.2, 300.0, 0.4) if bench else (1.0, 200.0, 0.7)
+    share = heavier * p["ρ"]
     j = share * d.kind.inertia[0]
     d.join(at.PLAY, share, motor_j=j, join_k=j * rate**2, join_c=2 * damping * j * rate, join_gap=p["b"])
 
@@ -271,8 +278,8 @@ _ARM_TORQUES = (
         _beat,
     ),
     _library(
-        "arm_backlash", "play of width 2b between motor (θ1/10) and arm", "harder stop, heavier rotor",
-        {"b": "rad"}, lambda s, k, v: {"b": 0.012 * k}, _backlash,
+        "arm_backlash", "play of width 2b between motor (ρ θ1) and arm", "harder stop, heavier rotor",
+        {"b": "rad", "ρ": "1"}, _backlash_sizes, _backlash,
     ),
 )  # fmt: skip
 
@@ -281,7 +288,8 @@ _ARM_TORQUES = (
 
 
 def _drag2(d, p, bench):
-    d.put(drag2=p["c"], drag2_e=1.8 if bench else 2.0)
+    sweep = p["λ"] * d.kind.inertia[2] / d.kind.inertia[3]
+    d.put(drag2=p["c"], drag2_e=1.8 if bench else 2.0, drag2_sweep=sweep)
 
 
 def _stribeck2(d, p, bench):
@@ -334,8 +342,9 @@ def _eccentricity_sizes(s, k, v):
 
 _REST = (
     _library(
-        "pendulum_quadratic_drag", "pendulum: −c q̇2 |q̇2|", "power 1.8", {"c": "{u}·s²/rad²"},
-        lambda s, k, v: {"c": 0.8 * k * s.inertia[3]}, _drag2,
+        "pendulum_quadratic_drag", "−c w |w| along w = q̇2 + λ (θ3/θ4) cos q2 q̇1, on both joints", "power 1.8",
+        {"c": "{u}·s²/rad²", "λ": "1"},
+        lambda s, k, v: {"c": 0.8 * k * s.inertia[3], "λ": v.near(0.0, 0.5, 1.1)}, _drag2,
     ),
     _library(
         "pendulum_stribeck", "pendulum: −ΔF exp(−(q̇2/vs)²) tanh(r q̇2)", "ΔF/(1 + (q̇2/vs)²)",

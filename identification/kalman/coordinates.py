@@ -171,9 +171,8 @@ def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coord
     if p.spread and usual > 0:
         of_theta = p.relative_to if p.relative_to and p.relative_to in THETA_NAMES else ""
         weak = (math.log(p.default if of_theta else usual), p.spread)
-        return Coordinate(
-            name, row, True, low=1e-3 * usual, high=1e3 * usual, step=step, weak_prior=weak, relative_to=of_theta
-        )
+        low, high = max(p.lower, 1e-3 * usual), min(p.upper, 1e3 * usual)
+        return Coordinate(name, row, True, low=low, high=high, step=step, weak_prior=weak, relative_to=of_theta)
     scale = usual if usual and math.isfinite(usual) else 1.0
     return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=step)
 

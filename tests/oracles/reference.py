@@ -8,7 +8,7 @@ State of the motion: (q1, q2, v1, v2). Effects with memory add
   relaxing at 1000 1/s at most (by definition of the model: faster cannot be told from settled);
 * `arm_hysteresis`: z and z2, the deflections of two stops in parallel; ż = v1 inward, (1 − ρ |z|/d) v1 outward, and 0
   where |z| = d and v1 drives outward; relaxed at q1 = 0, from where the arm has come to its first angle in one stroke;
-* `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia 0.1 θ1;
+* `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia ρ θ1;
 * `actuator_lag`: τ, which is integrated in closed form over each held command;
 * `input_delay`: nothing, because the record of commands is the memory: τ(t) = u(t − d).
 
@@ -38,7 +38,6 @@ KNOWN = frozenset(
     }
 )
 MEMORY = {"arm_presliding": 1, "arm_backlash": 2, "arm_hysteresis": 2}  # integrated states, in this order
-ROTOR_SHARE = 0.1
 FASTEST_BRISTLE = 1000.0  # 1/s
 CONTACT_FREQUENCY = 200.0
 CONTACT_DAMPING_RATIO = 0.7
@@ -116,9 +115,14 @@ def sharpness(r: float, effects: Effects) -> tuple[float, float]:
     return chosen["r1"] or r, chosen["r2"] or r
 
 
-def contact_torque(s: float, w: float, theta1: float, b: float) -> float:
+def rotor_inertia(theta, effects: Effects) -> float:
+    """Of the motor's side of the play; what the arm keeps is positive with the pendulum free to give way."""
+    th1, _, th3, th4 = (float(value) for value in theta[:4])
+    return min(effects["arm_backlash"].get("ρ", 0.1) * th1, 0.9 * (th1 - th3**2 / th4))
+
+
+def contact_torque(s: float, w: float, inertia: float, b: float) -> float:
     """Torque from rotor to arm through a play of half-width b: spring and damper that push and never pull."""
-    inertia = ROTOR_SHARE * theta1
     k = inertia * CONTACT_FREQUENCY**2
     c = 2.0 * CONTACT_DAMPING_RATIO * inertia * CONTACT_FREQUENCY
     if s > b:
@@ -180,7 +184,11 @@ def extra_torques(t, q1, q2, v1, v2, theta, r, effects: Effects, at_rest_theta, 
         elif name == "periodic_torque":
             arm += p["A"] * sin(2.0 * pi * p["f"] * t + p["φ"])
         elif name == "pendulum_quadratic_drag":
-            pendulum -= p["c"] * v2 * abs(v2)
+            # air passes the point that moves as ℓ q̇2 + L1 cos q2 q̇1; what it takes there acts through the same levers
+            lever1, lever2 = p.get("λ", 0.0) * theta[2] / theta[3] * cos(q2), 1.0
+            passes = lever1 * v1 + lever2 * v2
+            arm -= p["c"] * lever1 * passes * abs(passes)
+            pendulum -= p["c"] * lever2 * passes * abs(passes)
         elif name == "pendulum_stribeck":
             pendulum -= p["ΔF"] * exp(-(abs(v2 / p["vs"]) ** p["δ"])) * tanh(r2 * v2)
         elif name == "pendulum_coulomb_asymmetry":
@@ -214,8 +222,8 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
 
     rotor, into_arm = 0.0, tau
     if s is not None:
-        rotor = ROTOR_SHARE * float(theta[0])
-        into_arm = contact_torque(s, s_rate, float(theta[0]), effects["arm_backlash"]["b"])
+        rotor = rotor_inertia(theta, effects)
+        into_arm = contact_torque(s, s_rate, rotor, effects["arm_backlash"]["b"])
 
     M = np.array([[th1 - rotor + th2 * sin(q2) ** 2, th3 * cos(q2)], [th3 * cos(q2), th4]])
     C = np.array(
@@ -251,7 +259,7 @@ def energy(t, x, theta, effects: Effects) -> float:
         total += 0.5 * effects["arm_presliding"]["σ0"] * memory.pop(0) ** 2
     if "arm_backlash" in effects:
         s, s_rate = memory.pop(0), memory.pop(0)
-        inertia = ROTOR_SHARE * float(theta[0])
+        inertia = rotor_inertia(theta, effects)
         gap = max(abs(s) - effects["arm_backlash"]["b"], 0.0)
         total += 0.5 * inertia * ((v1 + s_rate) ** 2 - v1**2)
         total += 0.5 * inertia * CONTACT_FREQUENCY**2 * gap**2

@@ -30,7 +30,7 @@ _FLOATS: dict[str, float] = {
     "static1": 1.0, "static2": 1.0,
     "strib1": 0.0, "strib1_v": 1.0, "strib1_tail": 0.0, "strib2": 0.0, "strib2_v": 1.0, "strib2_tail": 0.0,
     "asym1": 0.0, "asym2": 0.0,
-    "drag1": 0.0, "drag1_e": 2.0, "drag2": 0.0, "drag2_e": 2.0,
+    "drag1": 0.0, "drag1_e": 2.0, "drag2": 0.0, "drag2_e": 2.0, "drag2_sweep": 0.0,
     "place_sin": 0.0, "place_cos": 0.0, "place_2nd": 0.0,
     "warm_c": 0.0, "warm_c_tau": math.inf, "warm_v": 0.0, "warm_v_tau": math.inf,
     "back_emf": 0.0,

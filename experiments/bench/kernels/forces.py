@@ -220,7 +220,10 @@ def derivative(t, x, tau, n1, n2, s1, s2, params, link, dx):
         dx[QM] = x[VM]
         dx[VM] = motor / p.motor_j
     f2 = n2 + _dry(pendulum_level(v2, p), p.asym2, v2, p.r2, p.turn2, p.asym_turn, hard, s2)
-    f2 += _drag(p.drag2, p.drag2_e, v2) - p.fv2 * v2
+    lever = p.drag2_sweep * math.cos(x[Q2]) if p.drag2_sweep != 0.0 else 0.0
+    air = _drag(p.drag2, p.drag2_e, v2 + lever * v1)
+    f1 += lever * air
+    f2 += air - p.fv2 * v2
 
     m11, m12, m22, h1, h2 = mass_and_bias(t, x, p, link)
     f1 -= h1

@@ -67,17 +67,22 @@ def _presliding_rate(v1, theta8, σ0, z):
     return rate * (settled - z)
 
 
-# The rotor on the motor's side of the play: its share of theta1, and the stop it hits (a stiff damped contact; its
-# rate of 200 rad/s is fast against the arm and slow enough for the step rule).
-_ROTOR_SHARE = 0.1
+# The stop that the rotor hits: a stiff damped contact; its rate of 200 rad/s is fast against the arm and slow enough
+# for the step rule.
 _STOP_RATE = 200.0
 _STOP_DAMPING = 0.7
+_MOST_OF_ROTOR = 0.9  # of the inertia that the arm has while the pendulum is free to give way
 
 
 @compiled(forceinline=True)
-def _contact_torque(theta1, b, s, w):
+def _rotor_inertia(theta1, theta3, theta4, ρ):
+    """Of the motor's side. What is left on the arm's side keeps the mass matrix positive definite."""
+    return min(ρ * theta1, _MOST_OF_ROTOR * (theta1 - theta3 * theta3 / theta4))
+
+
+@compiled(forceinline=True)
+def _contact_torque(inertia, b, s, w):
     """Torque from rotor to arm when the rotor leads by s [rad] at w [rad/s]; stops push, they never pull."""
-    inertia = _ROTOR_SHARE * theta1
     stiffness, damping = inertia * _STOP_RATE**2, 2.0 * _STOP_DAMPING * inertia * _STOP_RATE
     if s > b:
         return max(0.0, stiffness * (s - b) + damping * w)
@@ -86,18 +91,21 @@ def _contact_torque(theta1, b, s, w):
     return 0.0
 
 
-def _backlash_theta(theta1, plant_theta1, b):
-    return theta1 - _ROTOR_SHARE * plant_theta1 if b > 0.0 else theta1
+def _backlash_theta(theta1, plant_theta1, plant_theta3, plant_theta4, b, ρ):
+    return theta1 - _rotor_inertia(plant_theta1, plant_theta3, plant_theta4, ρ) if b > 0.0 else theta1
 
 
-def _backlash(tau, plant_theta1, b, s, w):
-    return (_contact_torque(plant_theta1, b, s, w) - tau, 0.0) if b > 0.0 else (0.0, 0.0)
-
-
-def _backlash_rate(tau, a1, plant_theta1, b, s, w):
+def _backlash(tau, plant_theta1, plant_theta3, plant_theta4, b, ρ, s, w):
     if b <= 0.0:
         return 0.0, 0.0
-    return w, (tau - _contact_torque(plant_theta1, b, s, w)) / (_ROTOR_SHARE * plant_theta1) - a1
+    return _contact_torque(_rotor_inertia(plant_theta1, plant_theta3, plant_theta4, ρ), b, s, w) - tau, 0.0
+
+
+def _backlash_rate(tau, a1, plant_theta1, plant_theta3, plant_theta4, b, ρ, s, w):
+    if b <= 0.0:
+        return 0.0, 0.0
+    inertia = _rotor_inertia(plant_theta1, plant_theta3, plant_theta4, ρ)
+    return w, (tau - _contact_torque(inertia, b, s, w)) / inertia - a1
 
 
 ARM_EFFECTS = (
@@ -246,7 +254,10 @@ ARM_EFFECTS = (
         name="arm_backlash",
         title="backlash between motor and arm",
         place="arm",
-        equation="play of width 2b between motor and arm: a rotor of inertia θ1/10 drives the arm through a stop",
+        equation=(
+            "play of width 2b between motor and arm: a rotor of inertia ρ θ1, at most 0.9 (θ1 − θ3²/θ4), drives the "
+            "arm through a stop"
+        ),
         symptom="on each reversal of the command the arm is free for a moment, then is hit",
         says=lambda b: f"There is a backlash of {Quantity(2 * b, b.unit)} between motor and arm",
         parameters=(
@@ -260,11 +271,22 @@ ARM_EFFECTS = (
                 grid=(0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2),
                 rough=True,
             ),
+            Parameter(
+                "ρ",
+                "1",
+                "inertia on the motor's side of the play, as a share of θ1",
+                0.1,
+                lower=0.001,
+                upper=0.9,
+                role="shape",
+                grid=(0.1, 0.4),
+                spread=1.0,  # of a motor without a gear up to a small one behind a large gear
+            ),
         ),
         kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},
         memory=("s", "w"),
         changes=("theta1",),
-        mistaken_for=("input_delay", "input_dead_zone"),
+        mistaken_for=("input_delay", "input_dead_zone", "actuator_lag"),
     ),
     EffectType(
         name="periodic_torque",

@@ -15,7 +15,7 @@ from .declaration import EffectType
 from .library import CARRIED, EFFECTS
 
 # Names as the equations have them; a keyboard without Greek letters may use these.
-_PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "rho": "ρ", "delta": "δ"}
+_PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "rho": "ρ", "delta": "δ", "lambda": "λ"}
 _PLAIN |= {"alphax": "αx", "alphay": "αy"}
 
 

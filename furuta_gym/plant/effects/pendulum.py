@@ -8,8 +8,13 @@ from .stribeck import other_exponent, stribeck_level, stribeck_parameters
 from .words import Quantity, by_direction, either, near_standstill, percent
 
 
-def _quadratic_drag(v2, c):
-    return 0.0, -c * v2 * abs(v2)
+def _quadratic_drag(q2, v1, v2, plant_theta3, plant_theta4, c, λ):
+    # a flat body on the pendulum goes through the air at ℓ q̇2 + L1 cos q2 q̇1, and θ3/θ4 is L1/ℓ at the pendulum's
+    # centre of percussion
+    sweep = λ * plant_theta3 / plant_theta4 * sincos(q2)[1]
+    w = v2 + sweep * v1
+    torque = -c * w * abs(w)
+    return sweep * torque, torque
 
 
 def _stribeck(v2, r2, ΔF, vs, δ):
@@ -60,10 +65,22 @@ PENDULUM_EFFECTS = (
         name="pendulum_quadratic_drag",
         title="air drag on the pendulum",
         place="pendulum",
-        equation="pendulum: −c q̇2 |q̇2|",
+        equation="w = q̇2 + λ (θ3/θ4) cos q2 q̇1; pendulum: −c w |w|; arm: −c λ (θ3/θ4) cos q2 w |w|",
         symptom="large swings decay faster than small ones (air)",
         says=lambda c: f"A drag that grows with the square of its speed slows the pendulum: {c}",
-        parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 1.0, relative_to="theta7", lower=0.0),),
+        parameters=(
+            Parameter("c", "{u}·s²/rad²", "drag coefficient", 1.0, relative_to="theta7", lower=0.0),
+            Parameter(
+                "λ",
+                "1",
+                "how much the arm's motion counts: 0 not at all, 1 as at the pendulum's centre of percussion",
+                0.0,
+                lower=0.0,
+                upper=3.0,
+                role="shape",
+                grid=(0.0, 0.8),
+            ),
+        ),
         kernels={"torque": _quadratic_drag},
         mistaken_for=("pendulum_stribeck",),
         dissipative=True,

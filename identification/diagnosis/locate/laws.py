@@ -70,7 +70,7 @@ def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable
     return {
         (place, f"{_JOINTS[a[1]]} {kind}")
         for a in arguments
-        for letter, kind in (("q", "angle"), ("v", "speed"))
+        for letter, kind in ((("v", "speed"),) if moving else (("q", "angle"),))
         if a in (f"{letter}1", f"{letter}2")
     }
 

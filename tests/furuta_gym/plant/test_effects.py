@@ -35,6 +35,7 @@ INSIDE = {
     "input_saturation": {"knee": 0.4},
     "arm_hysteresis": {"κ2": 0.5, "d2": 0.03, "ρ": 0.4},
     "input_gain_drift": {"s": 0.3},
+    "pendulum_quadratic_drag": {"λ": 0.6},
     "pendulum_stribeck": {"ΔF": 0.04, "δ": 1.3},  # at its default size the exponent moves hardly anything
 }
 
@@ -57,8 +58,8 @@ CONTRACT = {
     "arm_position_friction": ("a", "b"),
     "arm_presliding": ("σ0",),
     "arm_friction_drift": ("a",),
-    "arm_backlash": ("b",),
-    "pendulum_quadratic_drag": ("c",),
+    "arm_backlash": ("b", "ρ"),  # ρ: ours; 0.1, its default, is the contract's rotor
+    "pendulum_quadratic_drag": ("c", "λ"),  # λ: ours; 0, its default, is the contract's law
     "pendulum_stribeck": ("ΔF", "vs", "δ"),
     "friction_sharpness": ("r1", "r2"),
     "pendulum_coulomb_asymmetry": ("a",),
@@ -198,7 +199,7 @@ def parameters_of(name: str) -> st.SearchStrategy:
     default = LARGE_RIG.default_effect(name).parameters
     fields = {}
     for p in EFFECTS[name].parameters:
-        reach = 3.0 * max(abs(default[p.name]), 1e-3)
+        reach = 3.0 * max(abs(default[p.name]), 1e-3) if default[p.name] or p.role == "size" else 3.0
         low, high = max(p.lower, -reach), min(p.upper, reach)
         fields[p.name] = st.integers(int(low), int(high)).map(float) if p.integer else st.floats(low, high)
     return st.fixed_dictionaries(fields)
@@ -243,7 +244,7 @@ def test_sensor_effects_leave_the_motion_alone_and_show_in_the_reading(name):
 TH = LARGE_RIG.theta
 LOSSES = {
     "arm_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1)}),
-    "pendulum_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1)}),
+    "pendulum_quadratic_drag": st.fixed_dictionaries({"c": st.floats(0, 1), "λ": st.floats(0, 3)}),
     "arm_stribeck": st.fixed_dictionaries({"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3), "δ": st.floats(0.5, 4)}),
     "pendulum_stribeck": st.fixed_dictionaries(
         {"ΔF": st.floats(0, 1), "vs": st.floats(0.01, 3), "δ": st.floats(0.5, 4)}

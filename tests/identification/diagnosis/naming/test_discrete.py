@@ -47,7 +47,7 @@ def test_a_rough_size_walks_to_the_best(start: float) -> None:
 
 
 def test_steps_stay_within_bounds() -> None:
-    (b,) = EFFECTS["arm_backlash"].parameters
+    b = EFFECTS["arm_backlash"].parameters[0]
     by = search({"arm_backlash": 0.0}, still=lambda plant: -valued(plant, "arm_backlash", "b"))
     found = stepped(a_fit(Effect("arm_backlash", {"b": 0.9 * b.upper}), value=-0.9 * b.upper), a_fit(), by)
     assert 0.9 * b.upper <= valued(found.plant, "arm_backlash", "b") <= b.upper
@@ -56,7 +56,7 @@ def test_steps_stay_within_bounds() -> None:
 def test_a_rough_size_starts_from_its_whole_grid_and_others_from_their_score() -> None:
     by = search({})
     starts = starts_of(Effect("arm_backlash", {"b": 0.013}), a_fit(), by)
-    (b,) = EFFECTS["arm_backlash"].parameters
+    b = EFFECTS["arm_backlash"].parameters[0]
     assert isinstance(b.grid, tuple)
     sizes = sorted(valued(start.plant, "arm_backlash", "b") for start in starts)
     assert sizes == pytest.approx(sorted([0.013, *b.grid]))
