@@ -92,8 +92,8 @@ def _effect(kind: Any) -> list[str]:
     for p in kind.parameters:
         if p.spread:
             lines.append(
-                f"\n**Prior:** in every fit the logarithm of {p.name} has a standard deviation of {p.spread:g} around "
-                "the logarithm of the default."
+                f"\n**Prior:** in every fit {'the logarithm of ' * p.logarithmic}{p.name} has a standard deviation of "
+                f"{p.spread:g} around {'the logarithm of ' * p.logarithmic}the default."
             )
     if kind.mistaken_for:
         alike = ", ".join(f"[`{name}`](#{name})" for name in kind.mistaken_for)

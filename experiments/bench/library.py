@@ -238,8 +238,10 @@ def _backlash_sizes(s, k, v):
 def _backlash(d, p, bench):
     heavier, rate, damping = (1.2, 300.0, 0.4) if bench else (1.0, 200.0, 0.7)
     share = heavier * p["ρ"]
-    j = share * d.kind.inertia[0]
-    d.join(at.PLAY, share, motor_j=j, join_k=j * rate**2, join_c=2 * damping * j * rate, join_gap=p["b"])
+    th1, _, th3, th4 = d.kind.inertia[:4]
+    j, both = share * th1, th1 - th3**2 / th4
+    reduced = j * (both - j) / both  # of motor and arm against each other
+    d.join(at.PLAY, share, motor_j=j, join_k=reduced * rate**2, join_c=2 * damping * reduced * rate, join_gap=p["b"])
 
 
 _ARM_TORQUES = (

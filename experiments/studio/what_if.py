@@ -89,6 +89,9 @@ class Choice:
             return Range(max(parameter.lower, 1.0), min(parameter.upper, 36.0), 1.0)
         if isinstance(parameter.grid, tuple) and parameter.grid and parameter.role != "size":
             low, high = min(parameter.grid), max(parameter.grid)
+            if parameter.spread:  # two standard deviations of what mechanics allow
+                factor = math.exp(2.0 * parameter.spread) if parameter.logarithmic else 1.0
+                low, high = low / factor, high * factor + 2.0 * parameter.spread * (not parameter.logarithmic)
         else:
             reach = 4.0 * default if default > 0 and math.isfinite(default) else math.pi
             there = self.origin.effect(name)

@@ -4,7 +4,8 @@ NAME=RANGE NAME=RANGE …
 
 RANGE   uniform:LOW,HIGH | loguniform:LOW,HIGH | normal:MEAN,STD | NUMBER,  or chance:P:RANGE: in the other episodes the
         size of an effect is neutral, and anything else has its own value
-NAME    an effect with one parameter (input_delay), EFFECT.PARAMETER (arm_spring.k), or one of `RIG`
+NAME    an effect with one parameter beside those that have a usual value (input_delay, arm_backlash),
+        EFFECT.PARAMETER (arm_spring.k), or one of `RIG`
         EFFECT=chance:P lets an effect act with probability P, at a size of its own or as its ranges draw it
         EFFECT.PARAMETER of a whole number, as arm_ripple.n, draws whole numbers
         theta=posterior draws θ from the plant's covariance; theta=physical:S draws masses, lengths, inertias,
@@ -143,10 +144,11 @@ def _effect(name: str, text: str, ranges: dict[str, Range], chances: dict[str, f
         if not 0.0 <= chances[effect] <= 1.0:
             raise _wrong(name, text, "a chance must lie in [0, 1]")
         return
-    if not dot and len(parameters) > 1:
+    asked = [p.name for p in EFFECTS[effect].parameters if not (p.optional or p.spread)]  # the others have a default
+    if not dot and len(asked) > 1:
         ways = ", ".join(f"{effect}.{p}" for p in parameters)
         raise _wrong(name, text, f"{effect} has several parameters; give {ways}, or {effect}=chance:P")
-    wanted = wanted or next(iter(parameters))
+    wanted = wanted or asked[0]
     if wanted not in parameters:
         raise _wrong(name, text, f"{effect} has no parameter {wanted!r}; it has {', '.join(parameters)}")
     p = parameters[wanted]

@@ -174,7 +174,8 @@ def _effect_coordinate(name: str, p: Parameter, usual: float, row: int) -> Coord
         low, high = max(p.lower, 1e-3 * usual), min(p.upper, 1e3 * usual)
         return Coordinate(name, row, True, low=low, high=high, step=step, weak_prior=weak, relative_to=of_theta)
     scale = usual if usual and math.isfinite(usual) else 1.0
-    return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=step)
+    weak = (p.default / scale, p.spread / scale) if p.spread else None
+    return Coordinate(name, row, log=False, scale=scale, low=p.lower, high=p.upper, step=step, weak_prior=weak)
 
 
 def _checked_prior(name: str, prior: tuple[float, float] | None) -> tuple[float, float] | None:

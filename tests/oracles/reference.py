@@ -121,6 +121,13 @@ def rotor_inertia(theta, effects: Effects) -> float:
     return min(effects["arm_backlash"].get("ρ", 0.1) * th1, 0.9 * (th1 - th3**2 / th4))
 
 
+def reduced_inertia(theta, effects: Effects) -> float:
+    """Of rotor and arm that swing against each other, with the pendulum free to give way."""
+    rotor = rotor_inertia(theta, effects)
+    arm = float(theta[0]) - float(theta[2]) ** 2 / float(theta[3]) - rotor
+    return 1.0 / (1.0 / rotor + 1.0 / arm)
+
+
 def contact_torque(s: float, w: float, inertia: float, b: float) -> float:
     """Torque from rotor to arm through a play of half-width b: spring and damper that push and never pull."""
     k = inertia * CONTACT_FREQUENCY**2
@@ -223,7 +230,7 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
     rotor, into_arm = 0.0, tau
     if s is not None:
         rotor = rotor_inertia(theta, effects)
-        into_arm = contact_torque(s, s_rate, rotor, effects["arm_backlash"]["b"])
+        into_arm = contact_torque(s, s_rate, reduced_inertia(theta, effects), effects["arm_backlash"]["b"])
 
     M = np.array([[th1 - rotor + th2 * sin(q2) ** 2, th3 * cos(q2)], [th3 * cos(q2), th4]])
     C = np.array(
@@ -262,7 +269,7 @@ def energy(t, x, theta, effects: Effects) -> float:
         inertia = rotor_inertia(theta, effects)
         gap = max(abs(s) - effects["arm_backlash"]["b"], 0.0)
         total += 0.5 * inertia * ((v1 + s_rate) ** 2 - v1**2)
-        total += 0.5 * inertia * CONTACT_FREQUENCY**2 * gap**2
+        total += 0.5 * reduced_inertia(theta, effects) * CONTACT_FREQUENCY**2 * gap**2
     for (kappa, *_), z in zip(stop_elements(effects), memory, strict=True):
         total += 0.5 * kappa * z**2
     if "arm_cable" in effects:

@@ -67,11 +67,11 @@ def _presliding_rate(v1, theta8, σ0, z):
     return rate * (settled - z)
 
 
-# The stop that the rotor hits: a stiff damped contact; its rate of 200 rad/s is fast against the arm and slow enough
-# for the step rule.
+# The stop that the rotor hits: a stiff damped contact. Rotor and arm swing against each other in it at 200 rad/s where
+# the pendulum gives way, which is fast against the arm and slow enough for the step rule, whatever the rotor's share.
 _STOP_RATE = 200.0
 _STOP_DAMPING = 0.7
-_MOST_OF_ROTOR = 0.9  # of the inertia that the arm has while the pendulum is free to give way
+_MOST_OF_ROTOR = 0.9  # of the inertia that the arm has where the pendulum gives way
 
 
 @compiled(forceinline=True)
@@ -81,9 +81,11 @@ def _rotor_inertia(theta1, theta3, theta4, ρ):
 
 
 @compiled(forceinline=True)
-def _contact_torque(inertia, b, s, w):
+def _contact_torque(theta1, theta3, theta4, inertia, b, s, w):
     """Torque from rotor to arm when the rotor leads by s [rad] at w [rad/s]; stops push, they never pull."""
-    stiffness, damping = inertia * _STOP_RATE**2, 2.0 * _STOP_DAMPING * inertia * _STOP_RATE
+    both = theta1 - theta3 * theta3 / theta4
+    reduced = inertia * (both - inertia) / both
+    stiffness, damping = reduced * _STOP_RATE**2, 2.0 * _STOP_DAMPING * reduced * _STOP_RATE
     if s > b:
         return max(0.0, stiffness * (s - b) + damping * w)
     if s < -b:
@@ -98,14 +100,16 @@ def _backlash_theta(theta1, plant_theta1, plant_theta3, plant_theta4, b, ρ):
 def _backlash(tau, plant_theta1, plant_theta3, plant_theta4, b, ρ, s, w):
     if b <= 0.0:
         return 0.0, 0.0
-    return _contact_torque(_rotor_inertia(plant_theta1, plant_theta3, plant_theta4, ρ), b, s, w) - tau, 0.0
+    inertia = _rotor_inertia(plant_theta1, plant_theta3, plant_theta4, ρ)
+    return _contact_torque(plant_theta1, plant_theta3, plant_theta4, inertia, b, s, w) - tau, 0.0
 
 
 def _backlash_rate(tau, a1, plant_theta1, plant_theta3, plant_theta4, b, ρ, s, w):
     if b <= 0.0:
         return 0.0, 0.0
     inertia = _rotor_inertia(plant_theta1, plant_theta3, plant_theta4, ρ)
-    return w, (tau - _contact_torque(inertia, b, s, w)) / inertia - a1
+    into_arm = _contact_torque(plant_theta1, plant_theta3, plant_theta4, inertia, b, s, w)
+    return w, (tau - into_arm) / inertia - a1
 
 
 ARM_EFFECTS = (
@@ -280,7 +284,7 @@ ARM_EFFECTS = (
                 upper=0.9,
                 role="shape",
                 grid=(0.1, 0.4),
-                spread=1.0,  # of a motor without a gear up to a small one behind a large gear
+                spread=1.0,  # a motor without a gear has a few hundredths, one behind a large gear up to a half
             ),
         ),
         kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},

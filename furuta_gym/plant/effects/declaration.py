@@ -41,7 +41,8 @@ class Parameter:
     search tries its values, and only the steps of a descent make use of it); `optional`, on a parameter that the plain
     law leaves at its default and on what goes with it, is the name of that parameter: while it is at its default, an
     estimator leaves them as they are and a search does not try them; `spread`, on a positive shape, is the standard
-    deviation of its logarithm around the default that mechanics allow, an estimator's prior; `rough` says that small
+    deviation around the default that mechanics allow, an estimator's prior: of its logarithm, or where the default is
+    zero of the shape itself; `rough` says that small
     changes make what follows different throughout (a stop is hit or just missed), so that only trying leads to the best
     value; `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does;
     `jumps` that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so
@@ -81,7 +82,7 @@ class Parameter:
     @property
     def logarithmic(self) -> bool:
         """Whether its logarithm is what is known about it: a positive shape, or one with a log-normal prior."""
-        return (self.role == "shape" and self.lower > 0.0) or self.spread > 0.0
+        return (self.role == "shape" and self.lower > 0.0) or (self.spread > 0.0 and self.default > 0.0)
 
     def grid_on(self, usual: float) -> tuple[float, ...]:
         """The numbers of its grid on a plant where its default is `usual`; none where a log decides."""

@@ -64,7 +64,7 @@ PENDULUM_EFFECTS = (
     EffectType(
         name="pendulum_quadratic_drag",
         title="air drag on the pendulum",
-        place="pendulum",
+        place="arm and pendulum",
         equation="w = q̇2 + λ (θ3/θ4) cos q2 q̇1; pendulum: −c w |w|; arm: −c λ (θ3/θ4) cos q2 w |w|",
         symptom="large swings decay faster than small ones (air)",
         says=lambda c: f"A drag that grows with the square of its speed slows the pendulum: {c}",
@@ -79,6 +79,7 @@ PENDULUM_EFFECTS = (
                 upper=3.0,
                 role="shape",
                 grid=(0.0, 0.8),
+                spread=1.0,
             ),
         ),
         kernels={"torque": _quadratic_drag},

@@ -56,11 +56,13 @@ def own_variables(name: str) -> frozenset[Variable]:
 
 
 def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable]:
-    if place == "arm and pendulum":  # a tilt: the part that no spring or cable has
-        return {("pendulum", v) for v in ("constant", "arm angle", "pendulum angle")}
+    moving = {a for a in arguments if a[0] == "v"}
+    if place == "arm and pendulum":
+        if moving:  # air drag
+            return {(joint, f"{_JOINTS[a[1]]} speed") for joint in _ROWS for a in moving}
+        return {("pendulum", v) for v in ("constant", "arm angle", "pendulum angle")}  # a tilt: what no cable has
     if remembers:
         return {(place, "memory of the motion"), (place, f"{place} speed")}
-    moving = {a for a in arguments if a[0] == "v"}
     if {"t", "tau"} <= arguments:
         return {(place, "time (gain)")}
     if "t" in arguments:
@@ -70,7 +72,7 @@ def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable
     return {
         (place, f"{_JOINTS[a[1]]} {kind}")
         for a in arguments
-        for letter, kind in ((("v", "speed"),) if moving else (("q", "angle"),))
+        for letter, kind in (("q", "angle"), ("v", "speed"))
         if a in (f"{letter}1", f"{letter}2")
     }
 

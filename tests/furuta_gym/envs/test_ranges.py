@@ -244,6 +244,12 @@ def test_every_command_acts_a_delay_after_it_was_given_whatever_the_jitter(asked
         np.testing.assert_allclose(v1[i], commands @ acted / FREE_ARM.theta[0], rtol=0, atol=1e-10)
 
 
+def test_an_effect_whose_other_parameters_have_usual_values_needs_no_parameter():
+    """A file that was written when backlash had one parameter is read as before."""
+    short = draws("arm_backlash=uniform:0.005,0.02 pendulum_quadratic_drag=0.01", QUBE)
+    assert short == draws("arm_backlash.b=uniform:0.005,0.02 pendulum_quadratic_drag.c=0.01", QUBE)
+
+
 def test_what_was_never_drawn_is_named():
     missing = never_drawn(draws(ALL, QUBE), QUBE, {"arm_ripple": 0.1})
     drawn = {"input_delay", "arm_spring", "actuator_lag", "arm_backlash", "arm_ripple"}

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furuta_gym.plant import Effect, Plant
+from furuta_gym.plant import QUBE, TABLE_3, Effect, Plant
 from tests.furuta_gym.plant.helpers import derivative, run
 
 THETA = np.array([0.02, 0.004, 0.004, 0.005, 0.15, 0.0, 0.0, 0.0, 0.0])
@@ -48,3 +48,17 @@ def test_no_share_leaves_an_arm_without_inertia(share, q2):
     assert np.isfinite(rates).all()
     pushed = np.asarray(derivative(with_play(share), [*x[:4], 0.05, 0.5], 0.1))
     assert pushed[2] > rates[2]  # a harder push from the rotor turns the arm the same way
+
+
+@pytest.mark.parametrize("plant", [BARE, QUBE, TABLE_3], ids=["bare", "qube", "table3"])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.45, 0.9])
+def test_a_rotor_that_is_pressed_on_its_stop_does_not_chatter(plant, share):
+    """In steps of 2.5 ms, the longest of a usual log, whatever the rotor's share."""
+    frictionless = plant.replace(theta=[*plant.theta[:5], 0.0, 0.0, 0.0, 0.0], effects=())
+    played = frictionless.with_effects(Effect("arm_backlash", {"b": 0.01, "rho": share}))
+    t = np.arange(0.0, 0.3, 0.0025)
+    push = 0.02 * plant.u_max * np.ones_like(t)
+    states = run(played, [0.0, math.pi, 0.0, 0.0, 0.01, 0.0], t, push, 0.3, 2.5e-3)
+    fine = run(played, [0.0, math.pi, 0.0, 0.0, 0.01, 0.0], t, push, 0.3, 1e-4)
+    speed = np.abs(fine[:, 2]).max()
+    assert np.abs(states[60:, 5] - fine[60:, 5]).max() < 0.01 * speed
