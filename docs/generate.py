@@ -12,8 +12,12 @@ import importlib
 import json
 import sys
 from enum import Enum
+from math import exp
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
+
+if TYPE_CHECKING:
+    from furuta_gym.plant import Parameter
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS.parent))
@@ -45,6 +49,16 @@ def pages() -> dict[str, str]:
 
 
 # ------------------------------------------------------------------------------------------------------- effects
+
+
+def _prior(p: Parameter) -> str:
+    """What a fit believes of a shape before it sees a log: with 95 %, between two numbers."""
+    reach, of = 1.96 * p.spread, f" × {p.relative_to}" if p.relative_to else ""
+    ends = (
+        (p.default * exp(-reach), p.default * exp(reach)) if p.logarithmic else (p.default - reach, p.default + reach)
+    )
+    low, high = max(ends[0], p.lower), min(ends[1], p.upper)
+    return f"{p.name} between {low:.2g} and {high:.2g}{of} (95 %)"
 
 
 def effects_page() -> str:
@@ -92,8 +106,13 @@ def _effect(kind: Any) -> list[str]:
     for p in kind.parameters:
         if p.spread:
             lines.append(
-                f"\n**Prior:** in every fit {'the logarithm of ' * p.logarithmic}{p.name} has a standard deviation of "
-                f"{p.spread:g} around {'the logarithm of ' * p.logarithmic}the default."
+                f"\n**Prior:** before it sees a log, a fit expects {_prior(p)}. If the log does not show it, this "
+                "remains."
+            )
+        if p.rough:
+            lines.append(
+                f"\n**No error bar:** the likelihood of {p.name} has many narrow peaks. Fit two logs one at a time, "
+                "and compare."
             )
     if kind.mistaken_for:
         alike = ", ".join(f"[`{name}`](#{name})" for name in kind.mistaken_for)

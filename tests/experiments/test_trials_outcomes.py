@@ -28,6 +28,7 @@ PRESENT_COMPOSITE = (
     "55_composite",
     "56_composite",
     "59_composite",
+    "62_composite",
 )
 
 names = st.from_regex(r"[a-zφω][a-z0-9_φω]{0,12}", fullmatch=True)
@@ -98,6 +99,7 @@ def test_the_documented_figures_are_those_of_the_kept_outcomes():
 
 def test_the_documented_figures_of_each_run_are_those_of_its_file():
     for run, name in (
+        ("62_composite", "research-log/diagnosis_runs.md"),
         ("61", "research-log/diagnosis_runs.md"),
         ("60", "research-log/diagnosis_runs.md"),
         ("59", "research-log/diagnosis_runs.md"),

@@ -278,7 +278,7 @@ ARM_EFFECTS = (
             Parameter(
                 "ρ",
                 "1",
-                "inertia on the motor's side of the play, as a share of θ1",
+                "share of θ1 on the motor's side of the play; friction and encoder are on the arm's side",
                 0.1,
                 lower=0.001,
                 upper=0.9,

@@ -73,7 +73,7 @@ PENDULUM_EFFECTS = (
             Parameter(
                 "λ",
                 "1",
-                "how much the arm's motion counts: 0 not at all, 1 as at the pendulum's centre of percussion",
+                "the arm's part in w: drag at ℓ from the joint has λ θ3/θ4 = L1/ℓ, at the end of a thin rod λ = 2/3",
                 0.0,
                 lower=0.0,
                 upper=3.0,
