@@ -90,8 +90,10 @@ class Choice:
         if isinstance(parameter.grid, tuple) and parameter.grid and parameter.role != "size":
             low, high = min(parameter.grid), max(parameter.grid)
             if parameter.spread:  # two standard deviations of what mechanics allow
-                factor = math.exp(2.0 * parameter.spread) if parameter.logarithmic else 1.0
-                low, high = low / factor, high * factor + 2.0 * parameter.spread * (not parameter.logarithmic)
+                reach = 2.0 * parameter.spread
+                low, high = (
+                    (low * math.exp(-reach), high * math.exp(reach)) if parameter.logarithmic else (low, high + reach)
+                )
         else:
             reach = 4.0 * default if default > 0 and math.isfinite(default) else math.pi
             there = self.origin.effect(name)
