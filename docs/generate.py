@@ -277,7 +277,8 @@ def known_sets() -> str:
         rows.append(f"| `{name}` | {plant.unit} | {plant.u_max:g} | {period} | {_cell('; '.join(said))} |")
     words = (
         "Every `plant` and `--plant` takes one of these names in place of a file. "
-        "No log was fitted for `qube` and `large`."
+        "No log was fitted for `qube` and `large`. Nothing here is near your rig? "
+        "[Masses and lengths](../explanation/model.md#from-masses-and-lengths-to-a-plant) make a plant too."
     )
     head = [
         "\n## Known sets\n",

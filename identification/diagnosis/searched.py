@@ -28,6 +28,7 @@ from .locate.locate import locate
 from .locate.location import Where
 from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
+from .naming.certain import without_uncertain
 from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
@@ -35,6 +36,8 @@ from .naming.upheld import preferred, upheld
 from .origin import with_origin
 from .outcome import Diagnosis
 from .policy import DecisionPolicy
+
+_Answer = tuple[Naming, Estimate, Where]
 
 
 def searched(
@@ -81,20 +84,30 @@ def searched(
 
 def _named(
     search: Search, nominal: Fit, before: Estimate, held: HeldOut, most: int, joined: Mapping[str, Fit]
-) -> tuple[Naming, Estimate, Where]:
+) -> _Answer:
     """The search for names, the estimate with what was found, and what that leaves. joined: see `name_effects`."""
     logs, policy = held.logs, search.policy
     rest = Leftovers(logs, policy)
     naming = preferred(name_effects(nominal, search, most, rest, held, joined), search, held)
     naming = upheld(naming, search, held)
+    naming, after, remains = _estimated(naming, before, logs, search)
+    while (fewer := without_uncertain(naming, after.plant, search, held)) is not None:
+        left = _estimated(fewer, before, logs, search)
+        if left[2].matters and not remains.matters:  # it was needed
+            break
+        naming, after, remains = left
+    naming = unsettled(naming, remains, policy)
+    return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
+
+
+def _estimated(naming: Naming, before: Estimate, logs: Sequence[Log], search: Search) -> _Answer:
+    """The names, the estimate with them, and what that leaves."""
     after = before
     if naming.accepted:
         search.progress("estimating all parameters together")
-        after = with_origin(_all_together(logs, naming.final, policy), before.plant)
+        after = with_origin(_all_together(logs, naming.final, search.policy), before.plant)
     search.progress("looking at what is left")
-    remains = locate(after.plant, moved(logs, after.zeros), policy)
-    naming = unsettled(naming, remains, policy)
-    return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
+    return naming, after, locate(after.plant, moved(logs, after.zeros), search.policy)
 
 
 def _all_together(logs: Sequence[Log], final: Fit, policy: DecisionPolicy) -> Estimate:
@@ -116,9 +129,6 @@ def _zero_in_counts(fitted: Fit) -> float:
     record = next(r for r in fitted.records if r.log == first)
     count = float(max(record.quantum[1], np.sqrt(12.0 * record.variance[1])))
     return fitted.zeros.get(first, (0.0, 0.0))[1] / count
-
-
-_Answer = tuple[Naming, Estimate, Where]
 
 
 def _settled(

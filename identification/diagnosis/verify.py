@@ -17,6 +17,7 @@ from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
 from .leftovers import unexplained_torque
 from .locate.locate import locate
+from .naming.certain import may_be_absent
 from .naming.suspects import follows_clock
 from .origin import with_origin
 from .outcome import Diagnosis
@@ -52,16 +53,11 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
 
 
 def _of_no_size(diagnosis: Diagnosis) -> bool:
-    """Whether something was found, and zero is inside the interval of every size. The logs are likelier with it then,
-    but what the model lacks anyway may pass for it."""
+    """Whether something was found, and each may be absent. The logs are likelier with it then, but what the model lacks
+    anyway may pass for it."""
     assert diagnosis.after is not None
-    between = []
-    for suspect in diagnosis.found:
-        if (effect := diagnosis.after.plant.effect(suspect.name)) is not None:
-            in_play = effect.type.in_play(effect.parameters)
-            between += [effect.interval(p.name) for p in in_play if p.role == "size"]
-    # the interval of a size that cannot be negative ends at zero at the least
-    return bool(between) and all(ends is not None and ends[0] <= 0.0 < ends[1] for ends in between)
+    plant = diagnosis.after.plant
+    return bool(diagnosis.found) and all(may_be_absent(plant, suspect.name) for suspect in diagnosis.found)
 
 
 def _sharpness_alone(diagnosis: Diagnosis) -> bool:

@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price, repeats, slight
+from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price, repeats, slight_beside
 
 
 class Rest(Protocol):
@@ -116,19 +116,29 @@ class Judge:
             gain > self.policy.believed and (self.foreign(gain, current) or self.witness.far(current))
         )
 
-    def foreign(self, net: float, before: Fit) -> bool:
-        """Whether a further effect explains much that has nothing to do with the laws of those before it: hardly
-        anything that the model before leaves goes with their variables. net: its gain [nats], less its price."""
+    def foreign(self, net: float, before: Fit, after: Fit | None = None, beside: Sequence[str] | None = None) -> bool:
+        """Whether a further effect explains much that has nothing to do with the laws of those before it, or of some,
+        `beside`. net: its gain [nats], less its price. Hardly anything that the model before leaves goes with their
+        variables then, or the model `after` leaves it as well: other effects may be missing too."""
         if net < self.policy.much:
             return False
         least = self.policy.foreign * net
-        return all(self.rest.another_law(before, effect.name) <= least for effect in before.plant.effects)
+        laws = [effect.name for effect in before.plant.effects if beside is None or effect.name in beside]
+        return all(self._taken_up(before, after, name) <= least for name in laws)
 
-    def asked_for(self, without: Fit, fitted: Fit) -> bool:
-        """Whether an effect found stays that is slight beside the others."""
+    def _taken_up(self, before: Fit, after: Fit | None, name: str) -> float:
+        """Evidence [nats] of another law of an effect which a further one may have taken up: all, or what is gone with
+        it."""
+        of = self.rest.another_law(before, name)
+        if after is None or of <= 0.0:
+            return of
+        return min(of, of - self.rest.another_law(after, name))
+
+    def asked_for(self, without: Fit, fitted: Fit, beside: Sequence[str]) -> bool:
+        """Whether an effect found stays that is slight beside some of the others."""
         name = added(fitted, without).name
         net = without.value - fitted.value - price(name, fitted.samples)
-        return self.foreign(net, without) or self.confirmed(without, fitted)
+        return self.foreign(net, without, fitted, beside) or self.confirmed(without, fitted)
 
     def much_left(self, found: Sequence[Ranking], suspect: Suspect) -> bool:
         """Whether a further effect leaves so much that a better fit of it, or of another, may have been missed."""
@@ -144,23 +154,23 @@ class Judge:
         return all(suspect.gain < self.policy.doubtful_share * other.gain for other, *_ in found)
 
     def law_of(self, together: Sequence[Ranking], before: Fit) -> str | None:
-        """The effect before it of which a further one, the last of `together`, only describes another law: such a law,
-        in that effect's own variables, would explain half as much to first order, and no less than any law in the
-        newest's. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring or
+        """The effect before it of which a further one, the last of `together`, only describes another law: it takes up
+        what goes with that effect's own variables, to half of its own gain, and no less than what goes with its own.
+        So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring or
         cable is no law of a ripple: no periodic law pulls as they do."""
         *others, (newest, *_) = together
         angle = [other.name for other, *_ in others if of_the_angle(other.name)]
         if follows_a_law(newest, self.policy) and angle:
             return angle[0]
         laws = {
-            other.name: self.rest.another_law(before, other.name)
+            other.name: self._taken_up(before, newest.fit, other.name)
             for other, *_ in others
             if not (of_the_angle(newest.name) and other.name == RIPPLE)
         }
         best = max(laws, key=lambda name: laws[name], default=None)
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
             return None
-        return best if laws[best] >= self.rest.another_law(before, newest.name) else None
+        return best if laws[best] >= self._taken_up(before, newest.fit, newest.name) else None
 
     def look_alike_law_of(self, together: Sequence[Ranking]) -> str | None:
         """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
@@ -194,12 +204,13 @@ class Judge:
         it."""
         *others, (newest, *_) = together
         policy = self.policy
-        if not slight(newest.name, newest.gain, others, policy):
+        beside = slight_beside(newest.name, newest.gain, others, policy)
+        if not beside:
             return False
-        enough = not slight(newest.name, newest.gain, others, policy, policy.least_share)
+        enough = not slight_beside(newest.name, newest.gain, others, policy, policy.least_share)
         if enough and self.rest.left(suspect.fit) <= 0.0 and self.rest.left(before) > policy.believed:
             return False
-        return not (self.foreign(newest.net, before) or self.confirmed(before, newest.fit))
+        return not (self.foreign(newest.net, before, newest.fit, beside) or self.confirmed(before, newest.fit))
 
     def confirmed(self, before: Fit, after: Fit) -> bool:
         """Whether data that no fit saw, from which a model is far off, ask for a further effect. Where that explains

@@ -13,7 +13,7 @@ from ..policy import DecisionPolicy
 from .fits import Fit, added, without
 from .multistart import Start, between, multi_start
 from .search import Search
-from .suspects import Ranking, Suspect, alike, price, slight
+from .suspects import Ranking, Suspect, alike, price, slight_beside
 
 
 def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking, ...] | None:
@@ -64,6 +64,6 @@ def _each(search: Search, both: Fit) -> tuple[Ranking, ...] | None:
         current = again[0].fit
         found.append(again)
     policy = search.policy
-    if any(slight(r[0].name, r[0].gain, [other for other in found if other is not r], policy) for r in found):
+    if any(slight_beside(r[0].name, r[0].gain, [other for other in found if other is not r], policy) for r in found):
         return None
     return tuple(found)

@@ -24,7 +24,7 @@ from .dropped import Rest, dropped
 from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, plainer, price, shortlist, slight
+from .suspects import Ranking, Suspect, plainer, price, shortlist, slight_beside
 
 Scorer = Callable[..., dict[str, Score]]
 
@@ -229,12 +229,14 @@ class Search:
         return [*others, again], again[0].fit
 
     def reconsidered(
-        self, found: Sequence[Ranking], asked_for: Callable[[Fit, Fit], bool] = lambda without, fitted: False
+        self,
+        found: Sequence[Ranking],
+        asked_for: Callable[[Fit, Fit, Sequence[str]], bool] = lambda without, fitted, beside: False,
     ) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
         while the other was missing. Effects that have become superfluous or slight go, others may be exchanged.
 
-        asked_for(without, fitted): whether an effect stays that is slight beside the others.
+        asked_for(without, fitted, beside): whether an effect stays that is slight beside some of the others.
         """
         found, policy = list(found), self.policy
         current, changed = found[-1][0].fit, False
@@ -247,8 +249,9 @@ class Search:
             if nearest is not current:
                 current, changed = self.fitted(nearest.plant, nearest), True
             gain = reduced.value - current.value
+            beside = slight_beside(name, gain, others, policy)
             if gain - price(name, current.samples) < policy.believed or (
-                slight(name, gain, others, policy) and not asked_for(reduced, current)
+                beside and not asked_for(reduced, current, beside)
             ):
                 found, current, changed = others, reduced, True
             elif rivals := _contesting(ranking, reduced, policy):

@@ -104,14 +104,18 @@ def _best(promising: dict[str, Score]) -> float:
     return max(score.gain for score in promising.values())
 
 
-def slight(
+def slight_beside(
     name: str, gain: float, others: Sequence[Ranking], policy: DecisionPolicy, share: float | None = None
-) -> bool:
-    """Whether an effect may only mend the form of another: it explains far less, or, if it is a look-alike, not even
-    half.
+) -> tuple[str, ...]:
+    """The others of which an effect may only mend the form: it explains far less than they do, or, of a look-alike, not
+    even half.
 
     No rig has an effect in the library's very words, and what the words miss of a large effect looks like a small
     one of another name, of one that is mistaken for it most of all. share: of the other's gain; default `own_share`.
     """
     least = policy.own_share if share is None else share
-    return any(gain < (policy.alike_share if alike(name, other.name) else least) * other.gain for other, *_ in others)
+    return tuple(
+        other.name
+        for other, *_ in others
+        if gain < (policy.alike_share if alike(name, other.name) else least) * other.gain
+    )

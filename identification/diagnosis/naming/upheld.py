@@ -37,7 +37,7 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
             comparable = asked[gone][1] is final  # a look-alike would be judged beside what follows the clock
             in_place = None if idle or not comparable else _exchanged(naming, gone, reduced[gone], search, witness)
             if in_place or idle or not witness.excuses(*asked[gone]):
-                naming = in_place or _without(naming, gone, reduced[gone], taken_back=not idle)
+                naming = in_place or without(naming, gone, reduced[gone], taken_back=not idle)
                 break
         else:
             break
@@ -65,7 +65,7 @@ def _asked(
     ]
 
 
-def _without(naming: Naming, gone: int, reduced: Fit, taken_back: bool) -> Naming:
+def without(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -> Naming:
     """The names without one, which held-out data took back or another made superfluous."""
     return replace(
         naming,
@@ -85,10 +85,11 @@ def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) ->
 def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
     """The names with others in their place where data which no fit saw ask for it by more than the fitted logs speak
     against it: what one experiment cannot tell apart, another one may. Asked only while predictions are not
-    adequate."""
+    adequate; of look-alikes that explain less of the fitted logs, only while they are far off."""
     refused: set[tuple[str, str]] = set()
     while True:
-        pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search)]
+        share = search.policy.contested if witness.far(naming.final) else search.policy.as_good
+        pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search, share)]
         fresh = [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
         if not fresh or not witness.off(naming.final):
             return naming
@@ -110,7 +111,7 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
     """The names with a look-alike in the place of one that held-out data speak against: one that explains the fitted
     logs nearly as well, and held-out data besides. None if there is none."""
     false = naming.accepted[gone]
-    for s in _alternatives(naming, gone, search):
+    for s in _alternatives(naming, gone, search, search.policy.as_good):
         search.progress(f"trying {s.name} in place of {false.name}")
         fitted = _fitted_in_place(false, s, reduced, search)
         gain = reduced.value - fitted.value
@@ -120,14 +121,14 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
     return None
 
 
-def _alternatives(naming: Naming, i: int, search: Search) -> list[Suspect]:
-    """What may be in the place of a name, and is not there already: look-alikes that explain nearly as much of the
-    fitted logs, and what was found before it and went when it joined. A ripple that is not seen to repeat does not take
-    the place of a spring or cable: it is one."""
+def _alternatives(naming: Naming, i: int, search: Search, share: float) -> list[Suspect]:
+    """What may be in the place of a name, and is not there already: look-alikes that explain at least a `share` of what
+    it explains of the fitted logs, and what was found before it and went when it joined. A ripple that is not seen to
+    repeat does not take the place of a spring or cable: it is one."""
     own = naming.accepted[i]
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
     look_alikes = [
-        s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > search.policy.as_good * own.gain
+        s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > share * own.gain
     ]
     found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
     return [s for s in found if not (of_the_angle(own.name) and follows_a_law(s, search.policy))]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
+from furuta_gym.plant.covariance import Covariance
 from identification.diagnosis import verify
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import speaks_against
@@ -298,10 +299,12 @@ def test_a_name_is_not_needless_where_structure_is_left(where: str, monkeypatch:
 
 def _a_drift_known_within(std: float, name: str = "arm_friction_drift") -> Diagnosis:
     drift = TABLE_3.default_effect(name)
-    known = Effect(drift.name, drift.parameters, {drift.type.parameters[0].name: std})
+    size = drift.type.parameters[0].name
+    known = TABLE_3.with_effects(Effect(drift.name, drift.parameters, {size: std}))
+    after = known.replace(covariance=Covariance((f"{drift.name}.{size}",), np.array([[std**2]])))
     before = an_estimate(TABLE_3)
     before.noise = NoiseReport((3e-7, 1e-9), ())
-    return a_diagnosis(drift.name, before=before, after=an_estimate(TABLE_3.with_effects(known)))
+    return a_diagnosis(drift.name, before=before, after=an_estimate(after))
 
 
 def test_a_name_that_is_taken_back_takes_no_warning_with_it() -> None:

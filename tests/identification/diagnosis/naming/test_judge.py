@@ -38,15 +38,17 @@ def test_a_ripple_that_is_not_seen_to_repeat_is_another_function_of_the_angle(
 
 @dataclass(frozen=True)
 class Laws:
-    """A `Rest` whose evidence [nats] for another law of each effect is known; of all others there is none."""
+    """A `Rest` whose evidence [nats] for another law of each effect is known, in a fit `before`; of all others, and in
+    all other fits, there is none."""
 
     of: Mapping[str, float]
+    before: Any
 
     def left(self, fitted: Any) -> float:
         return 0.0
 
     def another_law(self, fitted: Any, name: str) -> float:
-        return self.of.get(name, 0.0)
+        return self.of.get(name, 0.0) if fitted is self.before else 0.0
 
 
 @pytest.mark.parametrize(
@@ -67,7 +69,7 @@ def test_a_spring_beside_a_ripple_is_an_effect_and_the_ripple_may_be_its_law(
         ranked(("arm_ripple", 2000.0), fit=before),
         ranked((newest, 500.0), fit=a_fit(ripple, newest, value=-500.0)),
     ]
-    judge = Judge(DecisionPolicy(), Laws({"arm_ripple": 400.0}), NoWitness())
+    judge = Judge(DecisionPolicy(), Laws({"arm_ripple": 400.0}, before), NoWitness())
     assert judge.law_of(together, before) == law_of
     assert judge.look_alike_law_of(together) is None
     assert judge.law_of_ripple(together) == ripples_law
@@ -100,3 +102,31 @@ def test_a_ripple_is_no_lesser_look_alike_of_a_cable(n: float) -> None:
     both = a_fit("arm_cable", Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}), value=-300.0)
     together = [ranked(("arm_cable", 2000.0), fit=a_fit("arm_cable")), ranked(("arm_ripple", 300.0), fit=both)]
     assert JUDGE.look_alike_law_of(together) is None
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "beside", "foreign"),
+    [
+        (90.0, None, None, True),  # a tenth of the gain at most
+        (900.0, None, None, False),
+        (900.0, 890.0, None, True),  # still there with the effect in the model: something else leaves it
+        (900.0, 700.0, None, False),
+        (900.0, 1100.0, None, True),
+        (-20.0, 90.0, None, True),
+        (900.0, 700.0, ("base_tilt",), True),  # beside the cable it is not slight, so that is not asked
+    ],
+)
+def test_what_goes_with_the_law_of_another_effect_counts_as_far_as_it_goes_with_the_newest(
+    before: float, after: float | None, beside: tuple[str, ...] | None, foreign: bool
+) -> None:
+    without, fitted = a_fit("arm_cable", "base_tilt"), a_fit("arm_cable", "base_tilt", "input_delay", value=-1000.0)
+
+    class Left(NoRest):
+        def another_law(self, fit: Any, name: str) -> float:
+            if name == "base_tilt":
+                return 0.0
+            return before if fit is without else after or 0.0
+
+    judge = Judge(DecisionPolicy(), Left(), NoWitness())
+    assert judge.foreign(1000.0, without, None if after is None else fitted, beside) is foreign
+    assert not judge.foreign(99.0, without, fitted, ("base_tilt",))  # too little to be told from anything

@@ -225,10 +225,14 @@ def test_what_goes_with_the_variables_of_an_effect_is_another_law_of_it(
     both = ["arm_friction_drift", "periodic_torque"]
     values = {"arm_friction_drift": -2000.0, " ".join(both): -2500.0}
     of = {"arm_friction_drift": drift, "periodic_torque": periodic}
-    got = named(values, *both, another_law=lambda fit, name: of[name], witness=Told(needed=()))
+
+    def law(fit: Any, name: str) -> float:
+        return of[name] if len(fit.plant.effects) < 2 else 0.0
+
+    got = named(values, *both, another_law=law, witness=Told(needed=()))
     assert accepted(got) == (found or both)
     assert (got.refused is None) == (found is None)
-    asked_for = named(values, *both, another_law=lambda fit, name: of[name], witness=Told(needed=tuple(both)))
+    asked_for = named(values, *both, another_law=law, witness=Told(needed=tuple(both)))
     assert accepted(asked_for) == both  # held-out data ask for it: in the plant, and no name
     assert [s.name for s in asked_for.own] == (found or both)
     assert asked_for.laws == ({} if found is None else {"periodic_torque": "arm_friction_drift"})
@@ -258,6 +262,31 @@ def test_a_small_effect_stays_when_another_small_one_joins(law: float, kept: boo
     names = ["base_tilt", "input_dead_zone", "arm_hysteresis"]
     found = named(values, *names, another_law=lambda fit, name: law)
     assert accepted(found) == (names if kept else names[:1])
+
+
+@pytest.mark.parametrize(("taken_up", "kept"), [(0.0, True), (300.0, False)])
+def test_what_two_small_effects_have_in_common_counts_against_neither_beside_a_large_one(
+    taken_up: float, kept: bool
+) -> None:
+    """A strong tilt, a late command and friction that remembers, and a cable that is not in the library here: what the
+    cable pulls goes with the tilt's variables all along. Each of the two takes up a little of what the other leaves."""
+    values = {
+        "base_tilt": -20000.0,
+        "base_tilt input_delay": -20600.0,
+        "base_tilt arm_hysteresis": -20800.0,
+        "input_delay arm_hysteresis": -3000.0,
+        "base_tilt input_delay arm_hysteresis": -22500.0,
+    }
+    names = ["base_tilt", "arm_hysteresis", "input_delay"]
+
+    def another_law(fit: Any, name: str) -> float:
+        others = {e.name for e in fit.plant.effects} - {name}
+        if name == "base_tilt":
+            return 900.0 - taken_up * len(others)
+        return 300.0 if len(others) < 2 else 0.0
+
+    found = named(values, *names, another_law=another_law, witness=Told())
+    assert sorted(accepted(found)) == (sorted(names) if kept else ["base_tilt"])
 
 
 @pytest.mark.parametrize(("gain", "own"), [(760.0, ["actuator_lag"]), (1300.0, ["actuator_lag", "input_delay"])])

@@ -11,7 +11,7 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
-from identification.diagnosis.naming.suspects import price, shortlist, slight
+from identification.diagnosis.naming.suspects import price, shortlist, slight_beside
 from identification.diagnosis.policy import DecisionPolicy
 from identification.estimation.prediction_error import quietest
 from identification.kalman.noise_model import Noise
@@ -30,22 +30,24 @@ def test_a_frequency_and_an_instant_cost_more_than_a_size() -> None:
 @pytest.mark.parametrize(("share", "is_slight"), [(0.15, True), (0.3, False)])
 def test_a_further_effect_must_explain_its_share(share: float, is_slight: bool) -> None:
     drag, offset = (suspect("pendulum_quadratic_drag", 1000.0),), (suspect("input_offset", 30.0),)
-    assert slight("input_delay", share * 1000.0, [drag], POLICY) is is_slight
-    assert slight("input_delay", share * 1000.0, [offset, drag], POLICY) is is_slight
-    assert not slight("input_delay", 15.0, [], POLICY)
+    beside = ("pendulum_quadratic_drag",) if is_slight else ()
+    assert slight_beside("input_delay", share * 1000.0, [drag], POLICY) == beside
+    assert slight_beside("input_delay", share * 1000.0, [offset, drag], POLICY) == beside
+    assert slight_beside("input_delay", 15.0, [], POLICY) == ()
 
 
 @pytest.mark.parametrize(("share", "is_slight"), [(0.35, True), (0.7, False)])
 def test_a_look_alike_must_explain_half(share: float, is_slight: bool) -> None:
-    """Two lags in series, fitted as one, leave what looks like a delay."""
+    """Two lags in series, fitted as one, leave what looks like a delay. The other share does not matter here."""
     lag = (suspect("actuator_lag", 1000.0),)
-    assert slight("input_delay", share * 1000.0, [lag], POLICY) is is_slight
-    assert slight("input_delay", share * 1000.0, [lag], POLICY, share=0.01) is is_slight  # whatever the other share is
+    beside = ("actuator_lag",) if is_slight else ()
+    assert slight_beside("input_delay", share * 1000.0, [lag], POLICY) == beside
+    assert slight_beside("input_delay", share * 1000.0, [lag], POLICY, share=0.01) == beside
 
 
 def test_another_policy_decides_otherwise() -> None:
     drag = (suspect("pendulum_quadratic_drag", 1000.0),)
-    assert not slight("input_delay", 150.0, [drag], replace(POLICY, own_share=0.1))
+    assert not slight_beside("input_delay", 150.0, [drag], replace(POLICY, own_share=0.1))
 
 
 def table(gains: dict[str, float]) -> dict[str, Score]:

@@ -1,0 +1,62 @@
+"""Whether the size of an effect found is certain. Error bars allow for what the model lacks, and the likelihood that
+names an effect does not: a small effect beside others may be likely by many nats, and as well be absent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from furuta_gym.plant import Plant
+
+from .forward import Naming
+from .judge import Witness
+from .search import Search
+from .upheld import without
+
+_LEVEL = 0.95
+
+
+def may_be_absent(plant: Plant, name: str) -> bool:
+    """Whether all sizes of an effect together lie within the 95 % region around doing nothing (Wald's test, with the
+    plant's covariance). They are judged together, as one may imitate another: of a cable, the stiffness and its rise.
+
+    False where a size has no error bar, or its logarithm is what was estimated.
+    """
+    effect, known = plant.effect(name), plant.covariance
+    if effect is None or known is None:
+        return False
+    neutral = effect.type.neutral()
+    in_play = [p for p in effect.type.in_play(effect.parameters) if p.role == "size"]
+    sizes = [p for p in in_play if effect.parameters[p.name] != neutral[p.name] or p.name in effect.std]
+    if not sizes or any(p.logarithmic or p.name not in effect.std for p in sizes):
+        return False
+    at = [known.names.index(f"{name}.{p.name}") for p in sizes]
+    away = np.array([effect.parameters[p.name] - neutral[p.name] for p in sizes])
+    spread = known.matrix[np.ix_(at, at)]
+    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    distance = (away / scale) @ np.linalg.pinv(spread / np.outer(scale, scale), hermitian=True) @ (away / scale)
+    return bool(distance < chi2.ppf(_LEVEL, len(sizes)))
+
+
+def uncertain(naming: Naming, plant: Plant) -> list[int]:
+    """Places of the names that may be absent as far as `plant`, the estimate with all of them, says. Of one name alone,
+    or of one whose law another effect describes, that is not asked."""
+    described = {naming.describes(suspect.name) for suspect in naming.accepted}
+    own = {suspect.name for suspect in naming.own} - described
+    if len(naming.own) < 2:
+        return []
+    return [i for i, s in enumerate(naming.accepted) if s.name in own and may_be_absent(plant, s.name)]
+
+
+def without_uncertain(naming: Naming, plant: Plant, search: Search, witness: Witness) -> Naming | None:
+    """The names without the first that may be absent, where data that no fit saw do not ask for it; None if there is no
+    such name."""
+    for i in uncertain(naming, plant):
+        name = naming.accepted[i].name
+        search.progress(f"asking held-out data about {name}, whose size may be zero")
+        reduced = search.reduced(naming.final, name)
+        if not witness.confirms(reduced, naming.final):
+            return replace(without(naming, i, reduced), uncertain=(*naming.uncertain, naming.accepted[i]))
+    return None
