@@ -78,18 +78,21 @@ class DecisionPolicy:
         DEV,
     )
     another_law: float = _rule(
-        0.45, "an effect gets no name if an earlier effect's variables explain this share of its net gain too", DEV
+        0.45, "an effect gets no name if this share of its net gain goes with an earlier effect's variables", DEV
     )
     foreign: float = _rule(
         0.1,
-        "a further effect is one of its own if the earlier effects' variables explain at most this share of it",
+        "a further effect is one of its own if at most this share of its net gain goes with a larger effect's variables",
         DEV,
     )
     much: float = _rule(
         100.0, "such an effect counts from this net gain, however small it is beside the others", DEV, "nats"
     )
     contested: float = _rule(
-        0.3, "a rival is fitted again beside other effects from this share of the best net gain", DEV
+        0.3,
+        "a rival is fitted again beside other effects from this share of the best net gain, and a look-alike shown to "
+        "held-out data that are predicted far off",
+        DEV,
     )
     together: float = _rule(
         0.8, "two effects replace one if they gain at least this share of its gain between them", DEV

@@ -104,6 +104,9 @@ def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
     assert [s.name for s in found.taken_back] == (["arm_taut_cable"] if false else [])
 
 
+FORMS = ("arm_taut_cable", "arm_spring")
+
+
 def test_a_look_alike_that_held_out_data_agree_with_comes_before_a_name_that_they_cannot_judge() -> None:
     witness = Told(far_off=False, false=("arm_taut_cable",), elsewhere=("arm_taut_cable",))
     found = verified(CABLES, witness, "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
@@ -178,6 +181,27 @@ def test_held_out_data_choose_among_look_alikes(
     assert {e.name for e in found.final.plant.effects} == {"input_delay", kept}
     assert found.accepted[1].fit is found.final
     assert found.taken_back == ()
+
+
+@pytest.mark.parametrize(
+    ("far", "share", "gained", "kept"),
+    [
+        (True, 0.54, 1100.0, "arm_spring"),
+        (True, 0.54, 900.0, "arm_taut_cable"),  # the fitted logs mind more
+        (True, 0.2, 5000.0, "arm_taut_cable"),  # too little to be fitted at all
+        (False, 0.54, 1100.0, "arm_taut_cable"),  # predictions are a little off
+    ],
+)
+def test_of_predictions_that_are_far_off_any_look_alike_is_asked(
+    far: bool, share: float, gained: float, kept: str
+) -> None:
+    """A taut cable fits the searched angles of a stiffening one, and pulls far too hard beyond them."""
+    both = CABLES["input_delay arm_taut_cable"]
+    alone = CABLES["input_delay"]
+    by = search({"": 0.0, **CABLES, "input_delay arm_spring": alone + share * (both - alone)}, "input_delay", *FORMS)
+    witness = Told(far_off=far, a_little_off=True, needed=("arm_spring",), by=gained)
+    found = preferred(name_effects(a_fit(), by), by, witness)
+    assert [s.name for s in found.accepted] == ["input_delay", kept]
 
 
 def test_held_out_data_are_not_asked_where_nothing_else_may_be_named() -> None:
