@@ -82,7 +82,7 @@ class DecisionPolicy:
     )
     foreign: float = _rule(
         0.1,
-        "a further effect is one of its own if at most this share of its net gain goes with a larger effect's variables",
+        "a further effect is one of its own if at most this share of its net gain goes with a larger one's variables",
         DEV,
     )
     much: float = _rule(

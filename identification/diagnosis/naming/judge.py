@@ -210,7 +210,9 @@ class Judge:
         enough = not slight_beside(newest.name, newest.gain, others, policy, policy.least_share)
         if enough and self.rest.left(suspect.fit) <= 0.0 and self.rest.left(before) > policy.believed:
             return False
-        return not (self.foreign(newest.net, before, newest.fit, beside) or self.confirmed(before, newest.fit))
+        new = {e.name for e in newest.fit.plant.effects} - {e.name for e in before.plant.effects}
+        after = newest.fit if new == {newest.name} else None  # what was exchanged with it takes up something itself
+        return not (self.foreign(newest.net, before, after, beside) or self.confirmed(before, newest.fit))
 
     def confirmed(self, before: Fit, after: Fit) -> bool:
         """Whether data that no fit saw, from which a model is far off, ask for a further effect. Where that explains

@@ -127,9 +127,7 @@ def _alternatives(naming: Naming, i: int, search: Search, share: float) -> list[
     repeat does not take the place of a spring or cable: it is one."""
     own = naming.accepted[i]
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
-    look_alikes = [
-        s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > share * own.gain
-    ]
+    look_alikes = [s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > share * own.gain]
     found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
     return [s for s in found if not (of_the_angle(own.name) and follows_a_law(s, search.policy))]
 

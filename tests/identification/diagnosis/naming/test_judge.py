@@ -130,3 +130,19 @@ def test_what_goes_with_the_law_of_another_effect_counts_as_far_as_it_goes_with_
     judge = Judge(DecisionPolicy(), Left(), NoWitness())
     assert judge.foreign(1000.0, without, None if after is None else fitted, beside) is foreign
     assert not judge.foreign(99.0, without, fitted, ("base_tilt",))  # too little to be told from anything
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_what_was_exchanged_with_a_small_effect_is_not_held_for_its_own(exchanged: bool) -> None:
+    """What goes with the tilt's variables is left by both models, and the second has another cable besides."""
+    before = a_fit("base_tilt", "arm_spring")
+    cable = "arm_taut_cable" if exchanged else "arm_spring"
+    after = a_fit("base_tilt", cable, "input_cubic_gain", value=-200.0)
+
+    class Left(NoRest):
+        def another_law(self, fit: Any, name: str) -> float:
+            return 300.0
+
+    judge = Judge(DecisionPolicy(), Left(), NoWitness())
+    together = [ranked(("base_tilt", 5000.0), fit=before), ranked(("input_cubic_gain", 200.0), fit=after)]
+    assert judge.slight(together, together[-1][0], before) is exchanged
