@@ -87,24 +87,41 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
     against it: what one experiment cannot tell apart, another one may. Asked only while predictions are not
     adequate; of look-alikes that explain less of the fitted logs, only while they are far off."""
     refused: set[tuple[str, str]] = set()
-    while True:
-        share = search.policy.contested if witness.far(naming.final) else search.policy.as_good
-        pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search, share)]
-        fresh = [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
-        if not fresh or not witness.off(naming.final):
-            return naming
-        for i, s in fresh:
-            refused.add((naming.accepted[i].name, s.name))
-            before = naming.final
-            search.progress(f"asking held-out data about {s.name} in place of {naming.accepted[i].name}")
-            fitted = _fitted_in_place(naming.accepted[i], s, before, search)
+    policy = search.policy
+    while _shown(naming, search, policy.contested, refused) and witness.off(naming.final):
+        share = policy.contested if witness.far(naming.final) else policy.as_good
+        pairs = _shown(naming, search, share, refused)
+        before, accepted = naming.final, naming.accepted
+        for i, s in pairs:
+            search.progress(f"asking held-out data about {s.name} in place of {accepted[i].name}")
+        tried = _tried(naming, pairs, search)
+        witness.hears([before, *tried])
+        for (i, s), fitted in zip(pairs, tried, strict=True):
+            refused.add((accepted[i].name, s.name))
             if witness.prefers(before, fitted):
                 loss = fitted.value - before.value
-                found = replace(s, gain=naming.accepted[i].gain - loss, net=naming.accepted[i].net - loss, fit=fitted)
+                found = replace(s, gain=accepted[i].gain - loss, net=accepted[i].net - loss, fit=fitted)
                 naming = _in_place(naming, i, found)
                 break
         else:
             return naming
+    return naming
+
+
+def _shown(naming: Naming, search: Search, share: float, refused: set[tuple[str, str]]) -> list[tuple[int, Suspect]]:
+    """What held-out data are asked about, each with the place of the name in whose place it may be."""
+    pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search, share)]
+    return [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
+
+
+def _tried(naming: Naming, pairs: Sequence[tuple[int, Suspect]], search: Search) -> list[Fit]:
+    """The fits of what may be in the place of a name."""
+
+    def fitted(pair: tuple[int, Suspect]) -> Fit:
+        i, s = pair
+        return _fitted_in_place(naming.accepted[i], s, naming.final, search)
+
+    return list(mapped(shared_pool(), fitted, pairs))
 
 
 def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness: Witness) -> Naming | None:
