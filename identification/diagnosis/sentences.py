@@ -53,9 +53,9 @@ def misses(naming: Naming) -> str:
     if naming.taken_back:
         back = capital(effects([suspect.name for suspect in naming.taken_back]))
         text += f" {back} would explain more of these logs, but predictions of held-out data do not improve with it."
-    if naming.uncertain:
-        names = capital(effects([suspect.name for suspect in naming.uncertain]))
-        text += f" {names} would make these logs likelier, but its size may as well be zero. So it is no name."
+    for suspect in naming.uncertain:
+        what = capital(effects([suspect.name]))
+        text += f" {what} would make these logs likelier, but its size may as well be zero. So it is no name."
     return text
 
 

@@ -30,9 +30,10 @@ def may_be_absent(plant: Plant, name: str) -> bool:
     neutral = effect.type.neutral()
     in_play = [p for p in effect.type.in_play(effect.parameters) if p.role == "size"]
     sizes = [p for p in in_play if effect.parameters[p.name] != neutral[p.name] or p.name in effect.std]
-    if not sizes or any(p.logarithmic or p.name not in effect.std for p in sizes):
+    called = [f"{name}.{p.name}" for p in sizes]
+    if not sizes or any(p.logarithmic or p.name not in effect.std for p in sizes) or not {*called} <= {*known.names}:
         return False
-    at = [known.names.index(f"{name}.{p.name}") for p in sizes]
+    at = [known.names.index(one) for one in called]
     away = np.array([effect.parameters[p.name] - neutral[p.name] for p in sizes])
     spread = known.matrix[np.ix_(at, at)]
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))

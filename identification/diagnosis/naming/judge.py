@@ -123,7 +123,8 @@ class Judge:
         if net < self.policy.much:
             return False
         least = self.policy.foreign * net
-        laws = [effect.name for effect in before.plant.effects if beside is None or effect.name in beside]
+        carried = [effect.name for effect in before.plant.effects]
+        laws = carried if beside is None or not set(beside) <= set(carried) else beside
         return all(self._taken_up(before, after, name) <= least for name in laws)
 
     def _taken_up(self, before: Fit, after: Fit | None, name: str) -> float:

@@ -130,6 +130,9 @@ def test_what_goes_with_the_law_of_another_effect_counts_as_far_as_it_goes_with_
     judge = Judge(DecisionPolicy(), Left(), NoWitness())
     assert judge.foreign(1000.0, without, None if after is None else fitted, beside) is foreign
     assert not judge.foreign(99.0, without, fitted, ("base_tilt",))  # too little to be told from anything
+    # beside one that came with it, all that was there is asked
+    apart = ("base_tilt", "arm_spring")
+    assert judge.foreign(1000.0, without, fitted, apart) is judge.foreign(1000.0, without, fitted)
 
 
 @pytest.mark.parametrize("exchanged", [False, True])
