@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.diagnosis.gap_change import GapChange
-from identification.diagnosis.naming.forward import Naming
+from identification.diagnosis.naming.forward import Naming, name_effects
+from identification.diagnosis.naming.judge import NoRest
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
@@ -335,3 +336,17 @@ class Told:
     def _newest(self, without: Any, fitted: Any) -> str:
         (name,) = {e.name for e in fitted.plant.effects} - {e.name for e in without.plant.effects}
         return name
+
+
+def named(values: dict[str, object], *names: str, witness: Any = None, **rest: Any) -> Naming:
+    """Forward selection over bowls. rest: answers of a `Rest`; besides, what `name_effects` takes."""
+    by, answers = search({"": 0.0, **values}, *names), NoRest()
+    more = {key: rest.pop(key) for key in ("most", "joined") if key in rest}
+    for question, answer in rest.items():
+        assert hasattr(answers, question)
+        setattr(answers, question, answer)
+    return name_effects(a_fit(), by, rest=answers, **({"witness": witness} if witness else {}), **more)
+
+
+def accepted(found: Naming) -> list[str]:
+    return [suspect.name for suspect in found.accepted]
