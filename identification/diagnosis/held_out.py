@@ -74,7 +74,9 @@ class HeldOut:
         heads = [log.slice(stop=_cut(log, tail)) for log in self.logs]
         # from the noise that the search ended with: from more of it, a fit loses what is small against it again
         start = plant.replace(covariance=None, checks={}, provenance={})
-        refitted = identify(heads, start, noise=noise, zeros=zeros if noise else None, model_error=False)
+        refitted = identify(
+            heads, start, noise=noise, zeros=zeros if noise else None, polished=False, model_error=False
+        )
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
 
     def jointly(self, plant: Plant) -> tuple[Estimate, float] | None:
@@ -86,7 +88,7 @@ class HeldOut:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", LogWarning)  # that their zeros lie apart, which is allowed for
                 try:
-                    fitted = identify((*self.logs, *self.whole), plant, model_error=False)
+                    fitted = identify((*self.logs, *self.whole), plant, polished=False, model_error=False)
                     self._joint[id(plant)] = plant, (fitted, validate(fitted.plant, self.whole).ratio_to_floor)
                 except ValueError:
                     self._joint[id(plant)] = plant, None

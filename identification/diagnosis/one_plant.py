@@ -54,7 +54,7 @@ def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
     parts = [(log.source, (log,)) for log in held.logs]
     plain = [after.plant.replace(effects=())] if after.plant.effects else []
     for structure in plain if ratio <= ADEQUATE_BELOW else [*plain, after.plant]:
-        found = apart(parts, ratio, partial(identify, start=structure, model_error=False))
+        found = apart(parts, ratio, partial(identify, start=structure, polished=False, model_error=False))
         if found is not None and likelier(found.estimates, after) > held.policy.believed:
             return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs
     return None
@@ -68,10 +68,12 @@ def _held_out(diagnosis: Diagnosis, before: Estimate, after: Estimate, held: Hel
     parts = [("the searched logs", held.logs), ("the held-out logs", held.whole)]
     for searched in (before, after) if diagnosis.added else (after,):
 
-        def fitted(logs: Sequence[Log], searched: Estimate = searched, model_error: bool = True) -> Estimate:
-            return searched if logs is held.logs else identify(logs, searched.plant, model_error=model_error)
+        def fitted(logs: Sequence[Log], searched: Estimate = searched, shown: bool = True) -> Estimate:
+            if logs is held.logs:
+                return searched
+            return identify(logs, searched.plant, polished=shown, model_error=shown)
 
-        found = apart(parts, gap.after_over_floor, partial(fitted, model_error=False))
+        found = apart(parts, gap.after_over_floor, partial(fitted, shown=False))
         if found is None:
             continue
         joint = held.jointly(after.plant)

@@ -119,8 +119,11 @@ def _all_together(logs: Sequence[Log], final: Fit, policy: DecisionPolicy) -> Es
     least = quietest(fitted.plant, fitted.problem.records)
     if not np.any(np.array(fitted.noise.torque) > policy.hiding_noise * least):
         return fitted
-    afresh = identify(logs, final.plant, zeros=final.zeros)
-    return afresh if afresh.log_likelihood > fitted.log_likelihood else fitted
+    afresh = identify(logs, final.plant, zeros=final.zeros, polished=False, model_error=False)
+    if not afresh.log_likelihood > fitted.log_likelihood or afresh.problem is None or afresh.optimum is None:
+        return fitted
+    noise = afresh.problem.noise_at(afresh.optimum.z)
+    return identify(logs, afresh.plant, noise=noise, zeros=afresh.zeros)
 
 
 def _zero_in_counts(fitted: Fit) -> float:

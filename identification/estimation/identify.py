@@ -37,6 +37,7 @@ _ABSENT: dict[str, Any] = {
     "noise": None,
     "zeros": None,
     "pool": None,
+    "polished": True,
 }
 """The options that belong to a method, as they are where the user gives none."""
 
@@ -58,6 +59,7 @@ def identify(
     zeros: Zeros | None = None,
     u_max: float | None = None,
     pool: Executor | None = None,
+    polished: bool = True,
     every_sample: bool = False,
     model_error: bool = True,
 ) -> Estimate:
@@ -98,6 +100,7 @@ def identify(
         "noise": noise,
         "zeros": zeros,
         "pool": pool,
+        "polished": polished,
     }
     used = [name for name in chosen.options() if name in options]
     if ignored := [n for n, v in options.items() if n not in used and _is_given(v, _ABSENT[n])]:

@@ -61,6 +61,7 @@ def _most_likely(
     noise: Noise | None,
     zeros: Zeros | None,
     pool: Executor | None,
+    polished: bool,
 ) -> Estimate:
     fixed, priors = dict(fixed), dict(priors)
     if sharpness is not None:
@@ -117,9 +118,9 @@ def _most_likely(
     further = [with_known(found.plant, known) for found in regressed]
     plant = from_grids(quickly, plant, records, named, {*fixed, *priors}, pool, further)
     problem = PredictionError(plant, records, free(plant), winner.noise, physical=physical, pool=pool, zeros=zeros)
-    optimum = minimise(problem, begin(problem, iterations), iterations)
+    optimum = minimise(problem, begin(problem, iterations), iterations, exact=polished)
     if noise is None:  # an earlier fit that goes on has been restarted already
-        optimum = restarted(problem, optimum, iterations, TOLERANCE, exact=True)
+        optimum = restarted(problem, optimum, iterations, TOLERANCE, exact=polished)
     return _estimate(logs, problem, optimum, plant, fixed)
 
 

@@ -23,6 +23,7 @@ from identification.kalman.record import Record
 from identification.kalman.rounding import counted
 from identification.logs.log import Log
 from identification.logs.reading import read_log
+from identification.validation.gap import validate
 from tests.factories import closed_loop, hanging_log, open_loop_log, paper_log
 
 
@@ -368,3 +369,12 @@ def test_parts_of_one_file_are_fitted_together_unless_they_overlap(upright: Log)
 def test_a_sharpness_that_is_given_twice_is_refused(upright: Log, given: dict[str, dict]) -> None:
     with pytest.raises(ValueError, match=r"sharpness = 100 is r, and r2? is given too"):
         identify(upright, sharpness=100.0, **given)
+
+
+def test_a_fit_that_is_not_polished_predicts_as_well(upright: Log, fitted: Estimate) -> None:
+    """It ends within some nats of the optimum, and within its error bars."""
+    rough = identify(upright, polished=False)
+    assert -1e-3 < fitted.log_likelihood - rough.log_likelihood < 3.0
+    assert np.all(np.abs(rough.values - fitted.values) < 0.5 * fitted.std)
+    predicted, best = (validate(e.plant, upright).ratio_to_floor for e in (rough, fitted))
+    assert predicted == pytest.approx(best, rel=0.02)

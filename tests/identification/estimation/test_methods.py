@@ -75,6 +75,7 @@ def test_an_estimator_that_is_registered_is_known_in_python_and_on_the_command_l
         {"negative_friction": True},
         {"iterations": 3},
         {"noise": Noise((1.0, 1.0))},
+        {"polished": False},
     ],
     ids=lambda option: next(iter(option)),
 )
