@@ -144,11 +144,11 @@ class DecisionPolicy:
         0.6, "effects found earlier start at so many times their size when a further one shares their part", DEV
     )
     anchor_std: float = _rule(0.5, "standard deviation of ln θ1 … ln θ5 around the anchor", "a prototype")
-    least_theta2: float = _rule(0.3, "of θ4 in the anchor's θ2; a uniform rod has 0.75 by Table 2", THEORY)
-    sharpness: float = _rule(100.0, "r that model (5) is taken to have, so that another is a finding", "paper", "s/rad")
-    usual_sharpness: float = _rule(
-        3.0, "factor around it, within which r is fitted and is no missing effect", "rigs", "1"
+    least_theta2: float = _rule(
+        0.3, "θ2 of the anchor is at least this share of its θ4; a uniform rod has 0.75 by Table 2", THEORY
     )
+    sharpness: float = _rule(100.0, "r that model (5) is taken to have, so that another is a finding", "paper", "s/rad")
+    usual_sharpness: float = _rule(3.0, "factor around it, within which r is fitted and is no missing effect", "rigs")
     periods: float = _rule(
         2.0,
         "periods within a log, or of a ripple within the arm's travel, below which nothing is said to repeat",
