@@ -106,7 +106,8 @@ def identify_command(
             typer.echo(str(log))
     with busy("fitting …", "identify", _fitted(sum(map(len, read)), method, every_sample)):
         known_of_it: dict[str, Any] = {"fixed": fixed, "priors": priors, "effects": named, "physical": physical}
-        estimate = identify(read, start, method, u_max=u_max, every_sample=every_sample, **known_of_it)
+        known_of_it["start"] = start
+        estimate = identify(read, method=method, u_max=u_max, every_sample=every_sample, **known_of_it)
     gap, remark = _adequacy(estimate, read)
     apart = _one_by_one(estimate, gap, read, known_of_it)
     profiles = []

@@ -42,7 +42,7 @@ class HeldOut:
     logs: tuple[Log, ...]
     whole: tuple[Log, ...]
     policy: DecisionPolicy
-    _known: dict[int, tuple[Plant, Gap]] = field(default_factory=dict, repr=False)
+    _known: dict[int, tuple[Plant, Gap | ValueError]] = field(default_factory=dict, repr=False)
     _joint: dict[int, tuple[Plant, tuple[Estimate, float] | None]] = field(default_factory=dict, repr=False)
 
     @property
@@ -58,7 +58,9 @@ class HeldOut:
         """
         known = self._known.get(id(plant))
         if known is None:
-            known = self._known[id(plant)] = plant, self._measured(plant, noise, zeros)
+            known = self._known[id(plant)] = plant, self._tried(plant, noise, zeros)
+        if isinstance(known[1], ValueError):
+            raise known[1]
         return known[1]
 
     def gaps(self, *asked: tuple[Plant, Noise | None, Zeros | None]) -> list[Gap]:
@@ -66,6 +68,12 @@ class HeldOut:
         fresh = [plant for plant, *_ in asked if id(plant) not in self._known]
         pool = shared_pool() if len(fresh) > 1 else None  # a single one uses the threads by itself
         return list(mapped(pool, lambda one: self.gap(*one), asked))
+
+    def _tried(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap | ValueError:
+        try:
+            return self._measured(plant, noise, zeros)
+        except ValueError as error:  # kept as well: to find that out again may take a fit
+            return error
 
     def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
         if self.whole:
@@ -77,6 +85,11 @@ class HeldOut:
         refitted = identify(
             heads, start, noise=noise, zeros=zeros if noise else None, polished=False, model_error=False
         )
+        if unseen := _unseen(refitted):
+            raise ValueError(
+                f"the first {100 * (1.0 - tail):.0f} % of the logs do not show {', '.join(unseen)}, so nothing is held "
+                "out that could check it; give a log to be held out"
+            )
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
 
     def jointly(self, plant: Plant) -> tuple[Estimate, float] | None:
@@ -183,6 +196,16 @@ class HeldOut:
         except ValueError:
             return None
         return self.change(before, after)
+
+
+def _unseen(fitted: Estimate) -> list[str]:
+    """Effects of which the fitted data determine no size. Their parameters are those of the start."""
+    unknown = set(fitted.identifiability.unidentified)
+    return [
+        effect.name
+        for effect in fitted.plant.effects
+        if {f"{effect.name}.{p.name}" for p in effect.type.parameters if p.role == "size"} <= unknown
+    ]
 
 
 def _cut(log: Log, tail: float) -> float:

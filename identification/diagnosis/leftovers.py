@@ -31,7 +31,7 @@ class Leftovers:
     policy: DecisionPolicy
     _left: dict[int, tuple[Fit, float]] = field(default_factory=dict, repr=False)
     _laws: dict[tuple[int, str], tuple[Fit, float]] = field(default_factory=dict, repr=False)
-    _seen: dict[int, Seen] = field(default_factory=dict, repr=False)
+    _seen: dict[int, tuple[Fit, Seen]] = field(default_factory=dict, repr=False)
 
     def left(self, fitted: Fit) -> float:
         """Evidence [nats] of torques that a fit does not explain; 0 of what changes no prediction."""
@@ -51,5 +51,5 @@ class Leftovers:
         if id(fitted) not in self._seen:
             while len(self._seen) >= _KEPT:
                 del self._seen[next(iter(self._seen))]
-            self._seen[id(fitted)] = Seen.of(fitted.plant, moved(self.logs, fitted.zeros), self.policy)
-        return self._seen[id(fitted)]
+            self._seen[id(fitted)] = fitted, Seen.of(fitted.plant, moved(self.logs, fitted.zeros), self.policy)
+        return self._seen[id(fitted)][1]

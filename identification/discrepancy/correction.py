@@ -92,6 +92,8 @@ def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
     power[~inside] = 0.0
     hertz: list[float] = []
     for _ in range(most):
+        if not power.any():  # on a short log there are fewer lines
+            break
         hertz.append(float(f[int(np.argmax(power))]))
         power[np.abs(f - hertz[-1]) < 2.5 / path.record.duration] = 0.0
     return Peaks(tuple(hertz), max(1, int(inside.sum())))

@@ -75,6 +75,8 @@ def identify(
     u_max [{u}]: largest command that the rig can give; by default the start
     plant's, else, or where the logs exceed that, a guess from the largest command. pool: where filters run side by
     side (default: `shared_pool`).
+    polished: whether the descent ends with exact derivatives, which take most of its time. Without, the filters' gains
+    are held in them, and it ends within some nats of the optimum, near enough to predict.
     every_sample: else "prediction-error" takes of logs with more than
     `informative.BUDGET` samples together the stretches that say most about θ.
     model_error: whether error bars allow for what the model lacks (see `model_error.model_error`), which takes a

@@ -75,8 +75,9 @@ def informative(logs: Sequence[Log], budget: int = BUDGET, spread: float = 0.0) 
 def _stretches(number: int, log: Log) -> list[_Stretch]:
     """A log's stretches without gaps; those too short for the filter are left out."""
     found = []
-    last = max(log.t[-1] - 0.5 * STRETCH, log.t[0] + 1e-9)  # a short rest belongs to the stretch before it
-    cuts = np.searchsorted(log.t, np.arange(log.t[0], last, STRETCH)).tolist()
+    t = log.t - log.t[0]  # stamps may count from long ago
+    last = max(t[-1] - 0.5 * STRETCH, 1e-9)  # a short rest belongs to the stretch before it
+    cuts = np.searchsorted(t, np.arange(0.0, last, STRETCH)).tolist()
     for first, stop in zip(cuts, [*cuts[1:], len(log)], strict=True):
         if stop - first < 2:
             continue

@@ -123,6 +123,8 @@ _CURVED = 1.0  # nats that a step promises, from which the way back to a valley'
 _FAR = 30.0  # times what a step promises: beyond it a trial is too far off the valley's floor to go back
 _SHARES = np.array([1.0, 0.3, 0.1])  # of that step, as the valley may bend
 _TRIES = 12  # of damping
+_LEAST = 1e-12  # of a diagonal of the information
+_ROUNDING = 1e-14  # of scaled information: what lies below is no curvature
 
 
 def _descend(problem, z, expansion, free, damping, tolerance, polishing):
@@ -171,7 +173,7 @@ def _hoped(problem, z, g, ridged, free):
     """The decrease that an undamped step promises, and the coordinates that it moves: not those held at a bound."""
     held = (z <= problem.low) & (g > 0) | (z >= problem.high) & (g < 0)
     move = np.array([i for i in free if not held[i]], dtype=int)
-    return 0.5 * float(g[move] @ np.linalg.solve(ridged[np.ix_(move, move)], g[move])), move
+    return ScaledGram.of(ridged[np.ix_(move, move)], _LEAST).gain(g[move], _ROUNDING).gain, move
 
 
 def _back(problem, trial, there, expected, move):
@@ -202,8 +204,8 @@ def _bounded_step(z, g, H, move, damping, low, high, axes):
         own = axes[np.ix_(move, move)]
         A = own.T @ H[np.ix_(move, move)] @ own
         right = own.T @ (g[move] + H[move] @ step)
-        scaled = ScaledGram.of(A, 1e-12)
-        damped = scaled.matrix + damping * np.eye(len(move))
+        scaled = ScaledGram.of(A, _LEAST)
+        damped = scaled.matrix + max(damping, _ROUNDING) * np.eye(len(move))
         wanted = -own @ (np.linalg.solve(damped, right / scaled.scale) / scaled.scale)
         out = (z[move] + wanted < low[move]) | (z[move] + wanted > high[move])
         if not out.any():

@@ -39,6 +39,7 @@ _RATIOS = ((0.9, 100.0), (1.4, 40.0))  # generic (θ3/θ4, θ5/θ4 [1/s²]): a p
 _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for every rig
 SHARPNESS = 60.0
 """Of the friction that is regressed [s/rad]."""
+_FEWEST = 5  # samples that a short record of a fast clock keeps
 _REDUCED = (4.0, 4e-3)  # s: duration and sample time of the log that the race runs on
 
 
@@ -210,8 +211,9 @@ def reduced(
 
     clock: keep the time of the record, which an effect that follows time needs; else it starts at zero."""
     T = float(np.median(np.diff(record.t)))
-    n, m = len(record.t), max(1, int(sample_time / T + 0.5))
+    n = len(record.t)
     length = min(n, max(int(min(duration / T, n)), 50))
+    m = max(1, min(int(sample_time / T + 0.5), (length - 1) // _FEWEST))
     speed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(record.y, axis=0)).sum(axis=1))])
     first = int(np.argmax(speed[length - 1 :: 1] - speed[: n - length + 1])) if length < n else 0
     index = np.arange(first, first + length, m)

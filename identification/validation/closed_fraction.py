@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 FEWEST_BLOCKS = 5
 """Blocks of time below which a bootstrap says nothing certain: of one block every draw is the same."""
 
+_UNDEFINED = 0.025  # of the draws: the interval's own tail
+
 
 def time_blocks(gap: Gap, block: float = 1.0) -> tuple[NDArray[np.int_], int]:
     """The block of time (M,) in which each window ends, and how many there are: of `block` seconds, as neighbouring
@@ -32,7 +34,7 @@ def time_blocks(gap: Gap, block: float = 1.0) -> tuple[NDArray[np.int_], int]:
 @dataclass(frozen=True)
 class ClosedFraction:
     """Share of the squared gap above the floor that one plant closes against another, with a 95 % interval: NaN where
-    the windows are too few for one."""
+    the windows are too few for one, or there may have been no gap."""
 
     value: float
     interval: tuple[float, float]
@@ -46,14 +48,16 @@ class ClosedFraction:
     def spoken(self) -> str:
         """The interval in words."""
         low, high = (100 * end for end in self.interval)
-        return f"95 %: {low:.1f} … {high:.1f} %" if math.isfinite(low) else "too few windows for an interval"
+        none = "no interval: too few windows, or an error near the floor before"
+        return f"95 %: {low:.1f} … {high:.1f} %" if math.isfinite(low) else none
 
 
 def closed_fraction(before: Gap, after: Gap, seed: int = 0, draws: int = 1000, block: float = 1.0) -> ClosedFraction:
     """(before − after) / (before − floor), squared and over both axes, each in units of its floor; at most 1.
 
     The floor is the lower of the two, because what a wrong plant does not explain can only raise it. The interval is
-    a bootstrap over `time_blocks`; of fewer than `FEWEST_BLOCKS` it is NaN, so that nothing counts as certain. Raises
+    a bootstrap over `time_blocks`. It is NaN, so that nothing counts as certain, of fewer than `FEWEST_BLOCKS`, and
+    where more than `_UNDEFINED` of the draws have no gap before, and so no share of it. Raises
     ValueError if the two gaps are not of the same logs and horizon.
     """
     if before.errors.shape != after.errors.shape or before.horizon != after.horizon:
@@ -68,8 +72,8 @@ def closed_fraction(before: Gap, after: Gap, seed: int = 0, draws: int = 1000, b
         return ClosedFraction(value, (math.nan, math.nan))
     picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))
     fractions = [_fraction(s) for s in np.moveaxis(sums[:, picked].sum(axis=2), 1, 0)]
-    if not np.isfinite(fractions).any():
-        return ClosedFraction(math.nan, (math.nan, math.nan))
+    if not math.isfinite(value) or np.mean(np.isnan(fractions)) > _UNDEFINED:
+        return ClosedFraction(value, (math.nan, math.nan))
     low, high = np.nanquantile(fractions, [0.025, 0.975])
     return ClosedFraction(value, (float(low), float(high)))
 

@@ -16,6 +16,7 @@ from furuta_gym.plant import THETA_NAMES
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..logs.log import Log
+from ..normal_equations import ScaledGram
 from .adequacy import ADEQUATE_BELOW, SMALL_BELOW, Adequacy
 from .gap import Gap, validate
 
@@ -23,6 +24,7 @@ _CERTAIN = 3.0  # standard deviations, of a difference
 _ONE_FACTOR = 0.99  # of the chi-squared distribution, within which all θ differ by one factor
 _SHARED = 4  # parameters at least, which must share a factor
 _LARGEST = 10.0  # such factor
+_ROUNDING = 1e-14  # of a scaled covariance
 
 Array = NDArray[np.float64]
 
@@ -158,7 +160,7 @@ def _common_factor(first: Estimate, other: Estimate) -> tuple[float, float, floa
 
     def misfit(log_factor: float) -> float:
         c = float(np.exp(log_factor))
-        return float((b - c * a) @ np.linalg.lstsq(of_b + c**2 * of_a, b - c * a, rcond=None)[0])
+        return 2.0 * ScaledGram.of(of_b + c**2 * of_a).gain(b - c * a, _ROUNDING).gain
 
     best = minimize_scalar(misfit, bounds=(-np.log(_LARGEST), np.log(_LARGEST)), method="bounded")
     gained = misfit(0.0) - float(best.fun) if len(names) >= _SHARED else 0.0

@@ -5,6 +5,7 @@ The filter keeps some kilobytes a sample. A long stretch is therefore predicted 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ from ..kalman.whiteness import Whitened
 from .free_run import Windows, free_run
 from .noise_floor import noise_floor
 
+_ROOM = 4.0  # longest horizons, that a part has for windows to start in
 _ONE_COUNT = 1.5  # counts, between one and two
 SETTLE = 0.5  # s that the filter gets before the first prediction
 LONGEST = 30_000
@@ -46,11 +48,13 @@ class Predicted:
 
 
 def predicted(plant: Plant, stretch: Stretch, horizons: tuple[float, ...], longest: int = LONGEST) -> Predicted:
-    """The predictions of a plant along a stretch, over horizons [s], at most `longest` samples at once.
+    """The predictions of a plant along a stretch, over horizons [s], at most `longest` samples at once if
+    that is long against the horizons.
 
     Raises ValueError where the filter loses the log, or a free run leaves all bounds.
     """
     shared = SETTLE + max(horizons)  # so that windows follow on those of the part before
+    longest = max(longest, math.ceil((shared + _ROOM * max(horizons)) / stretch.piece.sample_time))
     parts: list[Predicted] = []
     for i, part in enumerate(stretch.parts(longest, shared)):
         try:

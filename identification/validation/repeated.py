@@ -12,6 +12,8 @@ from ..logs.log import Log
 from .noise_floor import ALIKE, repeats, spread
 from .predicted import Predicted
 
+_SAME = 1e-6  # of the variance that readings leave: no two runs are so much alike
+
 Array = NDArray[np.float64]
 
 
@@ -42,6 +44,10 @@ def floors_of(logs: Sequence[Log], kept: Sequence[Predicted]) -> Floors:
         if shared.stop == 0:
             continue
         between = spread([run.errors[shared] for run in runs])
+        readings = np.mean([run.readings_floor[shared].mean(axis=0) for run in runs], axis=0)
+        if np.all(between < _SAME * readings):  # one recording in two files, or a simulation without noise
+            continue
+        between = np.maximum(between, readings)  # rounding that runs share is not in their spread
         noise = np.mean([run.floor[shared].mean(axis=0) for run in runs], axis=0)
         if (apart := float(np.sqrt(np.max(between / noise, axis=1)[-1]))) > ALIKE:
             differ = max(differ or 0.0, apart)

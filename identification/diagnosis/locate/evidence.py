@@ -82,6 +82,8 @@ class _Refitted:
 
     def change(self) -> Array:
         """As in `Evidence`: logs by their length."""
+        if not self.corrections:  # no linearisation has a likelihood
+            return np.zeros(2)
         squares = [prediction_change(path, torque, read, HORIZON) for path, torque, read in self.corrections]
         return np.sqrt(np.average(squares, axis=0, weights=[len(torque) for _, torque, _ in self.corrections]))
 

@@ -177,7 +177,7 @@ def anchored(c: Coordinate, anchor: Plant, std: float) -> Coordinate:
     The pendulum's row has no input: θ3, θ4, θ5, θ7, θ9 share a scale that only the reaction on the arm fixes, and a
     missing effect leaks into that direction until nothing can be named any more.
     """
-    if not c.of_plant or c.row > 4 or not c.log:
+    if not c.of_plant or c.row > 4 or not c.log or anchor.theta[c.row] <= 0.0:
         return c
     return replace(c, weak_prior=(math.log(anchor.theta[c.row]), std))
 

@@ -211,8 +211,8 @@ def with_effect(current: Fit, start: Effect, setting: Setting) -> Start:
     Where the first missing effect has dragged the scale of the pendulum's row away, the way back leads along a narrow
     valley: starting at the anchor's θ is shorter. Once an effect has been found, the anchor, which has none, is the
     one that is far away."""
-    scale = np.maximum(current.plant.theta[2:5], 1e-12) / setting.anchor.theta[2:5]
-    if np.abs(np.log(scale)).max() > setting.policy.dragged and not current.plant.effects:
+    scale = np.maximum(np.abs([current.plant.theta[2:5], setting.anchor.theta[2:5]]), 1e-12)
+    if np.abs(np.diff(np.log(scale), axis=0)).max() > setting.policy.dragged and not current.plant.effects:
         return _afresh(current, start, setting)
     return Start((start.name,), _with_friction(current.plant, start).with_effects(start), current.noise, current.zeros)
 

@@ -62,7 +62,10 @@ class Search:
         hiding = np.any(current.noise.torque > policy.hiding_noise * quietest(current.plant, current.records))
         convincing = any(table[n].gain > price(n, current.samples) + policy.believed for n in names)
         if hiding and not convincing:
-            quiet = self.scorer(current, self.only, quieter=policy.quieter, policy=policy)
+            try:
+                quiet = self.scorer(current, self.only, quieter=policy.quieter, policy=policy)
+            except ValueError:  # the filter loses the log at so little noise
+                quiet = {}
             more = [n for n in shortlist(quiet, current.samples, policy.faint_quiet, policy) if n not in names]
             table |= {n: replace(quiet[n], gain=table[n].gain) for n in more}
             names += more

@@ -182,3 +182,15 @@ def test_logs_that_no_common_plant_can_be_measured_on_have_no_fit_to_all(monkeyp
     monkeypatch.setattr(held_out, "identify", lambda *_, **__: an_estimate(TABLE_3))
     monkeypatch.setattr(held_out, "validate", too_short)
     assert _held().together(TABLE_3) is None
+
+
+def test_what_only_the_last_part_shows_is_not_checked_by_it() -> None:
+    """A mass that falls after 85 % of the log: the first 70 % would keep its fitted size, and predict the rest."""
+    log, truth = loop_log("payload_step", duration=8.0, T=0.004)
+    (mass,) = truth.effects
+    late = truth.with_effects(replace(mass, parameters={**mass.parameters, "t0": 0.85 * 8.0}))
+    held = HeldOut((log,), (), POLICY)
+    with pytest.raises(ValueError, match="do not show payload_step"):
+        held.gap(late)
+    with pytest.raises(ValueError, match="do not show payload_step"):  # and no second fit for that
+        held.gap(late)

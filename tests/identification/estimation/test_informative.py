@@ -110,3 +110,13 @@ def test_what_follows_the_clock_counts_from_the_recordings_start() -> None:
     (first, *_) = stretches(chosen.logs)
     assert first.record.t[0] == pytest.approx(first.piece.t[0] - log.t[0])
     assert first.record.t[0] > 30.0
+
+
+def test_stamps_may_count_from_long_ago() -> None:
+    """Seconds since 1970 leave no room for a billionth of one."""
+    short, long = noisy_log(0, T=0.004, duration=5.0), quiet_then_lively(60.0)
+    late = [replace(log, t=log.t + 1.7e9) for log in (short, long)]
+    chosen, early = informative(late, budget=8_000), informative([short, long], budget=8_000)
+    assert chosen is not None
+    assert early is not None
+    assert [len(log) for log in chosen.logs] == [len(log) for log in early.logs]

@@ -126,3 +126,24 @@ def test_a_descent_goes_far_from_a_small_start_in_few_steps() -> None:
     assert found.converged
     assert found.value == pytest.approx(0.0, abs=0.02)
     assert problem.expanded < 12
+
+
+class Twins(Valley):
+    """Two coordinates that imitate each other to a billionth, seen as sharply as by readings without noise."""
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        first = 1e7 * rng.standard_normal(50)
+        self.J = np.column_stack([first, first * (1.0 + 1e-9 * rng.standard_normal(50))])
+        self.A = self.J.T @ self.J
+
+    def reach(self, z: Array) -> Array:
+        return np.full(len(z), 1e3)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_parameters_that_imitate_each_other_exactly_end_no_fit(seed: int) -> None:
+    """The information is singular to the last digit; a solution of it would raise LinAlgError in one of ten."""
+    found = minimise(Twins(seed), np.array([0.5, -0.4]))
+    assert np.isfinite(found.value)
+    assert found.value <= Twins(seed).value(np.array([0.5, -0.4]))

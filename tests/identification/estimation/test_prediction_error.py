@@ -229,3 +229,22 @@ def test_perfect_sensors_and_long_samples() -> None:
     log, _ = paper_log(T=0.005, duration=10.0, counts=None)
     estimate = identify(log, "table3")
     assert estimate.plant.theta == pytest.approx(TABLE_3.theta, rel=0.05)
+
+
+def test_one_side_of_a_difference_will_do_where_the_other_has_no_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the edge of what is a plant, a filter that is shifted beyond it diverges."""
+    log, truth = loop_log(duration=2.0)
+    record = Record.from_log(log)
+    problem = PredictionError(truth, [record], plant_coordinates(truth), Noise((1e-6, 1e-6)))
+    z, own = problem.start(), PredictionError._differences
+    calls: list[int] = []
+
+    def half(self, *arguments):
+        calls.append(1)
+        return own(self, *arguments) if len(calls) == 1 else None
+
+    one = problem.expand(z, exact=True)
+    monkeypatch.setattr(PredictionError, "_differences", half)
+    there = problem.expand(z, exact=True, central=True)
+    assert there.value == one.value
+    np.testing.assert_array_equal(there.gradient, one.gradient)

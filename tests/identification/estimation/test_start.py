@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from identification.estimation.start import candidates
+from identification.estimation.start import candidates, reduced
+from identification.kalman.record import Record
 from tests.factories import TABLE_3, hanging_log, open_loop_log, paper_log
 
 
@@ -47,3 +48,12 @@ def test_no_sign_is_blamed_where_the_motion_is_too_short_to_be_smoothed() -> Non
     for T in (0.002, 0.02):  # what is asked for is enough
         fine = paper_log(T=T, duration=8.0)[0]
         assert candidates([fine.taken(slice(0, max(40, math.ceil(0.5 / T)) + 1))], TABLE_3)
+
+
+def test_a_short_stretch_of_a_fast_clock_keeps_some_samples() -> None:
+    """Thinned to 8 ms, two milliseconds at 10 kHz were one sample, and no such log could be fitted."""
+    t = 1e-4 * np.arange(20)
+    short = Record.from_arrays(t, np.column_stack([np.sin(30.0 * t)] * 2), np.cos(t), np.full(2, 1e-8), np.zeros(2))
+    thin = reduced(short, math.inf, 8e-3)
+    assert 5 <= len(thin.t) <= 20
+    assert np.isfinite(thin.variance).all()

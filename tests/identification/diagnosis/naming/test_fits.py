@@ -6,9 +6,10 @@ import math
 from dataclasses import replace
 
 from furuta_gym.plant import TABLE_3
-from identification.diagnosis.naming.fits import Fit, fit
+from identification.diagnosis.naming.fits import Fit, anchored, fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
+from identification.kalman.coordinates import plant_coordinates
 from identification.kalman.record import stretches
 from tests.factories import loop_log
 
@@ -39,3 +40,11 @@ def test_nothing_finite_is_promised_where_the_filter_diverges() -> None:
     lost = fit(TABLE_3, START_NOISE, [stretch.record], iterations=1, effort="coarse")
     assert math.isfinite(lost.promised)
     assert math.isinf(replace(lost, optimum=replace(lost.optimum, value=math.inf)).promised)
+
+
+def test_an_anchor_whose_pendulum_counts_the_other_way_draws_no_logarithm() -> None:
+    """θ3 below zero is a plant whose q2 has the other sign; what is fitted may have it above."""
+    (third,) = [c for c in plant_coordinates(TABLE_3) if c.name == "theta3"]
+    other = TABLE_3.replace(theta=TABLE_3.theta * [1, 1, -1, 1, 1, 1, 1, 1, 1])
+    assert anchored(third, other, 0.5).weak_prior == third.weak_prior
+    assert anchored(third, TABLE_3, 0.5).weak_prior == (math.log(TABLE_3.theta[2]), 0.5)

@@ -105,3 +105,12 @@ def test_what_no_score_can_suspect_is_fitted_where_something_is_missing() -> Non
     """A play before sliding changes nothing to first order."""
     assert suspected(Scores({"input_delay": 50.0, "arm_presliding": 0.0}), 1.0) == ["input_delay", "arm_presliding"]
     assert suspected(Scores({"input_delay": 0.0, "arm_presliding": 0.0}), 1.0) == []
+
+
+def test_a_filter_that_is_lost_at_less_noise_ends_no_search() -> None:
+    def scorer(current: Any, only: Any, quieter: float = 1.0, policy: Any = None) -> dict[str, Any]:
+        if quieter < 1.0:
+            raise ValueError("the filter diverges at the fitted model; the fit has not converged")
+        return Scores({"input_delay": 5.0})(current, only, policy=policy)
+
+    assert suspected(scorer, 14.0) == ["input_delay"]  # type: ignore[arg-type]
