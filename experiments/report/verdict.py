@@ -156,7 +156,7 @@ def _doubts(d: Diagnosis) -> list[str]:
         others = joined([EFFECTS[name].title for name in alike], "or")
         doubts.append(f"These logs cannot tell this from {others}.")
     if d.different is not None:
-        doubts.append(different_plants(d.different).replace("theta", "θ"))
+        doubts.append(different_plants(d.different, d.policy.adequate).replace("theta", "θ"))
     doubts += [f"{str(change)[:1].upper()}{str(change)[1:]}." for change in d.gain_changes]
     if d.together is not None:
         fitted = f"With the parameters fitted to all logs together it is {times(d.together)} times"

@@ -12,7 +12,6 @@ from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..logs.checks import LogWarning
 from ..logs.log import Log
-from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import validate
 from ..validation.one_rig import OneByOne, apart, explained_below
 from .held_out import HeldOut
@@ -53,7 +52,7 @@ def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
         return None
     parts = [(log.source, (log,)) for log in held.logs]
     plain = [after.plant.replace(effects=())] if after.plant.effects else []
-    for structure in plain if ratio <= ADEQUATE_BELOW else [*plain, after.plant]:
+    for structure in plain if ratio <= held.policy.adequate else [*plain, after.plant]:
         found = apart(parts, ratio, partial(identify, start=structure, polished=False, model_error=False))
         if found is not None and likelier(found.estimates, after) > held.policy.believed:
             return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs

@@ -194,7 +194,11 @@ class Diagnosis:
 
     def beside_other_plants(self, different: OneByOne) -> Diagnosis:
         """The same, of the first of several logs that no plant explains together."""
-        return replace(self, summary=f"{self.summary} {sentences.different_plants(different)}", different=different)
+        return replace(
+            self,
+            summary=f"{self.summary} {sentences.different_plants(different, self.policy.adequate)}",
+            different=different,
+        )
 
     @property
     def uncertain(self) -> bool:

@@ -56,6 +56,7 @@ class DecisionPolicy:
     quieter: float = _rule(100.0, "torque noise is divided by this for a second set of scores", DEV)
 
     # which effect is named
+    present: float = _rule(0.95, "confidence at which the size of one of several names is not zero", THEORY)
     believed: float = _rule(10.0, "an effect is believed if its gain exceeds its price by this", DEV, "nats")
     equal: float = _rule(
         5.0, "effects are equals if their net gains lie this near to the best (odds of e⁵)", THEORY, "nats"

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.effects.words import number
 
-from ..validation.adequacy import ADEQUATE_BELOW
 from ..validation.gap import HORIZON
 from ..validation.one_rig import OneByOne
 from .locate.location import Where
@@ -161,14 +160,15 @@ def astray(ratio: float, together: float | None, far: float) -> str:
     )
 
 
-def different_plants(found: OneByOne) -> str:
-    """That no plant explains all logs, or only one with an effect that plants of their own need not have."""
+def different_plants(found: OneByOne, adequate: float) -> str:
+    """That no plant explains all logs to `adequate` times the noise floor, or only one with an effect that plants of
+    their own need not have."""
     ratios = ", ".join(f"{ratio:.2f} ({name})" for name, ratio in zip(found.sources, found.ratios, strict=True))
     differ = f" {capital(found.what_differs)}." if found.what_differs else ""
     effects = ", with the same effects" if found.estimates and found.estimates[0].plant.effects else ""
     common = (
         "No plant explains all logs, but each is explained by one of its own"
-        if found.together > ADEQUATE_BELOW
+        if found.together > adequate
         else "One plant with an effect explains all logs, but a plant of its own for each is likelier"
     )
     return (

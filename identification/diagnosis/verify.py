@@ -11,7 +11,7 @@ from furuta_gym.plant import Effect
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..estimation.zeros import moved
-from ..validation.adequacy import ADEQUATE_BELOW, Adequacy
+from ..validation.adequacy import Adequacy
 from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
@@ -57,7 +57,9 @@ def _of_no_size(diagnosis: Diagnosis) -> bool:
     anyway may pass for it."""
     assert diagnosis.after is not None
     plant = diagnosis.after.plant
-    return bool(diagnosis.found) and all(may_be_absent(plant, suspect.name) for suspect in diagnosis.found)
+    return bool(diagnosis.found) and all(
+        may_be_absent(plant, suspect.name, diagnosis.policy.present) for suspect in diagnosis.found
+    )
 
 
 def _sharpness_alone(diagnosis: Diagnosis) -> bool:
@@ -79,7 +81,7 @@ def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -
     assert found is not None
     assert change is not None
     ratio = change.before.ratio_to_floor
-    if fitted.leftover or (not _one_value(apart) and ratio > ADEQUATE_BELOW * gap.after.ratio_to_floor):
+    if fitted.leftover or (not _one_value(apart) and ratio > diagnosis.policy.adequate * gap.after.ratio_to_floor):
         return None
     told = sentences.usual_sharpness(
         found.plant.sharpness[0], diagnosis.policy.sharpness, ratio if ratio <= diagnosis.policy.far else None

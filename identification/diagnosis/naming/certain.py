@@ -15,12 +15,11 @@ from .judge import Witness
 from .search import Search
 from .upheld import without
 
-_LEVEL = 0.95
 
-
-def may_be_absent(plant: Plant, name: str) -> bool:
-    """Whether all sizes of an effect together lie within the 95 % region around doing nothing (Wald's test, with the
-    plant's covariance). They are judged together, as one may imitate another: of a cable, the stiffness and its rise.
+def may_be_absent(plant: Plant, name: str, level: float) -> bool:
+    """Whether all sizes of an effect together lie within the region of a `level` around doing nothing (Wald's test,
+    with the plant's covariance). They are judged together, as one may imitate another: of a cable, the stiffness and
+    its rise.
 
     False where a size has no error bar, or its logarithm is what was estimated.
     """
@@ -38,23 +37,23 @@ def may_be_absent(plant: Plant, name: str) -> bool:
     spread = known.matrix[np.ix_(at, at)]
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     distance = (away / scale) @ np.linalg.pinv(spread / np.outer(scale, scale), hermitian=True) @ (away / scale)
-    return bool(distance < chi2.ppf(_LEVEL, len(sizes)))
+    return bool(distance < chi2.ppf(level, len(sizes)))
 
 
-def uncertain(naming: Naming, plant: Plant) -> list[int]:
+def uncertain(naming: Naming, plant: Plant, level: float) -> list[int]:
     """Places of the names that may be absent as far as `plant`, the estimate with all of them, says. Of one name alone,
     or of one whose law another effect describes, that is not asked."""
     described = {naming.describes(suspect.name) for suspect in naming.accepted}
     own = {suspect.name for suspect in naming.own} - described
     if len(naming.own) < 2:
         return []
-    return [i for i, s in enumerate(naming.accepted) if s.name in own and may_be_absent(plant, s.name)]
+    return [i for i, s in enumerate(naming.accepted) if s.name in own and may_be_absent(plant, s.name, level)]
 
 
 def without_uncertain(naming: Naming, plant: Plant, search: Search, witness: Witness) -> Naming | None:
     """The names without the first that may be absent, where data that no fit saw do not ask for it; None if there is no
     such name."""
-    for i in uncertain(naming, plant):
+    for i in uncertain(naming, plant, search.policy.present):
         name = naming.accepted[i].name
         search.progress(f"asking held-out data about {name}, whose size may be zero")
         reduced = search.reduced(naming.final, name)

@@ -156,9 +156,9 @@ class Judge:
 
     def law_of(self, together: Sequence[Ranking], before: Fit) -> str | None:
         """The effect before it of which a further one, the last of `together`, only describes another law: it takes up
-        what goes with that effect's own variables, to half of its own gain, and no less than what goes with its own.
-        So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring or
-        cable is no law of a ripple: no periodic law pulls as they do."""
+        what goes with that effect's own variables, to a share of its own gain (`policy`), and no less than what goes
+        with its own. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring
+        or cable is no law of a ripple: no periodic law pulls as they do."""
         *others, (newest, *_) = together
         angle = [other.name for other, *_ in others if of_the_angle(other.name)]
         if follows_a_law(newest, self.policy) and angle:

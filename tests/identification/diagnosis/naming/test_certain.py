@@ -11,7 +11,7 @@ from furuta_gym.plant.covariance import Covariance
 from identification.diagnosis.naming.certain import may_be_absent, uncertain, without_uncertain
 from identification.diagnosis.naming.forward import name_effects
 from identification.diagnosis.sentences import misses
-from tests.identification.diagnosis.fits import Told, a_fit, naming, search, suspect
+from tests.identification.diagnosis.fits import POLICY, Told, a_fit, naming, search, suspect
 
 VALUES = {
     "input_delay": -2000.0,
@@ -36,7 +36,7 @@ def known(effect: Effect, spread: dict[str, float], correlation: float = 0.0) ->
 def test_one_size_is_certain_from_two_standard_deviations(sigmas: float) -> None:
     spring = Effect("arm_spring", {"k": 0.1, "q1n": 0.3})
     plant = known(spring, {"k": 0.1 / sigmas, "q1n": 5.0})  # a shape says nothing of whether it is there
-    assert may_be_absent(plant, "arm_spring") is (sigmas < 1.96)
+    assert may_be_absent(plant, "arm_spring", POLICY.present) is (sigmas < 1.96)
 
 
 @pytest.mark.parametrize(("correlation", "absent"), [(0.0, True), (-0.95, False), (0.95, True)])
@@ -46,7 +46,7 @@ def test_sizes_are_judged_together(correlation: float, absent: bool) -> None:
     plant = known(cable, {"k": 0.08, "k3": 0.08}, correlation)
     distance = 2 * (0.1 / 0.08) ** 2 / (1.0 + correlation)  # along the first eigenvector
     assert bool(distance < chi2.ppf(0.95, 2)) is absent
-    assert may_be_absent(plant, "arm_cable") is absent
+    assert may_be_absent(plant, "arm_cable", POLICY.present) is absent
 
 
 def test_the_test_holds_its_level() -> None:
@@ -56,16 +56,16 @@ def test_the_test_holds_its_level() -> None:
     matrix = np.array([[1e-4, -1.4e-5], [-1.4e-5, 4e-6]])
     drawn = rng.multivariate_normal([0.0, 0.0], matrix, 600)
     plants = [known(Effect("base_tilt", {"αx": x, "αy": y}), std, -0.7) for x, y in drawn]
-    certain = sum(not may_be_absent(plant, "base_tilt") for plant in plants)
+    certain = sum(not may_be_absent(plant, "base_tilt", POLICY.present) for plant in plants)
     assert 15 < certain < 48  # 30 of a binomial distribution, and three of its deviations to either side
 
 
 def test_without_an_error_bar_nobody_can_say() -> None:
-    assert not may_be_absent(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")), "arm_spring")
-    assert not may_be_absent(TABLE_3, "arm_spring")
+    assert not may_be_absent(TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")), "arm_spring", POLICY.present)
+    assert not may_be_absent(TABLE_3, "arm_spring", POLICY.present)
     # a play's width has no error bar: its likelihood is rough
     plant = known(TABLE_3.default_effect("arm_backlash"), {"ρ": 10.0})
-    assert not may_be_absent(plant, "arm_backlash")
+    assert not may_be_absent(plant, "arm_backlash", POLICY.present)
 
 
 @pytest.mark.parametrize(("needed", "goes"), [((), True), (("base_tilt",), True), (("arm_spring",), False)])
@@ -89,10 +89,10 @@ def test_a_name_alone_or_with_a_law_of_its_own_is_not_asked() -> None:
     """The last name is judged by predictions without it; a law without its effect would become a name."""
     plant = known(Effect("arm_spring", {"k": 0.1}), {"k": 0.09})
     spring, delay, ripple = (suspect(name, 200.0) for name in ("arm_spring", "input_delay", "arm_ripple"))
-    assert uncertain(naming(spring), plant) == []
-    assert uncertain(naming(delay, spring), plant) == [1]
-    assert uncertain(naming(delay, spring, ripple, laws={"arm_ripple": "arm_spring"}), plant) == []
-    assert uncertain(naming(delay, ripple, spring, laws={"arm_spring": "arm_ripple"}), plant) == []
+    assert uncertain(naming(spring), plant, POLICY.present) == []
+    assert uncertain(naming(delay, spring), plant, POLICY.present) == [1]
+    assert uncertain(naming(delay, spring, ripple, laws={"arm_ripple": "arm_spring"}), plant, POLICY.present) == []
+    assert uncertain(naming(delay, ripple, spring, laws={"arm_spring": "arm_ripple"}), plant, POLICY.present) == []
 
 
 def _effects(plant: Plant) -> list[str]:
