@@ -100,9 +100,8 @@ class _Problem:
 
     def __init__(self, plant: Plant, coordinates: Sequence[Coordinate], records: Sequence[Record], z0: Array) -> None:
         self.plant, self.coordinates = plant, coordinates
-        bounds = np.array([c.z_bounds for c in coordinates])
-        inside = np.clip(z0, bounds[:, 0] + 1e-9, bounds[:, 1] - 1e-9)
-        self.bounds = (np.minimum(bounds[:, 0], inside), np.maximum(bounds[:, 1], inside))
+        low, high = np.array([c.z_bounds for c in coordinates]).T
+        self.bounds = low, high
         start = filled_plant(plant, coordinates, z0)
         self.paths = [_smoothed(start, record) for record in records]
         self.windows = [Windows.over(r.t, HORIZONS, _SETTLE, per_horizon=2) for r in records]
