@@ -208,7 +208,10 @@ ARM_EFFECTS = (
         name="arm_presliding",
         title="an arm that gives before it slides",
         place="arm",
-        equation="arm: θ8 tanh(r q̇1) replaced by σ0 z, ż = q̇1 − σ0 |q̇1| z / θ8 (Dahl; rate at most 1000 1/s)",
+        equation=(
+            "arm: θ8 tanh(r q̇1) replaced by σ0 z, ż = q̇1 − σ0 |q̇1| z / θ8 "
+            "(Dahl; σ0 |q̇1| / θ8 is kept to at most 1000 1/s)"
+        ),
         symptom="near standstill the arm springs back a little instead of stopping dead",
         says=lambda σ0: f"Before it slides, the arm gives like a spring of {σ0}",
         parameters=(

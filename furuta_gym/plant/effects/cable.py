@@ -142,8 +142,8 @@ CABLE_EFFECTS = (
         # is a function of the state, and with ρ = 0 a step that does not reverse ends at the exact y however long.
         # With ρ = 1 the deflection grows as Dahl's does, and springs back as a stop's.
         equation=(
-            "arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) (stops; z = z2 = 0 at q1 = 0); "
-            "while |z| grows, z ← z + (1 − ρ |z|/d) Δq1"
+            "arm: −κ z − κ2 z2, z ← clip(z + Δq1, ±d), z2 ← clip(z2 + Δq1, ±d2) "
+            "(stops; at the start as if the arm came from q1 = 0); while |z| grows, z ← z + (1 − ρ |z|/d) Δq1"
         ),
         symptom="after a reversal the arm's friction builds up over some hundredths of a radian, at any speed",
         says=lambda κ, d: f"After a reversal the arm's friction builds up over {d} at {κ}",

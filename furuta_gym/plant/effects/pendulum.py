@@ -117,12 +117,19 @@ PENDULUM_EFFECTS = (
         symptom="the pendulum balances off its zero, by an amount that turns with the arm",
         says=lambda αx, αy: f"The base is tilted by {Quantity(math.hypot(αx, αy), 'rad')}",
         parameters=(
-            Parameter("αx", "rad", "tilt about the x axis", 0.015, lower=-0.5, upper=0.5),
-            Parameter("αy", "rad", "tilt about the y axis", 0.01, lower=-0.5, upper=0.5),
+            Parameter(
+                "αx",
+                "rad",
+                "how far the base leans down towards the arm's direction at q1 = 0",
+                0.015,
+                lower=-0.5,
+                upper=0.5,
+            ),
+            Parameter("αy", "rad", "the same towards the arm's direction at q1 = 90°", 0.01, lower=-0.5, upper=0.5),
             Parameter(
                 "G1",
                 "{u}",
-                "weight moment of arm and carried pendulum, at least θ5 L1/l2",
+                "weight moment of arm and carried pendulum, at least θ5 L1/l2 without a counterweight",
                 1.5,
                 relative_to="theta5",
                 lower=0.0,
