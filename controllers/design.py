@@ -39,7 +39,7 @@ class Weights:
         own unit, so the same weights serve every rig. At most half of what the motor gets.
         """
         th1, _, th3, _, th5 = plant.theta[:5]
-        holding = th1 * abs(th5 / th3) * cls.q2 if th3 else np.inf
+        holding = th1 * abs(th5 / th3) * cls.q2 if th3 and th5 else np.inf
         return cls(torque=float(min(3.0 * holding, 0.5 * plant.supply)))
 
     @property

@@ -71,9 +71,11 @@ def told_apart(paths: Sequence[Path]) -> list[str]:
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str) -> Path:
-    """Write a file (text as UTF-8) whole or not at all; see `whole_file`."""
+    """Write a file (text as UTF-8) whole or not at all; see `whole_file`.
+
+    Of a file name that is no UTF-8, the bytes that are none are written as JSON writes them, as \\udce4."""
     with whole_file(path) as new:
-        new.write_bytes(data.encode() if isinstance(data, str) else data)
+        new.write_bytes(data.encode(errors="backslashreplace") if isinstance(data, str) else data)
     return Path(path)
 
 

@@ -104,7 +104,10 @@ def map_table(
     ]
     q1, q2 = (raw[q] * scale[q] for q in ("q1", "q2"))
     if not any(odd_unit):
+        wrapped = q1
         q1, q2 = unwrap(name, names["q1"], t, q1, known["q1"]), unwrap(name, names["q2"], t, q2, known["q2"])
+        if q1 is not wrapped:  # where a wrapped angle begins says nothing of its whole turns
+            q1 = q1 - _TURN * np.round(q1[0] / _TURN)
     q1 = sign["q1"] * q1
     q2 = sign["q2"] * (q2 - (np.pi if zero == "hanging" else 0.0))
     if abs(q2[0]) > 0.75 * _TURN:

@@ -47,6 +47,8 @@ def parse_columns(columns: str | Mapping[str, str] | None) -> dict[str, str]:
 
 def parse_flip(flip: str | Iterable[str]) -> tuple[str, ...]:
     """Axes whose sign is turned, from "q1,q2" or a sequence. Raises LogError."""
+    if not (isinstance(flip, str) or (isinstance(flip, Iterable) and all(isinstance(name, str) for name in flip))):
+        raise LogArgumentError("flip", _short.repr(flip), "expected a list of q1, q2, u")
     names = tuple(n for n in re.split(r"[,\s]+", flip) if n) if isinstance(flip, str) else tuple(flip)
     names = tuple(part for name in names for part in name.split(","))
     for name in names:
@@ -59,7 +61,7 @@ def parse_flip(flip: str | Iterable[str]) -> tuple[str, ...]:
 
 def parse_unit(value: str) -> str:
     """The command's unit, "V" or "N·m", from any common spelling. Raises LogError."""
-    plain = re.sub(r"[\s·*.⋅-]", "", value).lower()
+    plain = re.sub(r"[\s·*.⋅-]", "", str(value)).lower()
     if plain not in _UNITS:
         hint = " (scale the command first if it is anything else)"
         raise LogArgumentError("input_unit", _short.repr(value), "expected V or N·m", hint)

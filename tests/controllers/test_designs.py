@@ -224,3 +224,10 @@ class TestBadInput:
     def test_shape_of_readings(self, y):
         with pytest.raises(ValueError, match="expected readings"):
             make_controller("lqr", TABLE_3)(y)
+
+
+def test_weights_of_a_pendulum_without_weight_are_finite() -> None:
+    """θ5 = 0 in an edited file: no torque holds what does not fall."""
+    weightless = TABLE_3.replace(theta=TABLE_3.theta * [1, 1, 1, 1, 0, 1, 1, 1, 1])
+    assert Weights.of(weightless).torque == 0.5 * TABLE_3.supply
+    assert np.isfinite(Weights.of(weightless).R).all()

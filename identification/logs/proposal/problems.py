@@ -25,6 +25,7 @@ from .values import Confidence, Problem
 
 NO_COLUMN = "no column is known to be"
 """How a problem begins that no column is found for."""
+_WHOLE = 1e-6  # by which the numbers of a counter may differ from whole ones
 
 
 def problems_of(look: Look, constant_command: str) -> list[Problem]:
@@ -52,9 +53,10 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         found += _said(name, lambda c=column, check=check: check(look.table.numbers(c)))
     finite = {ours: look.numbers[c] for ours, c in used.items() if np.isfinite(look.numbers[c]).all()}
     if "t" in finite:
-        found += _said(name, lambda: checks.check_clock(name, look.t, look.table.where))
-        found += _said(name, lambda: checks.check_length(name, len(look.t)))
-        found += _said(name, lambda: checks.check_stretches(name, look.t))
+        clock = _said(name, lambda: checks.check_clock(name, look.t, look.table.where))
+        found += [*clock, *_said(name, lambda: checks.check_length(name, len(look.t))), *_no_counter(look, used["t"])]
+        if not clock:
+            found += _said(name, lambda: checks.check_stretches(name, look.t))
     if "t" in finite and not look.dates and look.said("time_unit") in (None, *SECONDS):  # else it is a counter's
         found += _unit_problem(look, "t", look.time, "time_unit", "--time-unit ")
     for axis in ("q1", "q2"):
@@ -77,6 +79,18 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
     silent = dict.fromkeys(look.table.silent[column] for column in used.values() if column in look.table.silent)
     notes = [Problem(note.removeprefix(f"{name}: "), "", False) for note in (*look.table.notes, *silent)]
     return [*found, *look.found, *_zero_problems(look), *notes]
+
+
+def _no_counter(look: Look, column: str) -> list[Problem]:
+    """A time column that is said to count, and holds no whole numbers."""
+    said = look.said("time_unit")
+    if look.dates or said in (None, *SECONDS):
+        return []
+    steps = np.diff(look.numbers[column])
+    if np.abs(steps - np.round(steps)).max(initial=0.0) < _WHOLE:
+        return []
+    text = f"--time-unit {said} says that {column} counts, {said} s each, and its numbers are not whole."
+    return [Problem(text, f"Give the unit of its numbers instead: --time-unit {', '.join(SECONDS)}")]
 
 
 def _named_but_text(look: Look, ours: str) -> str | None:
