@@ -111,7 +111,10 @@ class Design:
         ):
             share, mark = (100.0 / abs(value), "") if value else (1.0, "  (not in %)")
             lines.append(f"    {name} = {value:<12.5g}          {own * share:10.3g} {paper * share:10.3g}{mark}")
-        lines.append(f"  {self.gain:.3g} times as precise as the paper's d(t) within the same limits (geometric mean)")
+        lines.append(
+            f"  {self.gain:.3g} times as precise as the paper's d(t) within the same limits "
+            "(geometric mean of the axes of the error ellipsoid)"
+        )
         return "\n".join(lines)
 
 
