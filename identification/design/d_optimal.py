@@ -65,7 +65,7 @@ class Design:
 
     @property
     def gain(self) -> float:
-        """Geometric mean over θ of the paper's standard deviations over the design's (1: no better)."""
+        """The paper's over the design's geometric mean of the axes of the error ellipsoid of θ (1: no better)."""
         return math.exp((self.paper.log_volume - self.precision.log_volume) / 18.0)
 
     @property
