@@ -19,7 +19,27 @@ from experiments.trials.summary import power_curves, summarize
 
 DOCS = Path(__file__).parents[2] / "docs"
 KEPT = DOCS / "data" / "trials_outcomes.csv"
-PRESENT = ("42", "44", "46", "47", "48", "49", "50", "51", "52", "53", "54", "55", "56", "57", "58", "59", "60", "61")
+PRESENT = (
+    "42",
+    "44",
+    "46",
+    "47",
+    "48",
+    "49",
+    "50",
+    "51",
+    "52",
+    "53",
+    "54",
+    "55",
+    "56",
+    "57",
+    "58",
+    "59",
+    "60",
+    "61",
+    "65",
+)
 PRESENT_COMPOSITE = (
     "41_composite",
     "43_composite",
@@ -101,6 +121,7 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
     for run, name in (
         ("62_composite", "research-log/diagnosis_runs.md"),
         ("61", "research-log/diagnosis_runs.md"),
+        ("65", "research-log/diagnosis_runs.md"),
         ("60", "research-log/diagnosis_runs.md"),
         ("59", "research-log/diagnosis_runs.md"),
         ("58", "research-log/diagnosis_runs.md"),
