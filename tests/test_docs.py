@@ -154,32 +154,6 @@ def test_a_controller_of_ones_own_is_compared_and_guarded(tmp_path: Path) -> Non
     assert on.startswith("on after 5.0 s")
 
 
-def test_the_weights_of_another_framework_are_copied_and_exported(tmp_path: Path) -> None:
-    """docs/how-to/own_training_script.md: a network of PyTorch, as a policy of stable-baselines3 and in C."""
-    from controllers import export_policy_c, make_controller
-    from furuta_gym.plant import Effect, Plant
-
-    late = Plant.resolve("qube").with_effects(Effect("input_delay", {"d": 0.008}))
-    late.save(tmp_path / "late.json")
-    page = (DOCS / "how-to" / "own_training_script.md").read_text().partition("### The same network in C")[2]
-    (tmp_path / "page.md").write_text(page)
-    ((code, shown),) = run_pages.kept(tmp_path / "page.md")
-    (said,) = run_pages.run([code], tmp_path, "copied")
-    assert said == shown
-    export_policy_c(make_controller(str(tmp_path / "copied.zip"), late, 0.02, trust=True), tmp_path / "copied.h")
-    assert "furuta_copied_step" in (tmp_path / "copied.h").read_text()
-
-
-def test_the_rule_of_the_standing_encoder_can_be_left_out(tmp_path: Path) -> None:
-    """docs/how-to/first_run.md."""
-    from furuta_gym.plant import Plant
-
-    Plant.resolve("qube").save(tmp_path / "rig.json")
-    ((code, _),) = run_pages.kept(DOCS / "how-to" / "first_run.md")
-    run_pages.run([code], tmp_path, "first_run")
-    assert "FURUTA_LQR_ARM" in (tmp_path / "lqr.h").read_text()
-
-
 def test_the_loop_that_plays_a_command_file_writes_a_log(tmp_path: Path) -> None:
     """docs/how-to/excite.md: its log holds the commands of the file, and a plant can be fitted to it."""
     import numpy as np

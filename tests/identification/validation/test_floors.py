@@ -18,7 +18,7 @@ from tests.identification.diagnosis.fits import a_gap
 LOG = np.zeros(200, dtype=int)
 
 
-@pytest.mark.parametrize("over", [0.85, 0.9, 0.95, 1.0])
+@pytest.mark.parametrize("over", [0.85, 0.9, 0.95, 1.01, 1.02])
 def test_nothing_is_certain_where_there_was_no_gap(over: float) -> None:
     """Errors that are alike before and after, about as large as the floor: draws without a gap have no share of it,
     and the few others would make a narrow interval."""
@@ -30,7 +30,7 @@ def test_nothing_is_certain_where_there_was_no_gap(over: float) -> None:
         gaps = [replace(a_gap(), errors=sizes * e, times=0.1 * np.arange(200), log=LOG) for e in (before, after)]
         low, high = closed_fraction(*gaps).interval
         certain += low > 0.0 or high < 0.0
-    assert certain <= 6
+    assert certain <= 3  # an interval of 95 % is wrong on so many on average
 
 
 def test_a_run_and_its_copy_are_no_repeated_runs() -> None:
