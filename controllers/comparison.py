@@ -16,6 +16,7 @@ from furuta_gym.plant import Plant
 
 from .conditions import map_name
 from .statistics import Interval, IntervalEntry
+from .variations import delay_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -130,8 +131,9 @@ class Comparison:
 
         unit = self.plant.unit
         table = Table(
-            title=f"{self.settings['trials']} trials each, every {1e3 * self.settings['sample_time']:g} ms",
-            caption="± is half of the 95 % interval; success rates have Wilson's interval",
+            title=f"{self._trials()}, every {1e3 * self.settings['sample_time']:g} ms",
+            caption="± is half of the 95 % interval; success rates have Wilson's interval\nOther figures are of the "
+            "trials that held",
             padding=(0, 0),
         )
         columns = self._columns()
@@ -146,11 +148,21 @@ class Comparison:
             restless |= any(" of " in cell for cell in cells)
         if restless:
             table.caption = f"{table.caption}\nn of m: so many of those that held came to rest"
+        if own := delay_of(self.plant):
+            table.caption = f"{table.caption}\nlate: later than the plant, whose own delay is {1e3 * own:.3g} ms"
         for controller, reason in self.skipped.items():
             table.add_section()
             table.add_row(f"{escape(controller)}\nleft out", style="dim")
             table.caption = f"{table.caption}\n{escape(reason)}"
         return table
+
+    def _trials(self) -> str:
+        """How many trials each figure is of."""
+        held = (figures.get("success") for rows in self.scores.values() for figures in rows.values())
+        sizes = sorted({found.n for found in held if found is not None})
+        most = sizes[-1] if sizes else self.settings["trials"]
+        fewer = f" ({' or '.join(map(str, sizes[:-1]))} under harder conditions)" if len(sizes) > 1 else ""
+        return f"{most} trials each{fewer}"
 
     def _columns(self) -> list[tuple[str, str, str]]:
         """(title, condition, figure) of the table; of the groups with many conditions, the hardest for all."""

@@ -132,7 +132,10 @@ def balance_point(plant: Plant) -> tuple[float, float]:
     for _ in range(20):
         base, h = at(z), np.array([1e-6, 1e-6 * plant.u_max])
         slope = np.stack([(at(z + np.diag(h)[i]) - base) / h[i] for i in range(2)], axis=1)
-        step = np.linalg.solve(slope, base)
+        try:
+            step = np.linalg.solve(slope, base)
+        except np.linalg.LinAlgError:  # a pendulum without weight is in balance anywhere
+            break
         z -= step
         if not abs(z[0]) < 0.5:
             break

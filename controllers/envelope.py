@@ -32,6 +32,7 @@ from furuta_gym.plant import Plant
 
 from .base import Controller
 from .design import choose_sensors
+from .known_effects import KnownEffects
 from .trials import HORIZONTAL
 
 LONGEST_START = 60.0  # s of a soft start
@@ -43,6 +44,9 @@ FARTHEST = 1e4  # rad; no rig turns so far
 LARGEST = 1e30  # a single-precision number still, and no command
 JUMP = math.pi  # rad; neither arm nor pendulum turns so far in a sample
 _FRICTIONS = 3.0  # times θ8, which surely moves the arm: friction at rest may be twice that of a motion
+_SURE = 1.5  # times friction, where more is not to be had
+_REACHED = 0.9  # of u_max, which a controller that pushes a rig in vain reaches
+_CREEP, _ANGLES = 1e-3, 181  # rad/s, slower than any law of friction changes; angles over the travel
 _COUNTS = 10.0  # of the arm's encoder, by which a command at the limit moves it within `held`
 _STIRRED, _STIRRED_COUNTS = 0.011, 3.5  # rad, and counts: more than a pendulum moves while arm and pendulum rest
 
@@ -100,19 +104,40 @@ class Envelope:
             slew=limits.get("slew", math.inf),
             resolution=arm,
             held=HELD,
-            breakaway=breakaway(plant, arm),
+            breakaway=breakaway(plant, arm, min(controller.u_max, limits.get("supply", math.inf))),
             stirred=max(_STIRRED, _STIRRED_COUNTS * pendulum),
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})
 
 
-def breakaway(plant: Plant, count: float) -> float:
-    """The command [{u}] that must move an arm at rest within HELD: three times its friction, what moves its inertia
-    and viscous friction by ten counts [rad], and the dead zone where the plant has one."""
+def breakaway(plant: Plant, count: float, u_max: float = math.inf) -> float:
+    """The command [{u}] that must move an arm at rest within HELD: three times its friction, what a spring or a tilt
+    holds against it within its travel, what moves its inertia and viscous friction by ten counts [rad], and the dead
+    zone where the plant has one.
+
+    Where that is nearly `u_max` or more, less is taken: a little below u_max, if one and a half times the friction and
+    the rest is less than that. Infinity where no command is enough, so that nothing can be told from it."""
     dead = plant.effect("input_dead_zone")
-    viscous, dry = max(plant.theta[5], 0.0), max(plant.theta[7], 0.0)
-    moved = _COUNTS * count * (2.0 * plant.theta[0] / HELD + viscous) / HELD
-    return float(_FRICTIONS * dry + moved + (abs(dead.parameters["w"]) if dead else 0.0)) or math.inf
+    dry, against = _at_rest(plant)
+    moved = _COUNTS * count * (2.0 * plant.theta[0] / HELD + max(plant.theta[5], 0.0)) / HELD
+    rest = against + moved + (abs(dead.parameters["w"]) if dead else 0.0)
+    for level in (_FRICTIONS * dry + rest, _REACHED * u_max):
+        if _SURE * dry + rest <= level <= _REACHED * u_max:
+            return float(level) or math.inf
+    return math.inf
+
+
+def _at_rest(plant: Plant) -> tuple[float, float]:
+    """Largest dry friction of an arm that hardly moves, and largest other torque on it, within its travel [{u}]."""
+    known = KnownEffects(plant, friction_speed=_CREEP)
+    travel = min(plant.limit("arm_travel", math.pi), math.pi)
+    q1 = np.linspace(-travel, travel, _ANGLES)
+    x = np.zeros((4, q1.size))
+    x[0], x[2] = q1, 10.0 * _CREEP
+    there = known.arm_torque(x)
+    x[2] = -x[2]
+    back = known.arm_torque(x)
+    return float(np.abs(there - back).max() / 2.0), float(np.abs(there + back).max() / 2.0)
 
 
 class Guarded:

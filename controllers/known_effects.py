@@ -19,6 +19,7 @@ from .base import DesignError
 from .design import choose_sensors
 
 SHARPNESS = "friction_sharpness"  # the effect that gives friction another sharpness than the plant's own
+_SLOPE = 1e-6  # rad and rad/s
 _TABLE = 513  # points at which the command map is looked at
 _STRAIGHT = 3e-4  # of the supply: how far the torque on the table's lines may be from those points; no rig shows it
 
@@ -101,6 +102,14 @@ class KnownEffects:
     def cancels_effects(self) -> bool:
         """Whether `arm_torque` holds more than Coulomb friction."""
         return bool(self._on_arm.size)
+
+    def effect_slopes(self) -> NDArray[np.float64]:
+        """(4,): change of the torque that the arm's effects exert near upright with q1, q2, q̇1 and q̇2."""
+        if not self._on_arm.size:
+            return np.zeros(4)
+        steps = np.concatenate([np.eye(4), -np.eye(4)], axis=1) * _SLOPE
+        torque = self.arm_torque(steps) + self.plant.theta[7] * np.tanh(self.plant.sharpness[0] * steps[2])
+        return (torque[:4] - torque[4:]) / (2.0 * _SLOPE)
 
     def arm_torque(self, x: NDArray[np.float64]) -> Any:
         """Torque, (L,) or float, that Coulomb friction and the arm's effects exert in states x (4,) or (4, L)."""

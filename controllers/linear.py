@@ -133,9 +133,13 @@ class LinearController(Controller):
         model = design_model(plant or self.plant, self.sample_time)
         law = self.law
         B, D = law.B[:, :2] @ model.C, law.D[:2] @ model.C
+        C_u, D_u = law.C, D
+        if self.friction_share:  # what it cancels of the arm's effects; model (5)'s Coulomb friction is not linear
+            slopes = self.friction_share * self.known.effect_slopes()
+            C_u, D_u = C_u - slopes @ law.E, D_u - slopes @ law.F[:, :2] @ model.C
         loop = np.block(
             [
-                [model.A + model.B @ D[None], model.B @ law.C[None]],
+                [model.A + model.B @ D_u[None], model.B @ C_u[None]],
                 [B + np.outer(law.G, D), law.A + np.outer(law.G, law.C)],
             ]
         )

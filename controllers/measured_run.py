@@ -49,13 +49,16 @@ def run_figures(
     *,
     swing_up: bool = False,
     arm_travel: float = ARM_TRAVEL,
+    arm_speed: float = np.inf,
+    count: float = 0.0,
 ) -> RunFigures:
     """Figures of a run with stamps t (N,) [s], readings q1, q2 (N,) [rad], q2 = 0 upright, and commands u (N,).
 
-    The columns of a `Log` fit: `run_figures(log.t, log.q1, log.q2, log.u)`. arm_travel [rad]: to either side; beyond it
-    the run has failed. Encoder noise is part of what is read. Raises ValueError for columns of different lengths, what
-    is not finite, a clock with gaps of more than 0.1 s, and runs that are too short. Over shorter gaps angles
-    are taken on a line and the command as held.
+    The columns of a `Log` fit: `run_figures(log.t, log.q1, log.q2, log.u)`. arm_travel [rad]: to either side. Beyond it
+    the run has failed, and where the arm is faster than arm_speed [rad/s] from one sample to the next, by more than a
+    count [rad] of its encoder. Encoder noise is part of what is read. Raises ValueError for columns of different
+    lengths, what is not finite, a clock with gaps of more than 0.1 s, and runs that are too short. Over shorter gaps
+    angles are taken on a line and the command as held.
     """
     t, y, u = np.asarray(t, dtype=float), np.array([q1, q2], dtype=float), np.asarray(u, dtype=float)
     T = _sample_time(t, y, u)
@@ -65,9 +68,10 @@ def run_figures(
             f"the run lasts {len(u) * T:.3g} s; expected more than the {HOLD:g} s that it must stay upright"
         )
     n = len(u) - 1
-    score = Score(T, n, np.zeros(1), np.full(1, arm_travel), np.full(1, np.inf), HOLD if swing_up else None)
+    speed = np.maximum(np.abs(np.diff(y[0], prepend=y[0, 0])) - count, 0.0) / T
+    score = Score(T, n, np.zeros(1), np.full(1, arm_travel), np.full(1, arm_speed), HOLD if swing_up else None)
     for k in range(n + 1):
-        if not score.watch(k, np.array([[y[0, k]], [y[1, k]], [0.0], [0.0]])):
+        if not score.watch(k, np.array([[y[0, k]], [y[1, k]], [speed[k]], [0.0]])):
             break
     found = score.outcome(u[: n + 1, None])
     settling = float(found.settling[0])

@@ -82,12 +82,36 @@ def usual_controller(plant: Plant | str | os.PathLike[str], sample_time: float |
         return make_controller("paper-lqr", plant, sample_time)  # which is refused where it does not hold
     except DesignError:
         pass
+    return designed(plant, sample_time)
+
+
+def designed(plant: Plant, sample_time: float | None = None) -> Controller:
+    """The first of lqr, dlqr and lqg that holds the plant, as `usual_controller` has it. Raises DesignError."""
     names = ("lqr", "dlqr", "lqg")
     for name in names:
-        controller: Any = make_controller(name, plant, sample_time)
-        if np.abs(controller.closed_loop_poles()).max() < 1:
+        controller = make_controller(name, plant, sample_time)
+        if _slowest(controller) < 1:
             return controller
     raise DesignError(
         f"none of {', '.join(names)} holds this plant: each closed loop is unstable, linear about upright; check the "
         "plant's delay and lag and the sample time, or name a controller"
     )
+
+
+def held(controller: Controller) -> Controller:
+    """A controller that holds the plant that it is made for, as far as a linear one says; else DesignError.
+
+    Python may play one that does not, to see it fall. No firmware gets it."""
+    if (slowest := _slowest(controller)) >= 1:
+        raise DesignError(
+            f"{controller.name} does not hold this plant at {1e3 * controller.sample_time:g} ms a sample: the closed "
+            f"loop is unstable, linear about upright (largest |z| = {slowest:.4f}). lqr leaves delay, lag and sample "
+            "time out of account; dlqr and lqg do not. Take one of these, or a shorter --sample-time"
+        )
+    return controller
+
+
+def _slowest(controller: Controller) -> float:
+    """Largest |z| of the closed loop near upright; 0 where the controller does not say."""
+    poles = getattr(controller, "closed_loop_poles", None)
+    return 0.0 if poles is None else float(np.abs(poles()).max())

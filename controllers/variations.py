@@ -26,16 +26,21 @@ def built_later(plant: Plant, percent: float, ms: float, n: int, seed: int) -> l
 
 def later(plant: Plant, ms: float) -> Plant:
     """The plant with a delay of the command that is so much longer. Raises ValueError where no plant can be so late."""
-    return plant.with_effects(Effect("input_delay", {"d": round(_delay(plant) + ms * 1e-3, 9)}))
+    return plant.with_effects(Effect("input_delay", {"d": round(delay_of(plant) + ms * 1e-3, 9)}))
 
 
 def possible(plant: Plant, delays: Sequence[int]) -> list[int]:
     """Those of `delays` [ms] that `later` can add to the plant's own."""
-    longest = EFFECTS["input_delay"].parameters[0].upper
-    return [ms for ms in delays if _delay(plant) + ms * 1e-3 <= longest + 1e-9]
+    return [ms for ms in delays if delay_of(plant) + ms * 1e-3 <= longest_delay() + 1e-9]
 
 
-def _delay(plant: Plant) -> float:
+def longest_delay() -> float:
+    """The longest delay [s] that a plant may have."""
+    return EFFECTS["input_delay"].parameters[0].upper
+
+
+def delay_of(plant: Plant) -> float:
+    """The delay [s] of a plant's command."""
     own = plant.effect("input_delay")
     return own.parameters["d"] if own else 0.0
 

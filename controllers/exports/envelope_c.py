@@ -103,7 +103,7 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
         )
     if e.tilt < math.inf:
         tilt = f"    if (!{prefix}_within(q2, {number(e.tilt)})) return {prefix}_latch(s, {P}_TILT);\n"
-    if watched := e.held < math.inf and e.breakaway < math.inf:
+    if watched := max(e.held, e.breakaway, e.stirred) < math.inf:
         most = math.ceil(e.held / T)
         held = (
             "    if (s->good == 0 || q1 < s->q1 || q1 > s->q1) {\n"

@@ -107,10 +107,18 @@ def compare_command(
         typer.echo(str(result), nl=False)
     typer.echo(f"Written in {output}: {', '.join(written)}")
     linear = [name for name, policy in result.policies.items() if isinstance(policy, LinearController)]
-    if own := [name for name in linear if name != "paper-lqr"]:
-        designed_for = shlex.quote(plant if design_plant is None else design_plant)
-        period = "" if sample_time is None else f" --sample-time {sample_time!r}"
-        typer.echo(f"Next: furuta export {designed_for} --controller {own[-1]}{period} -o {own[-1]}.h")
+    if best := _best([name for name in linear if name != "paper-lqr"], result):
+        designed_for = plant if design_plant is None else design_plant
+        own, used = Plant.resolve(designed_for).sample_time, result.settings["sample_time"]
+        period = "" if sample_time is None and own == used else f" --sample-time {used!r}"
+        typer.echo(f"Next: furuta export {shlex.quote(designed_for)} --controller {best}{period} -o {best}.h")
+
+
+def _best(names: Sequence[str], result: Comparison) -> str | None:
+    """The controller that held in most trials of all conditions, of equals the last; None where none held in one."""
+    held = {n: sum(f["success"].value or 0.0 for f in result.scores[n].values() if "success" in f) for n in names}
+    most = max(held.values(), default=0.0)
+    return [name for name in names if held[name] == most][-1] if most > 0.0 else None
 
 
 def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[str]:

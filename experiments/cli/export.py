@@ -110,8 +110,9 @@ def _write(
         else:
             from controllers import make_controller
             from controllers.exports.c import export_c
+            from controllers.registry import held
 
-            made = make_controller(chosen, rig, sample_time)
+            made = held(make_controller(chosen, rig, sample_time))
             export_c(made, output, single=single, envelope=Envelope.of(made, soft_start=soft_start))
 
 

@@ -35,7 +35,7 @@ Columns = Annotated[
     list[str] | None, _option("Names in the file: t=Time,q1=theta,q2=alpha,u=volts; it may be repeated.")
 ]
 Unit = Annotated[
-    list[str] | None, _option("Angles in rad (default), deg or counts; or q1=deg,q2=rad; it may be repeated.")
+    list[str] | None, _option("Angles in rad (default), deg, turns or counts; or q1=deg,q2=rad; it may be repeated.")
 ]
 PendulumZero = Annotated[str | None, _option("Where the file's q2 is zero: upright (default) or hanging.")]
 Flip = Annotated[list[str] | None, _option("Turn the sign of q1, q2 or u; repeat it, or use commas; none turns none.")]
@@ -303,6 +303,9 @@ def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None
             continue
         found = propose(tables, mapping, assumed=True, constant_command=severity)
         said += [str(problem) for problem in found.fatal]
+        for problem in found.problems:
+            if problem.between and not problem.fatal:  # of one log alone, reading says it
+                typer.echo(f"Warning: {problem}", err=True)
     if said:
         paths, tables = [s.path for s in sources], [s.table for s in sources]
         readable = reads_as_given(paths, tables, [s.mapping for s in sources], constant_command)

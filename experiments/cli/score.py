@@ -17,6 +17,7 @@ from .reading import Reading, read, reads_logs
 
 if TYPE_CHECKING:
     from controllers.measured_run import RunFigures
+    from furuta_gym.plant import Plant
 
 
 @reads_logs
@@ -34,11 +35,16 @@ def score_command(
         ),
     ] = None,
     plant: Annotated[
-        str | None, typer.Option(help="Plant file of the rig, for its arm's travel and for how its logs are read.")
+        str | None,
+        typer.Option(
+            help="Plant file of the rig: for its arm's travel and speed, for how its logs are read, and for what its "
+            "encoders are known to read wrongly."
+        ),
     ] = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Say how well a controller did in logs of the rig: the figures that `furuta compare` gives for simulated runs."""
+    from controllers.known_effects import KnownEffects
     from controllers.measured_run import run_figures
     from controllers.trials import ARM_TRAVEL, HORIZONTAL
     from furuta_gym.plant import Plant
@@ -49,10 +55,12 @@ def score_command(
     if arm_travel is None:
         arm_travel = ARM_TRAVEL if known is None else known.limit("arm_travel", ARM_TRAVEL)
     used = read(logs, reading, known)
+    undone, limits = (None, {}) if known is None else (KnownEffects(known), _speed_limit(known))
     found = []
     for log in used:
         try:
-            found.append(run_figures(log.t, log.q1, log.q2, log.u, swing_up=swing_up, arm_travel=arm_travel))
+            q1, q2 = log.angles.T if undone is None else undone.angles(log.angles.T)
+            found.append(run_figures(log.t, q1, q2, log.u, swing_up=swing_up, arm_travel=arm_travel, **limits))
         except ValueError as error:
             raise ValueError(f"{log.source}: {error}") from error
     unit = used[0].input_unit
@@ -63,6 +71,14 @@ def score_command(
         return
     hangs = [] if swing_up else [log.source for log in used if abs(math.remainder(log.q2[0], 2 * math.pi)) > HORIZONTAL]
     _show([log.source for log in used], found, unit, hangs)
+
+
+def _speed_limit(plant: Plant) -> dict[str, float]:
+    """The arm's largest speed that a plant file says, and a count of its encoder."""
+    from controllers.design import choose_sensors
+
+    count = float(choose_sensors(plant, None).resolution[0])
+    return {"arm_speed": plant.limit("arm_speed", math.inf), "count": count}
 
 
 def _show(names: list[str], found: list[RunFigures], unit: str, hangs: list[str]) -> None:

@@ -177,8 +177,8 @@ def _figures(figures: dict[str, Any], record: dict[str, Any]) -> None:
     table = Table("", "typical", "worst 5 %", box=None, padding=(0, 2))
     names = {**FIGURES, "settling": FIGURES["settling"] if record["task"] == "swing_up" else "settling [s]"}
     for name, text in names.items():
-        worst = figures.get(f"worst_{name}", {}).get("value")
-        cells = f"{figures[name]['value']:.3g}", "–" if worst is None else f"{worst:.3g}"
+        values = (figures.get(of, {}).get("value") for of in (name, f"worst_{name}"))
+        cells = ["–" if value is None else f"{value:.3g}" for value in values]
         table.add_row(escape(text.format(u=record["plant"]["unit"])), *cells)
     Console(width=None if Console().is_terminal else 100).print(table)
 

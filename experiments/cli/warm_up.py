@@ -11,7 +11,7 @@ from .output import print_json
 
 
 def warm_up_command(as_json: opt.AsJson = False) -> None:
-    """Compile the numerical code for this machine, once; later commands load it. Takes three to four minutes."""
+    """Compile the numerical code for this machine, once; later commands load it. Takes three to five minutes."""
     from experiments.demo.warm_up import warm_up
     from furuta_gym.cache_folder import cache_root
 

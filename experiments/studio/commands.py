@@ -7,7 +7,10 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from furuta_gym.plant import Effect, Plant
+from furuta_gym.sensors import Sensors
 
 from .loop import Conditions
 from .session import Session
@@ -59,11 +62,11 @@ def effect_text(effect: Effect) -> str:
     return f"{effect.name}:" + ",".join(f"{name}={value:.6g}" for name, value in effect.parameters.items())
 
 
-def closed_loop(plant: str, controller: str, conditions: Conditions, trusted: bool = False) -> str:
-    """The closed loop of the view Play, without the pushes of the hand."""
-    late = (Effect("input_delay", {"d": conditions.delay}),) if conditions.delay > 0 else ()
-    effects = "".join(f" --effect {shlex.quote(effect_text(e))}" for e in (*conditions.effects, *late))
-    noise = f" --noise {conditions.noise:.3g}" if conditions.noise > 0 else ""
+def closed_loop(plant: str, base: Plant, controller: str, conditions: Conditions, trusted: bool = False) -> str:
+    """The closed loop of the view Play, without the pushes of the hand. base: the plant of that file."""
+    effects = "".join(f" --effect {shlex.quote(effect_text(e))}" for e in conditions.added(base))
+    both = np.broadcast_to(conditions.sensors(Sensors.of_file(base.sensors)).noise_std, 2)
+    noise = f" --noise {both[0]:.3g},{both[1]:.3g}" if conditions.noise > 0 else ""
     trust = " --trust" if trusted else ""
     return (
         f"furuta simulate --plant {plant} --design-plant {plant} --controller {shlex.quote(controller)}{trust}"

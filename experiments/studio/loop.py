@@ -6,12 +6,13 @@ import math
 import threading
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controllers import Controller
+from controllers.variations import delay_of, longest_delay, noisier
 from furuta_gym import Effect, LivePlant, Plant, Sensors
 from furuta_gym.simulation import FALLEN
 
@@ -30,10 +31,20 @@ class Conditions:
     noise: float = 0.0
     effects: tuple[Effect, ...] = ()
 
+    def added(self, base: Plant) -> tuple[Effect, ...]:
+        """The effects that the rig has beside those of `base`, its whole delay among them."""
+        if self.delay <= 0:
+            return self.effects
+        late = min(delay_of(base) + self.delay, longest_delay())
+        return (*self.effects, Effect("input_delay", {"d": late}))
+
     def plant(self, base: Plant) -> Plant:
-        """The rig: `base` with the effects, and with the delay in place of its own where there is one."""
-        late = (Effect("input_delay", {"d": self.delay}),) if self.delay > 0 else ()
-        return base.with_effects(*self.effects, *late)
+        """The rig: `base` with the effects, and later by the delay."""
+        return base.with_effects(*self.added(base))
+
+    def sensors(self, own: Sensors) -> Sensors:
+        """Those of the rig: with noise beside their own."""
+        return noisier(own, 1e3 * self.noise) if self.noise > 0 else own
 
 
 class Loop:
@@ -110,7 +121,7 @@ class Loop:
         return (size, 0.0) if row == 0 else (0.0, size)
 
     def _noisy(self) -> Sensors:
-        return replace(self.sensors, noise_std=self.conditions.noise) if self.conditions.noise > 0 else self.sensors
+        return self.conditions.sensors(self.sensors)
 
 
 def traces(past: Sequence[tuple[float, float, float, float]]) -> NDArray[np.float64]:

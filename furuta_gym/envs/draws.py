@@ -9,13 +9,15 @@ from . import ranges as rg
 from .streams import normal_pair, uniform
 
 _TRIES = 10_000  # draws until a possible plant; construction has shown that one in 1000 is
+_AGAIN = 100  # draws of a normal number until it lies inside its bounds
 
 # Rows of Randomization.table, one column for each row of P.
 NOMINAL, LOWER, UPPER, OFF, FROM, TO, INVERSE = range(7)
 
 # Columns of Randomization.ranges, one row for each number that is drawn. TARGET is the row of P, or −1 − the row of the
-# rig's. WHOLE is 1 where it is rounded. Of theta=physical only KIND and A, the share, mean something.
-TARGET, KIND, A, B, CHANCE, DEFAULT, LEAST, MOST, WHOLE, N_COLUMNS = range(10)
+# rig's. WHOLE is 1 where it is rounded, TIED where
+# it is drawn whenever the row before it is. Of theta=physical only KIND and A, the share, mean something.
+TARGET, KIND, A, B, CHANCE, DEFAULT, LEAST, MOST, WHOLE, TIED, N_COLUMNS = range(11)
 
 
 @compiled(forceinline=True)
@@ -61,16 +63,24 @@ def draw_parameters(P, k, streams, i, table, root, switches):
 @compiled
 def draw_ranges(P, rig, k, streams, ranges):
     """Draw what `ranges` names into column k of P (n, L) and of the rig's rows (8, L), from stream k."""
+    on = False
     for i in range(ranges.shape[0]):
         kind = int(ranges[i, KIND])
         a, b = ranges[i, A], ranges[i, B]
         if kind == rg.PHYSICAL:
             _draw_similar(P, k, streams, a)
             continue
-        on = uniform(streams, k) < ranges[i, CHANCE]
+        toss = uniform(streams, k) < ranges[i, CHANCE]
+        if ranges[i, TIED] == 0.0:
+            on = toss
         share, (z, _) = uniform(streams, k), normal_pair(streams, k)
         if kind == rg.NORMAL:
             value = a + b * z
+            for _ in range(_AGAIN):
+                if ranges[i, LEAST] <= value <= ranges[i, MOST]:
+                    break
+                z, _ = normal_pair(streams, k)
+                value = a + b * z
         elif kind == rg.LOG_UNIFORM:
             value = a * (b / a) ** share
         else:

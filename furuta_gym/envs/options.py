@@ -19,7 +19,8 @@ from ..sensors import Sensors, difference_gain
 from ..simulation import MOST_STEPS, too_many_steps
 from . import kernels as k
 from .randomization import Randomization, randomization
-from .ranges import RIG, draws, with_drawn_effects
+from .ranges import RIG, draws, with_drawn_effects, within_an_episode
+from .registration import MAX_EPISODE_STEPS
 
 TASKS = ("balance", "swing_up")
 REWARDS = ("smooth", "tolerant")
@@ -171,6 +172,8 @@ class Setup:
         self.longest = (
             math.inf if options.time_limit is None else max(1, round(options.time_limit / self.action_period))
         )
+        episode = min(self.longest, MAX_EPISODE_STEPS) * self.action_period
+        self.draws = drawn = within_an_episode(drawn, plant, episode)
         self.random: Randomization = randomization(
             with_drawn_effects(plant, drawn), drawn.posterior, drawn.chances, drawn.physical, drawn.ranges
         )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.effects import Effect
+from ..plant.effects import EFFECTS, Effect
 from ..plant.effects.declaration import Parameter
 from ..plant.integration_step import friction_rate, rest_slopes
 from ..plant.layout import BASE_NAMES, FRICTION_ROWS, SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
@@ -53,7 +53,7 @@ class Randomization:
     plant: with every effect that can act, in the order of P. table (7, n): per row of P its nominal value, bounds,
     value with the effect off (NaN: tells `draw_ranges` to draw none), and range of sizes when it is switched on (NaN:
     the nominal value). root (n, m): maps m standard normal numbers to shifts of P. switches (s, 3): first row, number
-    of rows and probability of each effect that acts by chance. ranges (m, 9): see the columns in `draws`. told: a
+    of rows and probability of each effect that acts by chance. ranges (m, 10): see the columns in `draws`. told: a
     sentence on parameters that are not drawn from the covariance, see `sampling.spread_of`; empty where all are.
     """
 
@@ -197,6 +197,10 @@ def randomization(
     """
     for name, p in probabilities.items():
         Effect(name)  # an unknown name is refused with the library's list
+        if name not in EFFECTS and plant.effect(name) is None:
+            raise ValueError(
+                f"effect_probabilities: the plant has no {name}, and chance does not make what was learned of a rig"
+            )
         if not (isinstance(p, Real) and 0.0 <= p <= 1.0):
             raise ValueError(f"effect_probabilities: {name} must have a probability in [0, 1], got {p!r}")
     carried = {effect.name for effect in plant.effects}
@@ -247,14 +251,14 @@ def _ranges(
     layout = plant.layout
     found: list[tuple[float, ...]] = []
     if physical:
-        found.append((0.0, rg.PHYSICAL, physical, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
+        found.append((0.0, rg.PHYSICAL, physical, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     for name, entry in rg.RIG.items():
         if name in ranges:
             made = ranges[name]
             most = plant.supply if name == "u_max" else entry.high
             low, high = max(made.bounds[0], entry.low), min(made.bounds[1], most)
             numbers = (made.kind, made.a, made.b, made.chance, math.nan, low, high, 0.0)
-            found += [(_target(name, layout) - i, *numbers) for i in range(entry.values)]
+            found += [(_target(name, layout) - i, *numbers, float(i > 0)) for i in range(entry.values)]
     for name, made in ranges.items():
         if name not in rg.RIG:
             row = _target(name, layout)
@@ -262,7 +266,7 @@ def _ranges(
             # so that the first and the last whole number are as frequent as those between
             beyond = 0.5 if made.whole and made.kind != rg.NORMAL else 0.0
             a, b = made.a - beyond, made.b + beyond
-            found.append((row, made.kind, a, b, made.chance, table[OFF, row], low, high, made.whole))
+            found.append((row, made.kind, a, b, made.chance, table[OFF, row], low, high, made.whole, 0.0))
     return np.array(found, dtype=float).reshape(-1, N_COLUMNS)
 
 
@@ -279,7 +283,7 @@ def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, f
 def _evenly(spread: Spread | None, layout: ParameterLayout) -> NDArray[np.float64]:
     """Rows of `Randomization.ranges` for what the spread draws evenly."""
     found = [
-        (layout.row(name), rg.UNIFORM, low, high, 1.0, math.nan, low, high, 0.0)
+        (layout.row(name), rg.UNIFORM, low, high, 1.0, math.nan, low, high, 0.0, 0.0)
         for name, (low, high) in (spread.ranges if spread else {}).items()
     ]
     return np.array(found, dtype=float).reshape(-1, N_COLUMNS)

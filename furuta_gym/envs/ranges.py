@@ -21,6 +21,7 @@ import numpy as np
 
 from ..arguments import ArgumentError
 from ..plant.effects import EFFECTS, Effect, where_to_look
+from ..plant.effects.effect import as_written
 from ..plant.plant import Plant
 
 UNIFORM, NORMAL, LOG_UNIFORM, PHYSICAL = range(4)
@@ -45,7 +46,13 @@ RIG: dict[str, Entry] = {
     "encoder_offset": Entry(2, -math.pi, math.pi, "rad", "what the two encoders read at zero"),
     "u_max": Entry(1, 1e-6, 1e6, "command", "largest command, up to the plant's supply; the action's scale stays"),
     "jitter": Entry(1, 0.0, 0.3, "share of the sample time", "spread of the sample time"),
-    "push": Entry(1, 0.0, 100.0, "rad/s", "change of q̇2 by a tap on the pendulum during the episode"),
+    "push": Entry(
+        1,
+        0.0,
+        100.0,
+        "rad/s",
+        "change of q̇2 by a tap on the pendulum during the episode; q̇1 changes as θ of the start has it",
+    ),
     "push_rate": Entry(1, 0.0, 10.0, "1/s", "mean number of taps a second (0.5 unless given)"),
 }
 
@@ -148,7 +155,7 @@ def _effect(name: str, text: str, ranges: dict[str, Range], chances: dict[str, f
     if not dot and len(asked) > 1:
         ways = ", ".join(f"{effect}.{p}" for p in parameters)
         raise _wrong(name, text, f"{effect} has several parameters; give {ways}, or {effect}=chance:P")
-    wanted = wanted or asked[0]
+    wanted = as_written(wanted or asked[0])
     if wanted not in parameters:
         raise _wrong(name, text, f"{effect} has no parameter {wanted!r}; it has {', '.join(parameters)}")
     p = parameters[wanted]
@@ -205,7 +212,7 @@ def _wrong(name: str, text: str, fault: str) -> ArgumentError:
 
 
 def _inside(name: str, text: str, low: float, high: float, unit: str) -> Range:
-    """A normal range is cut at the bounds; any other must lie inside."""
+    """A normal range is drawn anew outside its bounds; any other must lie inside."""
     made = _range(name, text)
     least, most = (made.a, made.a) if made.kind == NORMAL else made.bounds
     if not low <= least <= most <= high:
@@ -217,6 +224,21 @@ def never_drawn(wanted: Draws, plant: Plant, probabilities: Mapping[str, float])
     """Effects and entries of the rig that no episode has: neither carried by the plant nor drawn."""
     had = wanted.names | {e.name for e in plant.effects} | {n for n, p in probabilities.items() if p > 0}
     return [name for name in (*EFFECTS, "theta", *RIG) if name not in had and name != "push_rate"]
+
+
+def within_an_episode(wanted: Draws, plant: Plant, episode: float) -> Draws:
+    """The draws with the time of a change, as `payload_step` has one, drawn over an episode [s].
+
+    Only where the plant does not carry the effect and nothing says when: its usual time may be after the end."""
+    carried = {effect.name for effect in plant.effects}
+    added = {
+        f"{name}.{p.name}": Range(UNIFORM, p.lower, max(p.lower, episode))
+        for name in EFFECTS
+        if name in wanted.names - carried
+        for p in EFFECTS[name].parameters
+        if p.grid == "times"
+    }
+    return replace(wanted, ranges={**added, **wanted.ranges})
 
 
 def with_drawn_effects(plant: Plant, wanted: Draws) -> Plant:

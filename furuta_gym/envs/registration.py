@@ -5,6 +5,7 @@ import math
 import os
 import warnings
 from copy import copy
+from enum import Enum
 from typing import Any
 
 from gymnasium.envs.registration import EnvSpec, registry, spec
@@ -67,7 +68,8 @@ def _entry_of(own_id: Any) -> str:
 
 
 class PlainSpec:
-    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary and a path its text.
+    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary, and a path or a mode its
+    text.
 
     So the spec has a JSON, and `gymnasium.make` of it makes the same env."""
 
@@ -77,11 +79,20 @@ class PlainSpec:
     def __set__(self, env: Any, given: EnvSpec | None) -> None:
         from ..plant.plant import Plant  # here, as registering the ids is to load nothing heavy
 
-        plant = None if given is None else given.kwargs.get("plant")
-        if given is not None and isinstance(plant, Plant | os.PathLike):
+        told = {} if given is None else {name: _plainly(value, Plant) for name, value in given.kwargs.items()}
+        if given is not None and any(told[name] is not value for name, value in given.kwargs.items()):
             given = copy(given)
-            given.kwargs = given.kwargs | {"plant": plant.to_dict() if isinstance(plant, Plant) else os.fspath(plant)}
+            given.kwargs = told
         env.__dict__["spec"] = given
+
+
+def _plainly(value: Any, plant: type) -> Any:
+    """An argument of an env as JSON can hold it, where it is a Plant, a path or an enumeration."""
+    if isinstance(value, plant):
+        return value.to_dict()
+    if isinstance(value, Enum):
+        return value.value
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> None:

@@ -241,8 +241,9 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
 
     def _info(self, out: tuple[NDArray[Any], ...], mask: NDArray[np.bool_], fresh: NDArray[np.bool_]) -> dict[str, Any]:
         _, state, measured, command = out
-        info: dict[str, Any] = {"state": state, "_state": mask, "measured_state": measured, "_measured_state": mask}
-        info |= {"command": command, "_command": mask}
+        info: dict[str, Any] = {}
+        for key, values in (("state", state), ("measured_state", measured), ("command", command)):
+            info[key], info[f"_{key}"] = values, mask.copy()
         if self.setup.random.active and fresh.any():
             info["plant"] = _masked(self.setup.random.describe(self._columns(self._parameter_rows)), fresh)
             info["_plant"] = fresh.copy()
@@ -285,7 +286,7 @@ def _reset_mask(options: dict[str, Any] | None, n: int) -> NDArray[np.bool_]:
     given = (options or {}).get("reset_mask")
     if given is None:
         return np.ones(n, dtype=np.bool_)
-    mask = np.asarray(given)
+    mask = np.array(given)  # it goes into infos
     if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
         raise ValueError(f"options['reset_mask'] must be a bool array of shape ({n},) with at least one True")
     return mask

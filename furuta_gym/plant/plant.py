@@ -91,7 +91,7 @@ class Plant:
         put("randomize", self.randomize and {name: str(value) for name, value in self.randomize.items()})
         for name in _MAPPINGS:
             if (value := getattr(self, name)) is not None:
-                put(name, MappingProxyType(dict(value)))
+                put(name, MappingProxyType(plain(value)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Plant.from_dict, (self.to_dict(),)
@@ -213,11 +213,11 @@ class Plant:
             "friction_sharpness": list(r) if isinstance(r, tuple) else r,
             "covariance": self.covariance.to_dict() if self.covariance else None,
             "effects": [effect.to_dict(self.unit) for effect in self.effects],
-            "sensors": dict(self.sensors) if self.sensors is not None else None,
+            "sensors": plain(self.sensors) if self.sensors is not None else None,
             "sample_time": self.sample_time,
             "u_max": self.u_max,
-            "provenance": dict(self.provenance),
-            "checks": dict(self.checks) | physical_consistency(self.theta, self.covariance).to_dict(),
+            "provenance": plain(self.provenance),
+            "checks": plain(self.checks) | physical_consistency(self.theta, self.covariance).to_dict(),
         } | {name: dict(value) for name in ("limits", "randomize") if (value := getattr(self, name)) is not None}
 
     def to_json(self) -> str:

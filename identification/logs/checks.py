@@ -12,7 +12,7 @@ import numpy as np
 
 from furuta_gym.arguments import ArgumentError
 
-from .encoders import encoder_step, moves_by
+from .encoders import counted_in_turns, encoder_step, moves_by
 from .gaps import gaps
 
 MIN_SAMPLES = 50
@@ -221,7 +221,7 @@ def check_angle_unit(
     their speed.
     """
     step, whole = encoder_step(raw), np.array_equal(raw, np.round(raw))
-    declared = (360.0 if unit == "deg" else 2 * np.pi) / counts if counts else 0.0
+    declared = {"rad": 2.0 * np.pi, "deg": 360.0, "turns": 1.0}[unit] / counts if counts else 0.0
     if declared and ((step is not None and abs(step / declared - 1) < 0.1) or (not whole and moves_by(raw, declared))):
         return False
     if step == 1.0 and whole:
@@ -235,6 +235,18 @@ def check_angle_unit(
         if (step is not None and step > _MAX_STEP_RAD) or (step is None and speed > _MAX_SPEED):
             seen = f"moves in steps of {step:.3g}" if step is not None else f"reaches a speed of {speed:.3g} /s"
             warn(f"{name}: {column} {seen}, which looks like degrees, but radians were declared. If so: --unit deg.")
+            return True
+        if usual := counted_in_turns(step):
+            warn(
+                f"{name}: {column} moves in steps of 1/{usual}, which looks like turns, but radians were declared "
+                f"({2 * np.pi / step:.0f} counts per revolution). If so: --unit turns."  # type: ignore[operator]
+            )
+    elif unit == "turns":
+        if step is not None and 2.0 * np.pi * step > _MAX_STEP_RAD:
+            warn(
+                f"{name}: {column} moves in steps of {step:.3g}, an encoder of {1.0 / step:.0f} counts per revolution "
+                "if it were turns, as declared. If it is in degrees or radians: --unit deg, or --unit rad."
+            )
             return True
     elif step is not None and step < _MIN_STEP_DEG:
         warn(

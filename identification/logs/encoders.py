@@ -9,6 +9,9 @@ _NOISE_WINDOW = 15  # samples, order 3: within a tenth of the true noise in the 
 _NOISE_SPAN = 0.03  # s; a window longer than this no longer fits the motion itself
 FEWEST_STEPS = 8
 """Changes of an angle from which it may be told whether it moves in steps."""
+USUAL_COUNTS = (*(1000, 1024, 1440, 2000, 2048, 2400, 2500, 3600, 4000, 4096, 5000), *(8000, 8192, 10000, 16384, 20000))
+"""Counts per revolution of encoders that are sold, all four edges counted."""
+_SAME_COUNTS = 0.004  # of an encoder's step, within which it is that of a usual encoder
 
 _FINEST_STEP = 1e-5  # rad; finer encoders (600 000 counts) look like no encoder at all
 
@@ -30,6 +33,20 @@ def encoder_step(q: np.ndarray) -> float | None:
     judged = steps[counts <= 20] / step
     off = np.abs(judged - np.round(judged))
     return step if judged.size >= 0.5 * steps.size and np.quantile(off, 0.95) < 0.05 else None
+
+
+def usual_counts(counts: float) -> int | None:
+    """The usual encoder that has so many counts per revolution, as a step measures them; None if none has."""
+    near = min(USUAL_COUNTS, key=lambda usual: abs(counts / usual - 1))
+    return near if abs(counts / near - 1) < _SAME_COUNTS else None
+
+
+def counted_in_turns(step: float | None) -> int | None:
+    """Counts per revolution of the usual encoder that steps [unit of the angle] of this size are of if the angle is in
+    turns, and of none if it is in rad; None without one."""
+    if not step or usual_counts(2.0 * np.pi / step):
+        return None
+    return usual_counts(1.0 / step)
 
 
 def moves_by(q: np.ndarray, step: float) -> bool:

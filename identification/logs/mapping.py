@@ -17,6 +17,7 @@ from .checks import LogArgumentError, LogError
 from .jumps import warn_about_jumps
 from .said import (
     COLUMNS,
+    RADIANS,
     SECONDS,
     parse_angle_units,
     parse_columns,
@@ -168,7 +169,7 @@ def _radians(name: str, unit: str, counts: float | None) -> float:
         raise LogError(
             f"{name}: angles in counts need the counts per revolution: --encoder-counts 4096 (or two numbers)"
         )
-    return {"rad": 1.0, "deg": np.pi / 180, "counts": _TURN / (counts or 1.0)}[unit]
+    return (RADIANS | {"counts": _TURN / (counts or 1.0)})[unit]
 
 
 def _read_as(
@@ -185,7 +186,9 @@ def _read_as(
     said = {} if time == "t" else {"t": time}
     for ours in ("q1", "q2", "u"):
         unit = units.get(ours, "")
-        text = names[ours] + {"deg": "*pi/180", "counts": f"*2*pi/{counts.get(ours) or 1:g}"}.get(unit, "")
+        text = names[ours] + {"deg": "*pi/180", "turns": "*2*pi", "counts": f"*2*pi/{counts.get(ours) or 1:g}"}.get(
+            unit, ""
+        )
         if ours == "u" and gain_of_u != 1.0:
             text = f"{gain_of_u:g}*{text}"
         if ours == "q2" and zero == "hanging":

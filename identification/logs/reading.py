@@ -41,7 +41,7 @@ def read_log(
     """Read a file of any format in `formats.READERS`, map it to the paper's convention, and check it.
 
     columns: names in the file by our names, `{"t": "Time", "q1": "theta"}` or `"t=Time,q1=theta"`.
-    unit: of the angles, "rad" (default), "deg" or "counts", or one per column, `{"q2": "deg"}`.
+    unit: of the angles, "rad" (default), "deg", "turns" or "counts", or one per column, `{"q2": "deg"}`.
     pendulum_zero: "upright" (default) or "hanging", the position where the file's q2 is 0.
     flip: of "q1", "q2", "u", the ones whose sign is turned. The order is: unit, then zero, then sign, so that
     hanging with q2 flipped gives q2 = −(q2_file − π); then whole turns are taken off q2 if it starts more

@@ -19,6 +19,9 @@ _short.maxstring = _short.maxother = 100
 _UNITS = {"v": "V", "volt": "V", "volts": "V", "nm": "N·m", "newtonmetre": "N·m", "newtonmeter": "N·m"}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
 """What one unit of a time column is in s."""
+RADIANS = {"rad": 1.0, "deg": math.pi / 180.0, "turns": 2.0 * math.pi}
+"""What one unit of an angle is in rad, of those that do not depend on the encoder."""
+ANGLE_UNITS = (*RADIANS, "counts")
 _NEXT_NAME = re.compile(r",(?=\s*\w+\s*=)")  # a comma that no name follows belongs to the column before it
 _CUT = "expected FROM:TO in seconds of the log's own clock, FROM before TO, such as 12:14"
 
@@ -86,8 +89,8 @@ def parse_zero(value: str) -> str:
 
 
 def parse_angle_units(value: str | Mapping[str, str]) -> dict[str, str]:
-    """Units of q1 and q2, "rad", "deg" or "counts", from one word or one for each, "q1=deg,q2=rad"; of the angles that
-    are named only. Raises LogError."""
+    """Units of q1 and q2, of `ANGLE_UNITS`, from one word or one for each, "q1=deg,q2=rad"; of the angles that are
+    named only. Raises LogError."""
     units: dict[str, str]
     if isinstance(value, Mapping):
         units = dict(value)
@@ -96,8 +99,8 @@ def parse_angle_units(value: str | Mapping[str, str]) -> dict[str, str]:
     else:
         units = dict.fromkeys(("q1", "q2"), str(value).strip())
     for column, unit in units.items():
-        if column not in ("q1", "q2") or unit not in ("rad", "deg", "counts"):
-            expected = "expected rad, deg or counts, for q1 and q2"
+        if column not in ("q1", "q2") or unit not in ANGLE_UNITS:
+            expected = f"expected {', '.join(RADIANS)} or counts, for q1 and q2"
             raise LogArgumentError("unit", f"{column}={_short.repr(unit)}", expected)
     return units
 

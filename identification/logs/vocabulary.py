@@ -64,6 +64,7 @@ _UNITS = {
     "d": ("d", "day", "days", "tage", "tag"),
     "rad": ("rad", "radian", "radians", "bogenmaß"),
     "deg": ("deg", "°", "degree", "degrees", "grad", "º", "degre", "degres", "grados", "gradi"),
+    "turns": ("turns", "turn", "rev", "revs", "revolutions", "umdrehungen", "umdr", "tours", "giri", "vueltas"),
     "counts": ("counts", "count", "cnt", "cnts", "ticks", "tick", "inc", "inkr", "inkremente", "impulse", "pulses"),
     "V": ("v", "volt", "volts"),
     "mV": ("mv", "millivolt", "millivolts"),
@@ -74,7 +75,10 @@ _UNITS = {
     "%": ("%", "percent", "prozent", "pwm"),
 }
 _UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
-_ENDINGS = ("s", "sec", "ms", "us", "ns", "rad", "deg", "degrees", "counts", "ticks", "v", "volt", "volts", "mv", "nm")
+_ENDINGS = (
+    *("s", "sec", "ms", "us", "ns", "rad", "deg", "degrees", "turns", "rev", "revs", "counts", "ticks"),
+    *("v", "volt", "volts", "mv", "nm"),
+)
 _STRIPPED = tuple(e for e in _ENDINGS if e not in ("volt", "volts"))  # these say what it is as well
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]*?)\s*[\])}>]")
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .checks import LogError, warn
 from .gaps import gaps
+from .said import RADIANS
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def unwrap(name: str, column: str, t: Array, q: Array, counts: float | None = No
 
 
 def continuous(values: Array, counts: tuple[float, ...] = ()) -> Array:
-    """A column without the jumps of a wrapped angle, whose unit need not be known: a turn in rad, degrees or `counts`.
+    """A column without the jumps of a wrapped angle, whose unit need not be known: a turn in a usual one or `counts`.
 
     A column that holds less or more than a turn, or whose steps are large without the jumps too, is left as it is.
     """
@@ -60,7 +61,7 @@ def continuous(values: Array, counts: tuple[float, ...] = ()) -> Array:
     span = float(np.ptp(values)) if len(values) else 0.0
     if not np.any(steps > 0.5 * span):
         return values
-    for turn in (_TURN, 360.0, *counts):
+    for turn in (*(_TURN / radians for radians in RADIANS.values()), *counts):
         if _WHOLE_TURN * turn < span <= turn * (1.0 + 1e-6):
             unwrapped = np.asarray(np.unwrap(values, period=turn))
             if np.max(np.abs(np.diff(unwrapped))) < turn / 4.0:

@@ -59,7 +59,9 @@ def show(frame: Frame) -> None:
             with ui.element("div").classes("split-side"):
                 _sliders(frame, playing)
     conditions = playing.conditions()
-    command_line(commands.closed_loop(plant_file(session), _typed(frame, playing.name), conditions, session.trusted))
+    command_line(
+        commands.closed_loop(plant_file(session), plant, _typed(frame, playing.name), conditions, session.trusted)
+    )
 
 
 def _controllers(frame: Frame, playing: Playing, plant: Plant) -> None:
@@ -178,12 +180,13 @@ def _released(hand: Any, loop: Loop, playing: Playing) -> None:
 
 
 def _sliders(frame: Frame, playing: Playing) -> None:
-    heading("What the controller does not know")
+    heading("What the rig has beside its plant, and the controller does not know")
     _slider(frame, "Delay of the command [ms]", 1e3 * LATEST, 0.5, 1e3 * playing.delay, partial(_delay, playing))
     _slider(frame, "Noise of the readings [mrad]", 1e3 * NOISIEST, 0.1, 1e3 * playing.noise, partial(_noise, playing))
     choice = playing.choice
     assert choice is not None
-    free = {name: f"{kind.title} ({name})" for name, kind in EFFECTS.items() if name not in choice.effects}
+    carried = {effect.name for effect in choice.base.effects}
+    free = {name: f"{kind.title} ({name})" for name, kind in EFFECTS.items() if name not in {*choice.effects, *carried}}
     free.pop("input_delay", None)
     ui.select(free, label="Add an effect", with_input=True, on_change=lambda e: _add(frame, e.value)).classes("wide")
     for name, values in choice.effects.items():

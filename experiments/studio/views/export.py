@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from nicegui import ui
 
-from controllers import export_c, export_mjcf, export_onnx, export_policy_c, make_controller
+from controllers import DesignError, export_c, export_mjcf, export_onnx, export_policy_c, make_controller
+from controllers.registry import designed
 from experiments.report import render
 from experiments.report.diagnosis_page import diagnosis_page
 from experiments.report.estimate_page import estimate_page
@@ -95,7 +96,8 @@ def offers(session: Session) -> dict[str, tuple[str, Writer]]:
         found[plant_file(session)] = (f"{told(session)}; the script names it so", partial(write_plant, session.kept))
     if plant is not None:
         found["plant.json"] = (told(session), partial(write_plant, plant))
-        found["controller.h"] = ("an LQR for this plant as C for firmware", partial(_controller, plant))
+        if law := holds(plant):
+            found["controller.h"] = (f"{law}, which holds this plant, as C for firmware", partial(_controller, plant))
         found["plant.xml"] = ("this plant for MuJoCo", lambda path: export_mjcf(plant, path))
         if session.policy is not None and session.policy.exists():
             name = session.policy.name
@@ -120,11 +122,12 @@ def steps(session: Session) -> list[str]:
         lines += [commands.identify(session), commands.validate(session)]
     if session.found is not None:
         lines.append(commands.diagnose(session))
-    if best(session) is not None:
+    if (plant := best(session)) is not None:
         file = plant_file(session)
         if session.kept is not None:
             lines.append(f"# {file}: the plant that was kept in the view What if; the view Export writes it")
-        lines.append(f"furuta export {file} --controller lqr -o controller.h")
+        if law := holds(plant):
+            lines.append(f"furuta export {file} --controller {law} -o controller.h")
         lines.append(f"furuta export {file} -o plant.xml")
         if (policy := session.policy) is not None:
             trust = " --trust" if session.trusted else ""
@@ -133,8 +136,17 @@ def steps(session: Session) -> list[str]:
     return lines
 
 
+@lru_cache(maxsize=8)
+def holds(plant: Plant) -> str | None:
+    """The name of a controller that holds a plant; None where none of the usual ones does."""
+    try:
+        return designed(plant).name
+    except DesignError:
+        return None
+
+
 def _controller(plant: Plant, path: Path) -> None:
-    export_c(make_controller("lqr", plant), path)
+    export_c(designed(plant), path)
 
 
 def _onnx(session: Session, plant: Plant, path: Path) -> None:

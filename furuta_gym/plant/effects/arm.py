@@ -36,11 +36,13 @@ def _position_friction(q1, v1, r1, a, b):
 
 
 def _friction_drift(t, v1, theta8, r1, a):
-    return -theta8 * a * t * tanh(r1 * v1), 0.0
+    change = a * t
+    return -theta8 * (change if change > -1.0 else -1.0) * tanh(r1 * v1), 0.0  # friction drives nothing
 
 
 def _viscous_drift(t, v1, theta6, a):
-    return -theta6 * a * t * v1, 0.0
+    change = a * t
+    return -theta6 * (change if change > -1.0 else -1.0) * v1, 0.0
 
 
 def _periodic(t, A, f, φ):
@@ -235,12 +237,12 @@ ARM_EFFECTS = (
         name="arm_friction_drift",
         title="friction of the arm that drifts",
         place="arm",
-        equation="arm: −θ8 a t tanh(r q̇1)",
+        equation="arm: −θ8 a t tanh(r q̇1), a t ≥ −1",
         symptom="Coulomb friction of the arm falls (or rises) during the run, as a motor warms up",
         says=lambda a: (
             f"The arm's Coulomb friction {either(a, 'rises', 'falls')} by {percent(a)} a second during the run"
         ),
-        parameters=(Parameter("a", "1/s", "relative change a second", -0.02, lower=-1.0, upper=1.0),),
+        parameters=(Parameter("a", "1/s", "relative change a second", -0.02, lower=-1.0, upper=0.2),),
         kernels={"torque": _friction_drift},
         mistaken_for=("arm_viscous_drift", "payload_step"),
     ),
@@ -248,7 +250,7 @@ ARM_EFFECTS = (
         name="arm_viscous_drift",
         title="viscous friction of the arm that drifts",
         place="arm",
-        equation="arm: −θ6 a t q̇1",
+        equation="arm: −θ6 a t q̇1, a t ≥ −1",
         symptom="viscous friction of the arm changes during the run (grease, magnet temperature)",
         says=lambda a: (
             f"The arm's viscous friction {either(a, 'rises', 'falls')} by {percent(a)} a second during the run"

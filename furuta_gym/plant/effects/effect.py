@@ -19,6 +19,11 @@ _PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "�
 _PLAIN |= {"alphax": "αx", "alphay": "αy"}
 
 
+def as_written(name: str) -> str:
+    """A parameter's name as the equations have it, from that or its spelling without Greek letters."""
+    return _PLAIN.get(name, name)
+
+
 _LARGEST = 1e100  # of any value; an estimate that runs off ends below it
 _UNEVEN = 1.5  # times as far up as down, from which an interval is shown
 
@@ -59,7 +64,7 @@ class Effect:
         object.__setattr__(self, "parameters", MappingProxyType(values))
         if not isinstance(self.std, Mapping):
             raise ValueError(f"effect {self.name}: std must be a mapping, got {self.std!r}")
-        std = {_PLAIN.get(k, k): _number(f"effect {self.name}: std of {k}", v) for k, v in self.std.items()}
+        std = {as_written(k): _number(f"effect {self.name}: std of {k}", v) for k, v in self.std.items()}
         if strange := set(std) - set(values):
             raise ValueError(f"effect {self.name} has no parameter {sorted(strange)}; it has {list(values)}")
         if bad := [k for k, v in std.items() if not 0 <= v < math.inf]:
@@ -70,7 +75,7 @@ class Effect:
         known = {p.name: p for p in self.type.parameters}
         checked = {}
         for key, raw in given.items():
-            name = _PLAIN.get(key, key)
+            name = as_written(key)
             if name not in known:
                 raise ValueError(f"effect {self.name} has no parameter {key!r}; it has {', '.join(known)}")
             if name in checked:
@@ -114,7 +119,7 @@ class Effect:
         given = cls(name.strip(), {key.strip(): value for key, _, value in pairs})  # type: ignore[misc]
         if left_out is None:
             return given
-        named = {_PLAIN.get(key, key): given.parameters[_PLAIN.get(key, key)] for key in keys}
+        named = {as_written(key): given.parameters[as_written(key)] for key in keys}
         return cls(given.name, {**left_out(given.name).parameters, **named})
 
     def sentence(self, unit: str) -> str:
@@ -171,7 +176,7 @@ class Effect:
         )
         expected = {} if unit is None else {p.name: p.unit.format(u=unit) for p in read.type.parameters}
         for key, parameter in items.items():
-            given, wanted = parameter.unit, expected.get(_PLAIN.get(key, key))
+            given, wanted = parameter.unit, expected.get(as_written(key))
             if given is not None and wanted is not None and given != wanted:
                 raise ValueError(
                     f"effect {read.name}: {key} is given in {given!r}, but the plant's command is in {unit}: expected "

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..encoders import encoder_step
+from ..encoders import encoder_step, usual_counts
 from ..said import COLUMNS, parse_unit
 from ..signs import Signs
 from .columns import SPOKEN
 from .look import Look
-from .policy import USUAL_COUNTS, ProposalPolicy
 from .units import Unit, command_unit
 from .values import Confidence, Item
 
@@ -164,7 +163,7 @@ def _facts(look: Look) -> list[Item]:
     if look.factors is not None and look.known_counts is None:
         angles = [(look.values(q), f) for q, f in zip(("q1", "q2"), look.factors, strict=True)]
         steps = [None if v is None else encoder_step(v * f) for v, f in angles]
-        counts = [_usual(2 * np.pi / s, look.policy) if s else None for s in steps]
+        counts = [usual_counts(2 * np.pi / s) if s else None for s in steps]
         if all(counts):
             pair = (float(counts[0]), float(counts[1]))  # type: ignore[arg-type]
             shown = f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g}, {pair[1]:g}"
@@ -207,11 +206,6 @@ def _facts(look: Look) -> list[Item]:
             )
         )
     return rows
-
-
-def _usual(counts: float, policy: ProposalPolicy) -> int | None:
-    near = min(USUAL_COUNTS, key=lambda usual: abs(counts / usual - 1))
-    return near if abs(counts / near - 1) < policy.same_counts else None
 
 
 def _together(looks: Sequence[Look]) -> Signs:

@@ -8,14 +8,14 @@ import numpy as np
 
 from .. import checks
 from ..rig_mapping import RigMapping
-from ..said import SECONDS, parse_counts, parse_zero, seconds_of
+from ..said import ANGLE_UNITS, RADIANS, SECONDS, parse_counts, parse_zero, seconds_of
 from ..signs import Signs
 from ..table import Table
 from .columns import Choice, angle_candidates, named, numeric
-from .motion import RADIANS, Motion, Pair
+from .motion import Motion, Pair
 from .policy import ProposalPolicy
 from .same_gain import Driven
-from .units import ANGLE_UNITS, Unit, angle_units, any_unit, time_unit
+from .units import Unit, angle_units, any_unit, time_unit
 from .values import Confidence, Problem
 
 

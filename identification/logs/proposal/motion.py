@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..encoders import USUAL_COUNTS
+from ..said import RADIANS
 from ..signs import (
     Row,
     Signs,
@@ -21,10 +23,8 @@ from ..signs import (
     smoothed_command,
 )
 from ..wrapping import continuous
-from .policy import USUAL_COUNTS, ProposalPolicy
+from .policy import ProposalPolicy
 from .same_gain import Driven
-
-RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
 
 @dataclass(frozen=True)

@@ -30,14 +30,9 @@ class ProposalPolicy:
     coarsest: float = _rule(0.02, "rad an encoder's step: 314 counts, fewer are not either")
     fastest: float = _rule(60.0, "rad/s; a pendulum of 5 cm that falls from upright reaches about 30")
     too_still: float = _rule(3.0, "degrees of both angles; a log that moves less tells nothing, so it is in rad")
-    same_counts: float = _rule(0.004, "of an encoder's step, within which it is that of a usual encoder")
     zero: float = _rule(25.0, "degrees from upright or hanging, beyond which a zero is neither")
     same_rig: float = _rule(1.6, "ratio of gravity or coupling between logs, beyond which they are of two rigs")
     sure_of_rig: float = _rule(0.97, "of the pendulum's acceleration explained, to compare two logs' rigs by")
     same_gain: float = _rule(1.2, "factor between what the command does in two logs, beyond which it may be told")
     sure_of_gain: float = _rule(2.0, "of what is left with that factor, which is left without: at most 1.7 on one rig")
     large_command: float = _rule(3.0, "of a command; motors of such rigs do not reach as many N·m")
-
-
-USUAL_COUNTS = (*(1000, 1024, 1440, 2000, 2048, 2400, 2500, 3600, 4000, 4096, 5000), *(8000, 8192, 10000, 16384, 20000))
-"""Counts per revolution of encoders that are sold, all four edges counted."""

@@ -253,5 +253,5 @@ def same_gain(looks: Sequence[Look], policy: ProposalPolicy) -> list[Problem]:
         if larger and between.with_one > policy.sure_of_gain * between.unexplained:
             text = f"the command of {name} does {between.factor:.2g} times what that of {seen[0][0]} does to the arm."
             mend = "Look at the supply, the driver and the command's scale. If they differ, identify each log alone."
-            found.append(Problem(text, mend, False))
+            found.append(Problem(text, mend, False, True))
     return found

@@ -16,7 +16,9 @@ from ..signs import Smoothed
 
 Array = NDArray[np.float64]
 
-_TRIED = np.exp(np.linspace(-np.log(5.0), np.log(5.0), 323))  # factors, in steps of a per cent
+_NEAR = np.linspace(-np.log(5.0), np.log(5.0), 323)  # logarithms of factors, in steps of a per cent
+_FAR = np.linspace(np.log(5.0), np.log(1e5), 200)  # a command in another unit, as volts beside millivolts
+_TRIED = np.exp(np.concatenate([-_FAR, _NEAR, _FAR]))
 _RESTS = 0.01  # rad/s, below which dry friction turns over
 
 

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..encoders import encoder_step, moves_by
-from ..said import SECONDS
+from ..encoders import counted_in_turns, encoder_step, moves_by
+from ..said import ANGLE_UNITS, RADIANS, SECONDS
 from ..table import Table
 from ..vocabulary import fits, is_current, unit_in, unit_of, words
-from .motion import RADIANS, Motion, Pair
+from .motion import Motion, Pair
 from .policy import ProposalPolicy
 from .values import Confidence
-
-ANGLE_UNITS = ("rad", "deg", "counts")
 
 
 @dataclass(frozen=True)
@@ -107,11 +105,16 @@ def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy, counts: 
 
     counts: of its encoder a turn, if known. They tell more than a speed: an arm may spin."""
     whole = bool(np.array_equal(values, np.round(values)))
-    declared = [turn / counts for turn in (2 * np.pi, 360.0)] if counts and not whole else []
+    turns = [2.0 * np.pi / factor for factor in RADIANS.values()]
+    declared = [turn / counts for turn in turns] if counts and not whole else []
     step = next((d for d in declared if moves_by(values, d)), None) or encoder_step(values)
     out: dict[str, str] = {} if whole else {"counts": "its values are no whole numbers"}
-    if whole and step is not None:
-        out["deg"] = "its values are whole numbers"
+    if whole:
+        out["turns"] = "its values are whole numbers"
+        if step is not None:
+            out["deg"] = out["turns"]
+    elif step is not None and not (counts and moves_by(values, 1.0 / counts)) and not counted_in_turns(step):
+        out["turns"] = f"no usual encoder moves in steps of {step:.4g} turns"
     for unit, factor in RADIANS.items():
         size = None if step is None else step * factor
         if size is not None and (size > policy.coarsest or (size < policy.finest and not whole)):
@@ -147,9 +150,10 @@ def angle_units(
     possible = [p for p in speaking if all(u not in o for u, o in zip(p.units, out, strict=True))]
     clear = _clear(possible, policy)
     small = max(float(np.ptp(v)) for v in values) < policy.too_still
+    turns = [counted_in_turns(encoder_step(v)) for v in values]
     return (
-        _angle(0, columns[0], told[0], out[0], clear, speaking, small),
-        _angle(1, columns[1], told[1], out[1], clear, speaking, small),
+        _angle(0, columns[0], told[0], out[0], clear, speaking, small, turns[0]),
+        _angle(1, columns[1], told[1], out[1], clear, speaking, small, turns[1]),
     )
 
 
@@ -168,6 +172,7 @@ def _angle(
     clear: Sequence[Pair],
     speaking: Sequence[Pair],
     small: bool,
+    turns: int | None,
 ) -> Unit:
     unit, why = told
     left = [u for u in ANGLE_UNITS if u not in out]
@@ -186,15 +191,18 @@ def _angle(
             f"{column} is stated in {unit}, but looks like {choice}: {reason}.",
             choice,
         )
-    if len(by_motion) == 1:
+    if len(by_motion) == 1 and len(left) > 1:
         return Unit(
             choice, Confidence.sure, f"only in {choice} does the pendulum move as gravity makes it", ANGLE_UNITS
         )
     if len(left) == 1:
-        reason = next(iter(out[u] for u in ("rad", "deg") if u in out), "")
+        reason = next(iter(out[u] for u in RADIANS if u in out), "")
         return Unit(left[0], Confidence.sure, f"by its steps or speed: {reason}", ANGLE_UNITS)
     if not left:
         return Unit("rad", Confidence.open, "its steps suit no unit", ANGLE_UNITS)
+    if turns and "turns" in left:
+        reason = f"it moves in steps of 1/{turns}, an encoder of {turns} counts if it were turns"
+        return Unit("turns", Confidence.likely, reason, ANGLE_UNITS)
     if small and "rad" in left:
         return Unit("rad", Confidence.sure, "in degrees, next to nothing would have moved", ANGLE_UNITS)
     if left[0] == "counts":

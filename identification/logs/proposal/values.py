@@ -42,11 +42,12 @@ class Item:
 class Problem:
     """Something wrong with a file. text: what, in a sentence. mend: the option or the deed that mends it.
 
-    fatal: nothing should be computed from the file as it is."""
+    fatal: nothing should be computed from the file as it is. between: it is of several logs together."""
 
     text: str
     mend: str
     fatal: bool = True
+    between: bool = False
 
     def __str__(self) -> str:
         return f"{self.text} {self.mend}".strip()

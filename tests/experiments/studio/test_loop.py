@@ -90,6 +90,6 @@ def test_its_command_line_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.chdir(tmp_path)
     TABLE_3.save(tmp_path / "rig.json")
     conditions = Conditions(0.1, 0.0, (Effect("arm_spring", {"k": 0.1, "q1n": 0.3}),))
-    result = furuta(*shlex.split(commands.closed_loop("rig.json", "lqr", conditions))[1:])
+    result = furuta(*shlex.split(commands.closed_loop("rig.json", TABLE_3, "lqr", conditions))[1:])
     assert result.exit_code == 0, result.output
     assert "FELL" in result.output  # the controller was not told of the delay

@@ -230,7 +230,7 @@ def test_every_command_acts_a_delay_after_it_was_given_whatever_the_jitter(asked
     env = FurutaVectorEnv(N, FREE_ARM, randomize=asked, arm_limit=1e3, max_episode_steps=None)
     info = env.reset(seed=0, options={"state": np.zeros(4)})[1]
     delay, jitter = info["plant"]["effects"]["input_delay"]["d"], info["rig"]["jitter"]
-    assert jitter.max() == 0.3
+    assert 0.29 < jitter.max() <= 0.3
     commands = np.random.default_rng(0).uniform(-3, 3, n).astype(np.float32)
     given, v1 = np.zeros((n + 1, N)), np.zeros((n + 1, N))
     for i, u in enumerate(commands):

@@ -254,7 +254,7 @@ LOSSES = {
     "arm_position_friction": st.fixed_dictionaries(
         {"a": st.floats(-0.7 * TH[7], 0.7 * TH[7]), "b": st.floats(-0.7 * TH[7], 0.7 * TH[7])}
     ),
-    "arm_friction_drift": st.fixed_dictionaries({"a": st.floats(0, 1)}),
+    "arm_friction_drift": st.fixed_dictionaries({"a": st.floats(0, 0.2)}),
     "arm_viscous_drift": st.fixed_dictionaries({"a": st.floats(0, 1)}),
     "friction_sharpness": st.fixed_dictionaries({"r1": st.floats(0, 1000), "r2": st.floats(0, 1000)}),
 }

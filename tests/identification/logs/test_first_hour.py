@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,13 @@ from typer.testing import CliRunner
 
 from experiments.cli import app
 from furuta_gym.files import write_whole
+from identification.logs.checks import LogWarning
 from identification.logs.gaps import longest_spacing
 from identification.logs.log import Log
 from identification.logs.reading import LogError, read_log
+from identification.logs.rig_file import load_mapping
 from identification.logs.said import parse_flip, parse_unit
+from identification.logs.vocabulary import unit_in
 from tests.factories import loop_log
 
 pytestmark = pytest.mark.filterwarnings("ignore::identification.logs.checks.LogWarning")
@@ -75,3 +80,52 @@ def test_a_unit_that_is_no_text_is_refused() -> None:
 def test_a_name_that_is_no_utf8_loses_no_file(tmp_path: Path) -> None:
     write_whole(tmp_path / "a.json", '{"source": "l\udce4.csv"}')
     assert (tmp_path / "a.json").read_text() == '{"source": "l\\udce4.csv"}'
+
+
+def test_millivolts_beside_volts_are_told_before_a_fit(tmp_path: Path) -> None:
+    for i, scale in enumerate((1.0, 1000.0)):
+        log = loop_log(duration=5.0, T=0.004, seed=i)[0]
+        rows = np.column_stack([log.t, log.q1, log.q2, scale * log.u])
+        np.savetxt(tmp_path / f"log{i}.csv", rows, delimiter=",", header="t,q1,q2,u", comments="", fmt="%.9g")
+    logs = [str(tmp_path / f"log{i}.csv") for i in (0, 1)]
+    result = CliRunner().invoke(app, ["validate", "table3", *logs, "--input-unit", "V"])
+    assert "Warning: the command of log1.csv does 0.0009" in result.stderr
+    assert "does" not in CliRunner().invoke(app, ["validate", "table3", logs[0], "--input-unit", "V"]).stderr
+
+
+@pytest.mark.parametrize("counts", [2048, 4096])
+@pytest.mark.parametrize("zero", ["upright", "hanging"])
+def test_angles_in_turns_are_read_in_turns(tmp_path: Path, zero: str, counts: int) -> None:
+    """As drives for brushless motors give them. In rad, they would be a sixth of a motion, and fit no less well."""
+    log = loop_log(duration=4.0, T=0.004, counts=counts)[0]
+    turns = replace(log, q1=log.q1 / math.tau, q2=(log.q2 + (math.pi if zero == "hanging" else 0.0)) / math.tau)
+    path = written(tmp_path, log.t, turns.q1, turns)
+    with pytest.warns(LogWarning, match=f"steps of 1/{counts}, which looks like turns"):
+        read_log(path, input_unit="V", pendulum_zero=zero)
+    read = read_log(path, unit="turns", input_unit="V", pendulum_zero=zero, encoder_counts=counts)
+    np.testing.assert_allclose(read.angles, log.angles, atol=1e-9)
+    result = CliRunner().invoke(app, ["init", str(path), "--yes", "-o", str(tmp_path / "rig.toml")])
+    assert result.exit_code == 0, result.stderr
+    assert 'q1 = "turns"' in (tmp_path / "rig.toml").read_text()
+    np.testing.assert_allclose(
+        read_log(path, **load_mapping(tmp_path / "rig.toml").arguments()).angles, log.angles, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("name", ["q1 [turns]", "arm_rev", "arm / U"])
+def test_a_name_may_say_turns(name: str) -> None:
+    assert unit_in(name) == ("turns" if name != "arm / U" else None)
+
+
+def test_radians_are_not_taken_for_turns(tmp_path: Path) -> None:
+    """Nor an encoder behind a gear, whose counts are of no usual one either way."""
+    for counts in (2048, 7168):
+        log = loop_log(duration=4.0, T=0.004, counts=counts)[0]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            read_log(written(tmp_path, log.t, log.q1, log), input_unit="V")
+        assert not any("turns" in str(one.message) for one in caught)
+        with pytest.warns(LogWarning, match="if it were turns"):
+            read_log(
+                written(tmp_path, log.t, np.rad2deg(log.q1), log), input_unit="V", unit={"q1": "turns", "q2": "rad"}
+            )

@@ -112,8 +112,8 @@ def test_wrongly_mapped_column_is_named_as_the_user_named_it(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"unit": "grad"}, "expected rad, deg or counts"),
-        ({"unit": {"u": "deg"}}, "expected rad, deg or counts, for q1 and q2"),
+        ({"unit": "grad"}, "expected rad, deg, turns or counts"),
+        ({"unit": {"u": "deg"}}, "expected rad, deg, turns or counts, for q1 and q2"),
         ({"pendulum_zero": "down"}, "expected upright or hanging"),
         ({"encoder_counts": -5}, "above 2"),
         ({"encoder_counts": "many"}, "expected numbers"),

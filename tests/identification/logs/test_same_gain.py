@@ -32,7 +32,7 @@ def of_one_rig(experiment: str) -> Log:
     return bench_log(Rig("servo"), experiment, 3, 8.0)
 
 
-@pytest.mark.parametrize("scale", [0.5, 2.0])
+@pytest.mark.parametrize("scale", [0.5, 2.0, 1000.0, 0.001, 255.0])  # the last three: mV beside V, a duty beside V
 def test_a_command_of_another_scale_is_told_with_its_factor(scale: float) -> None:
     first, second = (loop_log(duration=5.0, T=0.004, seed=seed)[0] for seed in (0, 1))
     (note,) = notes(first, second, scale=scale)
