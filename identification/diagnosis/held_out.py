@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from ..estimation.identify import identify
 from ..estimation.pool import mapped, shared_pool
 from ..estimation.zeros import moved
 from ..kalman.coordinates import Zeros, placed
+from ..kalman.noise import LostLog
 from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
@@ -27,7 +29,7 @@ from ..validation.closed_fraction import ClosedFraction, closed_fraction
 from ..validation.gap import Gap, fit_percent, validate
 from .gap_change import GapChange, closes, speaks_against
 from .naming.fits import Fit, added, further
-from .naming.suspects import follows_clock
+from .naming.suspects import follows_clock, repeats_by_clock
 from .policy import DecisionPolicy
 from .within_reach import arm_angles, share_beyond
 
@@ -51,7 +53,8 @@ class HeldOut:
         return not self.whole
 
     def gap(self, plant: Plant, noise: Noise | None = None, zeros: Zeros | None = None) -> Gap:
-        """The gap of a plant that was fitted to the logs with this noise and these zeros.
+        """The gap of a plant that was fitted to the logs with this noise and these zeros: of a fit of the search, which
+        is fitted once more without the prior where it predicts poorly.
 
         Without a noise, a refit to the first part of the logs finds its own. Raises ValueError where the logs are too
         short, or their first part alone cannot be fitted.
@@ -62,6 +65,14 @@ class HeldOut:
         if isinstance(known[1], ValueError):
             raise known[1]
         return known[1]
+
+    def follows(self, plant: Plant) -> bool:
+        """Whether the gap of a plant that was fitted to the logs can be had."""
+        try:
+            self.gap(plant)
+        except ValueError:
+            return False
+        return True
 
     def gaps(self, *asked: tuple[Plant, Noise | None, Zeros | None]) -> list[Gap]:
         """`gap` of several plants, at once."""
@@ -77,20 +88,27 @@ class HeldOut:
 
     def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
         if self.whole:
-            return validate(plant, self.whole)
+            gap = validate(plant, self.whole)
+            if noise is None or gap.ratio_to_floor <= self.policy.adequate:
+                return gap
+            # the search's prior on θ holds it near model (5), which may spoil a right name's predictions
+            return validate(self._refitted(self.logs, plant, noise, zeros).plant, self.whole)
         tail = self.policy.tail
         heads = [log.slice(stop=_cut(log, tail)) for log in self.logs]
-        # from the noise that the search ended with: from more of it, a fit loses what is small against it again
-        start = plant.replace(covariance=None, checks={}, provenance={})
-        refitted = identify(
-            heads, start, noise=noise, zeros=zeros if noise else None, polished=False, model_error=False
-        )
+        refitted = self._refitted(heads, plant, noise, zeros)
         if unseen := _unseen(refitted):
             raise ValueError(
                 f"the first {100 * (1.0 - tail):.0f} % of the logs do not show {', '.join(unseen)}, so nothing is held "
                 "out that could check it; give a log to be held out"
             )
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
+
+    @staticmethod
+    def _refitted(logs: Sequence[Log], plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:
+        """The plant with its parameters fitted to some logs, without a prior."""
+        start = plant.replace(covariance=None, checks={}, provenance={})
+        # from the noise that the search ended with: from more of it, a fit loses what is small against it again
+        return identify(logs, start, noise=noise, zeros=zeros if noise else None, polished=False, model_error=False)
 
     def jointly(self, plant: Plant) -> tuple[Estimate, float] | None:
         """A plant with its parameters fitted to the logs held out as well, and its error over the noise floor on those.
@@ -167,28 +185,50 @@ class HeldOut:
         return loss < self.policy.likelier or (change is not None and change.likelier > loss)
 
     def denies(self, without: Fit, fitted: Fit) -> bool:
-        """Whether they speak against one effect beside others. Of what follows the clock of its own log, other logs
-        say nothing."""
-        if self.whole and follows_clock(added(fitted, without).name):
-            return False
+        """Whether they speak against one effect beside others, or only the plant with it loses them. Of what follows
+        the clock of its own log, other logs say nothing; if it repeats, the last parts of the searched logs do."""
+        name = added(fitted, without).name
+        if self.whole and follows_clock(name):
+            return repeats_by_clock(name) and self._own_tails.denies(without, fitted)
         change = self._between(without, fitted)
         if change is None:
-            return False
+            return self._loses(fitted) and not self._loses(without)
         # a share of the logs has that share of the evidence
         share = 1.0 if self.whole else self.policy.tail
         return speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier))
 
     def excuses(self, without: Fit, fitted: Fit) -> bool:
         """Whether it says nothing if they speak against an effect: something depends on the arm's angle, the arm is
-        elsewhere than in the fitted logs, and one plant with the effect explains all logs."""
+        elsewhere than in the fitted logs, and one plant with the effect explains all logs.
+
+        What is there explains more of all logs than of the fitted ones. What only imitates something on these, at
+        other angles explains less."""
         change = self._between(without, fitted)
-        if change is None:
+        if change is None or follows_clock(added(fitted, without).name):
             return False
         plants = (without.plant, fitted.plant)
         if self.searched_angles(change.after, plants, fitted.zeros) is None:
             return False
-        together = self.together(fitted.plant)
-        return together is not None and together <= self.policy.far
+        found = self.jointly(fitted.plant)
+        if found is None or found[1] > self.policy.far:
+            return False
+        bare = self.jointly(without.plant)
+        return bare is None or found[0].log_likelihood - bare[0].log_likelihood > without.value - fitted.value
+
+    @cached_property
+    def _own_tails(self) -> HeldOut:
+        """The last parts of the searched logs, as data that are held out."""
+        return HeldOut(self.logs, (), self.policy)
+
+    def _loses(self, fitted: Fit) -> bool:
+        """Whether the filter of a fit's plant cannot follow them."""
+        try:
+            self.gap(fitted.plant, fitted.noise, fitted.zeros)
+        except LostLog:
+            return True
+        except ValueError:
+            return False
+        return False
 
     def _between(self, without: Fit, fitted: Fit) -> GapChange | None:
         try:

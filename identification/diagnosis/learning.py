@@ -93,7 +93,7 @@ def _judged(plant: Plant, found: Plant, held: HeldOut) -> tuple[GapChange | None
     others = [part for part in change.by_kind if part.name not in fitted]
     if not others:
         return change, "the held-out logs of another kind of experiment are too short to judge it"
-    if worse := [part.name for part in change.by_kind if part.closed.value < 0.0]:
+    if worse := [part.name for part in change.by_kind if part.over_floor[1] > part.over_floor[0]]:
         return change, f"the error on held-out data grows: {', '.join(worse)}"
     if open_ones := [part.name for part in others if not part.closed.interval[0] > 0.0]:
         return change, f"it closes nothing for certain where the experiment is another: {', '.join(open_ones)}"

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import structs
 
 from furuta_gym.declared import written
-from furuta_gym.plant import EFFECTS, EffectType, Plant
+from furuta_gym.plant import EFFECTS, Plant
 
 from ..estimation.estimate import Estimate, GainChange
 from ..estimation.informative import spans_text
@@ -31,7 +31,7 @@ from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
-from .naming.suspects import Suspect, follows_clock
+from .naming.suspects import Suspect, follows_clock, repeats_by_clock
 from .policy import DecisionPolicy
 
 ABSORBED = {
@@ -150,11 +150,11 @@ class Diagnosis:
     @property
     def repeating(self) -> bool:
         """Whether every such effect repeats, so that a later part of the same log can speak about it."""
-        return self.timed and all(any(p.grid == "frequencies" for p in effect.parameters) for effect in self._timed)
+        return self.timed and all(map(repeats_by_clock, self._timed))
 
     @property
-    def _timed(self) -> list[EffectType]:
-        return [EFFECTS[suspect.name] for suspect in self.found if follows_clock(suspect.name)]
+    def _timed(self) -> list[str]:
+        return [suspect.name for suspect in self.found if follows_clock(suspect.name)]
 
     @property
     def found(self) -> tuple[Suspect, ...]:

@@ -32,6 +32,7 @@ from .naming.certain import without_uncertain
 from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
+from .naming.suspects import price
 from .naming.upheld import preferred, upheld
 from .origin import with_origin
 from .outcome import Diagnosis
@@ -91,11 +92,13 @@ def _named(
     naming = preferred(name_effects(nominal, search, most, rest, held, joined), search, held)
     naming = upheld(naming, search, held)
     naming, after, remains = _estimated(naming, before, logs, search)
-    while (fewer := without_uncertain(naming, after.plant, search, held)) is not None:
+    needed: set[str] = set()
+    while (fewer := without_uncertain(naming, after.plant, search, held, needed)) is not None:
         left = _estimated(fewer, before, logs, search)
-        if left[2].matters and not remains.matters:  # it was needed
-            break
-        naming, after, remains = left
+        if left[2].matters and not remains.matters:
+            needed.add(fewer.uncertain[-1].name)
+        else:
+            naming, after, remains = left
     naming = unsettled(naming, remains, policy)
     return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
 
@@ -212,7 +215,8 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdi
         remains = [sentences.refused(naming.refused.name, naming.refused.gain)]
     if not names:
         return ("unknown", remains[0]) if remains else ("none", sentences.nothing(rest))
-    if rest.matters and rest.evidence > sum(suspect.net for suspect in naming.accepted):
+    cost = sum(price(suspect.name, naming.final.samples) for suspect in naming.accepted)
+    if rest.matters and rest.evidence > naming.nominal.value - naming.final.value - cost:
         return "unknown", f"{remains[0]} {sentences.nearest(names)}"
     own = {suspect.name for suspect in naming.own}
     apart = any(equals for s, equals in zip(naming.accepted, naming.apart, strict=True) if s.name in own)

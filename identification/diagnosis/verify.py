@@ -11,6 +11,7 @@ from furuta_gym.plant import Effect
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..estimation.zeros import moved
+from ..kalman.noise import LostLog
 from ..validation.adequacy import Adequacy
 from . import sentences
 from .gap_change import GapChange, speaks_against
@@ -33,6 +34,9 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         return diagnosis
     try:
         gap = measure_gap(diagnosis, held)
+    except LostLog as error:
+        lost = replace(diagnosis, gap_remark=str(error))
+        return lost.vetoed() if diagnosis.added and held.follows(diagnosis.before.plant) else lost
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
     if _sharpness_alone(diagnosis):

@@ -28,6 +28,10 @@ _PROMISED = 0.01  # of the tolerance: a smaller decrease of V is not looked for
 _FACTOR_PRIOR = 0.5  # the readings' variances are known from the log itself within about this factor (log scale)
 
 
+class LostLog(ValueError):
+    """A plant that a log cannot be followed with."""
+
+
 @dataclass(frozen=True)
 class NoiseFit:
     """Intensities that make a log most likely for a plant, the filter's path under them, and V of that path."""
@@ -43,14 +47,14 @@ class NoiseFit:
 def fit_noise(plant: Plant, record: Record, rounds: int = 3) -> NoiseFit:
     """Maximum-likelihood torque noise and reading variances of a plant on a record, all else held.
 
-    Raises ValueError if the filter loses the log.
+    Raises LostLog, a ValueError, if the filter loses the log.
     """
     base = unit_intensity(plant, record)
     path = None
     for bandwidth in _BANDWIDTHS:
         path = path or follow(plant, record, RecordNoise(base * bandwidth**4, record.variance))
     if path is None:
-        raise ValueError(
+        raise LostLog(
             "the Kalman filter of this plant loses the log. The plant does not describe this rig: check signs, units "
             "and the pendulum's zero of the log, and that both are of the same device."
         )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 
 from ..kalman.likelihood import sample_costs
+from ..kalman.noise import LostLog
 from ..kalman.record import Record, Stretch
 from ..kalman.whiteness import Whitened
 from .free_run import Windows, free_run
@@ -51,7 +52,7 @@ def predicted(plant: Plant, stretch: Stretch, horizons: tuple[float, ...], longe
     """The predictions of a plant along a stretch, over horizons [s], at most `longest` samples at once if
     that is long against the horizons.
 
-    Raises ValueError where the filter loses the log, or a free run leaves all bounds.
+    Raises LostLog where the filter loses the log or a free run leaves all bounds, ValueError where it is too short.
     """
     shared = SETTLE + max(horizons)  # so that windows follow on those of the part before
     longest = max(longest, math.ceil((shared + _ROOM * max(horizons)) / stretch.piece.sample_time))
@@ -60,7 +61,8 @@ def predicted(plant: Plant, stretch: Stretch, horizons: tuple[float, ...], longe
         try:
             parts.append(_predicted(plant, part, horizons, shared if i else 0.0))
         except ValueError as error:
-            raise ValueError(f"{stretch.piece.source}: {error}") from error
+            kind = LostLog if isinstance(error, LostLog) else ValueError
+            raise kind(f"{stretch.piece.source}: {error}") from error
     return _joined(parts)
 
 
@@ -72,7 +74,7 @@ def _predicted(plant: Plant, part: Stretch, horizons: tuple[float, ...], known: 
     path = floor.path
     errors = free_run(path, windows)
     if not np.isfinite(errors).all():
-        raise ValueError(f"the plant's free run over {max(horizons):g} s leaves all bounds")
+        raise LostLog(f"the plant's free run over {max(horizons):g} s leaves all bounds")
     at = windows.targets[:, -1]
     since = record.t[0] + known - 1e-9
     used = path.read & (record.t >= since)

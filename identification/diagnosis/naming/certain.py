@@ -3,13 +3,16 @@ names an effect does not: a small effect beside others may be likely by many nat
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.stats import chi2
 
 from furuta_gym.plant import Plant
 
+from ...estimation.pool import mapped, shared_pool
 from .forward import Naming
 from .judge import Witness
 from .search import Search
@@ -50,13 +53,18 @@ def uncertain(naming: Naming, plant: Plant, level: float) -> list[int]:
     return [i for i, s in enumerate(naming.accepted) if s.name in own and may_be_absent(plant, s.name, level)]
 
 
-def without_uncertain(naming: Naming, plant: Plant, search: Search, witness: Witness) -> Naming | None:
-    """The names without the first that may be absent, where data that no fit saw do not ask for it; None if there is no
-    such name."""
-    for i in uncertain(naming, plant, search.policy.present):
-        name = naming.accepted[i].name
-        search.progress(f"asking held-out data about {name}, whose size may be zero")
-        reduced = search.reduced(naming.final, name)
+def without_uncertain(
+    naming: Naming, plant: Plant, search: Search, witness: Witness, needed: Collection[str] = ()
+) -> Naming | None:
+    """The names without one that may be absent and that data which no fit saw do not ask for: of several the one that
+    is missed least. None if there is no such name. needed: names that are not asked about."""
+    places = [i for i in uncertain(naming, plant, search.policy.present) if naming.accepted[i].name not in needed]
+    if not places:
+        return None
+    names = [naming.accepted[i].name for i in places]
+    search.progress(f"asking held-out data about {', '.join(names)}, whose size may be zero")
+    fits = list(mapped(shared_pool(), partial(search.reduced, naming.final), names))
+    for i, reduced in sorted(zip(places, fits, strict=True), key=lambda pair: pair[1].value):
         if not witness.confirms(reduced, naming.final):
             return replace(without(naming, i, reduced), uncertain=(*naming.uncertain, naming.accepted[i]))
     return None

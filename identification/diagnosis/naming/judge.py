@@ -168,6 +168,7 @@ class Judge:
             for other, *_ in others
             if not (of_the_angle(newest.name) and other.name == RIPPLE)
         }
+        laws = {name: evidence for name, evidence in laws.items() if not math.isnan(evidence)}
         best = max(laws, key=lambda name: laws[name], default=None)
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
             return None

@@ -46,9 +46,10 @@ def next_effect(
     together = search.reconsidered([*found, ranking], judge.asked_for)
     small = judge.slight(together, ranking[0], current)
     exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
-    law_of = None if exchanged else judge.law_of(together, current)
+    before = search.reduced(together[-1][0].fit, newest) if exchanged and len(together) > 1 else current
+    law_of = judge.law_of(together, before)
     laws = dict(laws)
-    if law_of is not None and judge.confirmed(current, ranking[0].fit):
+    if law_of is not None and judge.confirmed(before, together[-1][0].fit):
         laws = with_law(laws, newest, law_of)
     elif law_of is not None or (small and judge.minor(together[:-1], together[-1][0])):
         return None

@@ -53,6 +53,11 @@ def follows_clock(name: str) -> bool:
     return any("t" in arguments for arguments in EFFECTS[name].arguments.values())
 
 
+def repeats_by_clock(name: str) -> bool:
+    """Whether an effect that goes by the clock of its log repeats, so that a later part of the log can speak of it."""
+    return any(p.grid == "frequencies" for p in EFFECTS[name].parameters)
+
+
 def periods(fitted: Fit) -> float:
     """How many periods of its ripple the arm passes, in the log where it turns furthest."""
     ripple = fitted.plant.effect(RIPPLE)

@@ -100,7 +100,8 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
             refused.add((accepted[i].name, s.name))
             if witness.prefers(before, fitted):
                 loss = fitted.value - before.value
-                found = replace(s, gain=accepted[i].gain - loss, net=accepted[i].net - loss, fit=fitted)
+                gain = accepted[i].gain - loss
+                found = replace(s, gain=gain, net=gain - price(s.name, fitted.samples), fit=fitted)
                 naming = _in_place(naming, i, found)
                 break
         else:

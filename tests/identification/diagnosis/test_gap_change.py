@@ -133,3 +133,14 @@ def test_a_quiet_log_is_measured_by_its_own_floor() -> None:
     assert turns.over_floor == pytest.approx((10.0, 5.0))
     assert turns.closed.value == pytest.approx((10.0**2 - 5.0**2) / (10.0**2 - 1.0))
     assert change.by_log[1].over_floor == pytest.approx((10.0, 5.0))
+
+
+def test_a_zero_of_the_arm_that_only_one_side_estimates_has_its_price(change: GapChange) -> None:
+    """A cable frees the arm's zero in every held-out log; model (5) has none to free."""
+    rows = np.column_stack([np.repeat([0.0, 1.0], 400), np.tile(np.arange(400) * 0.01, 2), np.ones(800)])
+    before = replace(change.before, surprise=rows, zeros={0: (0.0, 1e-3), 1: (0.0, 2e-3)})
+    after = replace(change.after, surprise=rows, zeros={0: (0.1, 1e-3), 1: (-0.2, 2e-3)})
+    price = 2 * 0.5 * math.log(400)
+    assert replace(change, before=before, after=after).likelier == pytest.approx(-price)
+    assert replace(change, before=after, after=before).likelier == pytest.approx(price)
+    assert replace(change, before=after, after=after).likelier == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis import held_out
 from identification.diagnosis.held_out import HeldOut
+from identification.kalman.noise import LostLog
 from identification.validation.gap import Gap
 from tests.factories import loop_log, made_log
 from tests.identification.diagnosis.fits import POLICY, a_fit, a_gap, an_estimate
@@ -194,3 +196,43 @@ def test_what_only_the_last_part_shows_is_not_checked_by_it() -> None:
         held.gap(late)
     with pytest.raises(ValueError, match="do not show payload_step"):  # and no second fit for that
         held.gap(late)
+
+
+def test_what_repeats_by_its_clock_is_judged_by_the_last_parts_of_its_own_logs() -> None:
+    """Another log has another phase; the last three tenths of the searched log have the same."""
+    periodic = a_fit("periodic_torque")
+    for after, denied in ((2.0, False), (6.0, True)):
+        held = _held((BARE, _steady(5.0)), (periodic, _steady(6.0)))
+        for fitted, gap in ((BARE, _steady(5.0, 200.0)), (periodic, _steady(after))):
+            held._own_tails._known[id(fitted.plant)] = fitted.plant, gap
+        assert held.denies(BARE, periodic) is denied
+        assert not held.excuses(BARE, periodic)
+    assert not _held((BARE, _steady(5.0)), (DRIFT, _steady(6.0))).denies(BARE, DRIFT)  # and a drift not at all
+
+
+@pytest.mark.parametrize(("without", "within", "denied"), [(None, "lost", True), ("lost", "lost", False)])
+def test_a_name_with_which_alone_the_logs_are_lost_is_denied(without: Any, within: Any, denied: bool) -> None:
+    held = _held()
+    for fitted, gap in ((BARE, without), (CABLE, within)):
+        held._known[id(fitted.plant)] = fitted.plant, LostLog("lost") if gap == "lost" else _steady(5.0)
+    assert held.denies(BARE, CABLE) is denied
+    held._known[id(CABLE.plant)] = CABLE.plant, ValueError("too short")
+    assert not held.denies(BARE, CABLE)
+
+
+@pytest.mark.parametrize(
+    ("gain", "times", "excused"), [(250.0, 1.0, True), (150.0, 1.0, False), (250.0, 1.6, False), (None, 1.0, True)]
+)
+def test_other_angles_excuse_what_gains_more_on_all_logs_than_on_the_searched(
+    monkeypatch: pytest.MonkeyPatch, gain: float | None, times: float, excused: bool
+) -> None:
+    """200 nats on the searched log. What imitates something there gains less where it must serve other angles too."""
+    cable = a_fit("arm_spring", value=-200.0)
+    held = _held((BARE, _steady(5.0)), (cable, _steady(6.0)))
+    monkeypatch.setattr(HeldOut, "searched_angles", lambda *_: (-0.3, 0.3))
+    said = {"arm_spring": (SimpleNamespace(log_likelihood=1000.0 + (gain or 0.0)), times)}
+    bare = None if gain is None else (SimpleNamespace(log_likelihood=1000.0), 5.0)
+    monkeypatch.setattr(HeldOut, "jointly", lambda _, plant: said.get("arm_spring") if plant.effects else bare)
+    assert held.excuses(BARE, cable) is excused
+    monkeypatch.setattr(HeldOut, "searched_angles", lambda *_: None)
+    assert not held.excuses(BARE, cable)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -124,8 +125,13 @@ def test_it_changes_the_plant_where_it_is_added_and_never_the_verdict(monkeypatc
 
 
 def _judged_by(monkeypatch: pytest.MonkeyPatch, **closed: float) -> str:
-    """Why a torque learned on a hanging pendulum is refused, by the share that it closes of kinds of experiment."""
-    parts = [SimpleNamespace(name=k, closed=SimpleNamespace(value=v, interval=(v, v))) for k, v in closed.items()]
+    """Why a torque learned on a hanging pendulum is refused, by the share that it closes of kinds of experiment, from
+    twice the floor on. NaN: before it was just below the floor, and grows."""
+    parts = []
+    for kind, share in closed.items():
+        ratios = (0.98, 1.2) if math.isnan(share) else (2.0, math.sqrt(1.0 + 3.0 * (1.0 - share)))
+        interval = SimpleNamespace(value=share, interval=(share, share))
+        parts.append(SimpleNamespace(name=kind, closed=interval, over_floor=ratios))
     change = SimpleNamespace(by_kind=parts, closed=SimpleNamespace(value=0.5, interval=(0.4, 0.6)))
     monkeypatch.setattr(HeldOut, "gap", lambda *_: None)
     monkeypatch.setattr(HeldOut, "change", lambda *_: change)
@@ -142,3 +148,9 @@ def test_the_kind_of_experiment_where_it_does_not_hold_is_the_one_that_is_said(m
     reason = _judged_by(monkeypatch, upright=0.5, turning=0.0)
     assert "turning" in reason
     assert "upright" not in reason
+
+
+def test_an_error_that_grows_from_below_the_floor_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No share of a gap is defined there."""
+    reason = _judged_by(monkeypatch, upright=0.5, hanging=math.nan)
+    assert "grows: hanging" in reason

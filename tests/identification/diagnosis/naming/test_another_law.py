@@ -39,6 +39,27 @@ def test_what_goes_with_the_variables_of_an_effect_is_another_law_of_it(
     assert asked_for.laws == ({} if found is None else {"periodic_torque": "arm_friction_drift"})
 
 
+def test_the_law_of_one_that_stayed_is_asked_also_where_another_went() -> None:
+    """A ripple is found first, then a tilt; the ripple goes. What came last may be the tilt's law."""
+    values = {
+        "arm_ripple": -1000.0,
+        "base_tilt": -900.0,
+        "arm_ripple base_tilt": -3000.0,
+        "base_tilt input_dead_zone": -3400.0,
+        "arm_ripple base_tilt input_dead_zone": -3405.0,
+    }
+    names = ["arm_ripple", "base_tilt", "input_dead_zone"]
+
+    def another_law(fit: Any, name: str) -> float:
+        carried = {e.name for e in fit.plant.effects}
+        return 0.0 if "input_dead_zone" in carried else {"base_tilt": 2400.0}.get(name, 0.0)
+
+    free = named(values, *names, another_law=lambda *_: 0.0)
+    assert sorted(accepted(free)) == ["base_tilt", "input_dead_zone"]
+    found = named(values, *names, another_law=another_law)
+    assert "input_dead_zone" not in accepted(found)
+
+
 @pytest.mark.parametrize(
     ("law", "net", "believed"), [(5.0, 150.0, True), (-40.0, 150.0, True), (40.0, 150.0, False), (5.0, 20.0, False)]
 )

@@ -85,6 +85,28 @@ def test_a_name_that_may_be_absent_goes_unless_held_out_data_ask_for_it(needed: 
     assert without_uncertain(fewer, fewer.final.plant, by, Told(far_off=False)) is None
 
 
+@pytest.mark.parametrize(
+    ("needed", "goes"), [((), "base_tilt"), (("base_tilt",), "input_delay"), (("base_tilt", "input_delay"), None)]
+)
+def test_of_two_that_may_be_absent_the_one_that_is_missed_least_goes(needed: tuple[str, ...], goes: str | None) -> None:
+    """And whichever was found first: without the tilt 1500 nats are lost, without the delay 1900."""
+    by = search({"": 0.0, **VALUES}, "input_delay", "arm_spring", "base_tilt")
+    found = name_effects(a_fit(), by)
+    plant = known(Effect("input_delay", {"d": 0.005}), {"d": 0.004})
+    plant = _both(plant, known(Effect("base_tilt", {"αx": 0.01, "αy": 0.0}), {"αx": 0.02, "αy": 0.02}))
+    fewer = without_uncertain(found, plant, by, Told(far_off=False), needed)
+    assert (fewer and fewer.uncertain[-1].name) == goes
+
+
+def _both(one: Plant, other: Plant) -> Plant:
+    """Effects and error bars of both."""
+    a, b = one.covariance, other.covariance
+    matrix = np.block(
+        [[a.matrix, np.zeros((len(a.names), len(b.names)))], [np.zeros((len(b.names), len(a.names))), b.matrix]]
+    )
+    return one.with_effects(*other.effects).replace(covariance=Covariance((*a.names, *b.names), matrix))
+
+
 def test_a_name_alone_or_with_a_law_of_its_own_is_not_asked() -> None:
     """The last name is judged by predictions without it; a law without its effect would become a name."""
     plant = known(Effect("arm_spring", {"k": 0.1}), {"k": 0.09})
