@@ -93,3 +93,15 @@ def test_its_command_line_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     result = furuta(*shlex.split(commands.closed_loop("rig.json", TABLE_3, "lqr", conditions))[1:])
     assert result.exit_code == 0, result.output
     assert "FELL" in result.output  # the controller was not told of the delay
+
+
+def test_what_the_rig_has_is_beside_what_its_plant_has() -> None:
+    """A delay and noise of the plant stay, and the sliders add to them."""
+    late = TABLE_3.with_effects(Effect("input_delay", {"d": 0.01}))
+    beside = Conditions(delay=0.005, noise=0.003)
+    assert beside.plant(late).effect("input_delay").parameters["d"] == pytest.approx(0.015)
+    assert np.allclose(beside.sensors(Sensors(noise_std=(0.004, 0.0))).noise_std, (0.005, 0.003))
+    assert Conditions().plant(late) == late
+    assert Conditions().sensors(Sensors(noise_std=0.004)) == Sensors(noise_std=0.004)
+    line = commands.closed_loop("rig.json", late, "lqr", beside)
+    assert "--effect input_delay:d=0.015" in line or "input_delay=0.015" in line, line
