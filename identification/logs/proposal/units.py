@@ -100,10 +100,13 @@ def _short(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy, counts: float | None = None) -> dict[str, str]:
+def excluded(
+    values: np.ndarray, t: np.ndarray, policy: ProposalPolicy, counts: float | None = None, told: str | None = None
+) -> dict[str, str]:
     """Units that an angle cannot be in, by the steps that it moves in or by its speed, each with the reason.
 
-    counts: of its encoder a turn, if known. They tell more than a speed: an arm may spin."""
+    counts: of its encoder a turn, if known. They tell more than a speed: an arm may spin. told: the unit that the file
+    states; of turns that it does not, only steps of a usual encoder are believed."""
     whole = bool(np.array_equal(values, np.round(values)))
     turns = [2.0 * np.pi / factor for factor in RADIANS.values()]
     declared = [turn / counts for turn in turns] if counts and not whole else []
@@ -113,7 +116,7 @@ def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy, counts: 
         out["turns"] = "its values are whole numbers"
         if step is not None:
             out["deg"] = out["turns"]
-    elif step is not None and not (counts and moves_by(values, 1.0 / counts)) and not counted_in_turns(step):
+    elif told != "turns" and step is not None and not _whole_parts(values, step, counts):
         out["turns"] = f"no usual encoder moves in steps of {step:.4g} turns"
     for unit, factor in RADIANS.items():
         size = None if step is None else step * factor
@@ -127,6 +130,11 @@ def excluded(values: np.ndarray, t: np.ndarray, policy: ProposalPolicy, counts: 
         if speed > policy.fastest:
             out["rad"] = f"it turns at {speed:.3g} rad/s if it were in rad"
     return out
+
+
+def _whole_parts(values: np.ndarray, step: float, counts: float | None) -> bool:
+    """Whether an angle in turns moves by whole counts: of its encoder where that is known, else of a usual one."""
+    return bool(counts and moves_by(values, 1.0 / counts)) or counted_in_turns(step) is not None
 
 
 def angle_units(
@@ -144,7 +152,8 @@ def angle_units(
         (declared, "the file says so") if unit is None and declared in ANGLE_UNITS else (unit, why)
         for unit, why in told
     ]
-    out = [excluded(v, t, policy, n) for v, n in zip(values, motion.counts or (None, None), strict=True)]
+    known = zip(values, motion.counts or (None, None), told, strict=True)
+    out = [excluded(v, t, policy, n, unit) for v, n, (unit, _) in known]
     pairs = [] if motion.short or any(c not in motion.raw for c in columns) else list(motion.readings(*columns))
     speaking = sorted((p for p in pairs if motion.speaks(p)), key=lambda p: p.unexplained)
     possible = [p for p in speaking if all(u not in o for u, o in zip(p.units, out, strict=True))]

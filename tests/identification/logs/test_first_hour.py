@@ -129,3 +129,13 @@ def test_radians_are_not_taken_for_turns(tmp_path: Path) -> None:
             read_log(
                 written(tmp_path, log.t, np.rad2deg(log.q1), log), input_unit="V", unit={"q1": "turns", "q2": "rad"}
             )
+
+
+def test_turns_that_the_file_states_are_believed_behind_a_gear(tmp_path: Path) -> None:
+    log = loop_log(duration=4.0, T=0.004, counts=7168)[0]
+    rows = np.column_stack([log.t, log.q1 / math.tau, log.q2 / math.tau, log.u])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, delimiter=",", header="t,arm [turns],pendulum [turns],voltage", comments="", fmt="%.12g")
+    result = CliRunner().invoke(app, ["init", str(path), "--yes", "-o", str(tmp_path / "rig.toml")])
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "rig.toml").read_text().count('"turns"') == 2
