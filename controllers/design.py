@@ -134,7 +134,7 @@ def balance_point(plant: Plant) -> tuple[float, float]:
         slope = np.stack([(at(z + np.diag(h)[i]) - base) / h[i] for i in range(2)], axis=1)
         try:
             step = np.linalg.solve(slope, base)
-        except np.linalg.LinAlgError:  # a pendulum without weight is in balance anywhere
+        except np.linalg.LinAlgError:  # a pendulum without weight: its angle changes nothing
             break
         z -= step
         if not abs(z[0]) < 0.5:

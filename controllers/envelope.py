@@ -96,15 +96,17 @@ class Envelope:
         plant = controller.plant
         limits = plant.limits or {}
         arm, pendulum = choose_sensors(plant, getattr(controller, "sensors", None)).resolution.tolist()
+        given = changes.get("u_max")
+        u_max = min(controller.u_max, limits.get("supply", math.inf)) if given is None else given
         made = cls(
-            u_max=min(controller.u_max, limits.get("supply", math.inf)),
+            u_max=u_max,
             arm_travel=limits.get("arm_travel", 2 * math.pi),
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
             resolution=arm,
             held=HELD,
-            breakaway=breakaway(plant, arm, min(controller.u_max, limits.get("supply", math.inf))),
+            breakaway=breakaway(plant, arm, u_max),
             stirred=max(_STIRRED, _STIRRED_COUNTS * pendulum),
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})
@@ -134,9 +136,9 @@ def _at_rest(plant: Plant) -> tuple[float, float]:
     q1 = np.linspace(-travel, travel, _ANGLES)
     x = np.zeros((4, q1.size))
     x[0], x[2] = q1, 10.0 * _CREEP
-    there = known.arm_torque(x)
+    there = known.torque_on_arm(x)
     x[2] = -x[2]
-    back = known.arm_torque(x)
+    back = known.torque_on_arm(x)
     return float(np.abs(there - back).max() / 2.0), float(np.abs(there + back).max() / 2.0)
 
 

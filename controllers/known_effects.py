@@ -43,6 +43,9 @@ class KnownEffects:
         p, self._codes, self._rows = self.plant.packed()
         self._p = p[:, None]
         self._on_arm = self._codes[[e.type.place == "arm" for e in known]]
+        plain = [e.type.place == "arm" and not {"r1", "r2"} & set(e.type.arguments.get("torque", ())) for e in known]
+        self._without_dry = self._codes[plain]
+        self._touching = self._codes[["torque" in e.type.kernels and "arm" in e.type.place for e in known]]
         hooks = {hook for e in known for hook in e.type.kernels}
         self.reads_wrong = "sensor" in hooks
         self.command_map: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -104,23 +107,36 @@ class KnownEffects:
         return bool(self._on_arm.size)
 
     def effect_slopes(self) -> NDArray[np.float64]:
-        """(4,): change of the torque that the arm's effects exert near upright with q1, q2, q̇1 and q̇2."""
-        if not self._on_arm.size:
-            return np.zeros(4)
+        """(4,): change of the torque that the arm's effects exert near upright with q1, q2, q̇1 and q̇2. Without dry
+        friction, which linear designs leave out too."""
         steps = np.concatenate([np.eye(4), -np.eye(4)], axis=1) * _SLOPE
-        torque = self.arm_torque(steps) + self.plant.theta[7] * np.tanh(self.plant.sharpness[0] * steps[2])
+        torque = self._torque(self._without_dry, steps)
         return (torque[:4] - torque[4:]) / (2.0 * _SLOPE)
+
+    def torque_on_arm(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque (L,) of Coulomb friction and of all effects without memory on the arm, a tilt among them, in states x
+        (4, L)."""
+        return self._coulomb(x) + self._torque(self._touching, x)
+
+    def _coulomb(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return -self.plant.theta[7] * np.tanh(self.plant.sharpness[0] * x[2])
+
+    def _torque(self, codes: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque (L,) of some effects on the arm in states x (4, L)."""
+        lanes = x.shape[1]
+        F = np.zeros((2, lanes))
+        if codes.size:
+            X = np.zeros((self._rows, lanes))
+            X[:4] = x
+            P, zero = np.repeat(self._p, lanes, axis=1), np.zeros(lanes)
+            add_torques(zero, X, zero, P, codes, P[:N_BASE].copy(), F)
+        return F[0]
 
     def arm_torque(self, x: NDArray[np.float64]) -> Any:
         """Torque, (L,) or float, that Coulomb friction and the arm's effects exert in states x (4,) or (4, L)."""
         X = np.ascontiguousarray(x.reshape(4, -1))
-        lanes = X.shape[1]
-        zero, F = np.zeros(lanes), np.zeros((2, lanes))
-        F[0] = -self.plant.theta[7] * np.tanh(self.plant.sharpness[0] * X[2])
-        if self._on_arm.size:
-            P = np.repeat(self._p, lanes, axis=1)
-            add_torques(zero, X, zero, P, self._on_arm, P[:N_BASE].copy(), F)
-        return F[0] if x.ndim == 2 else float(F[0, 0])
+        torque = self._coulomb(X) + self._torque(self._on_arm, X)
+        return torque if x.ndim == 2 else float(torque[0])
 
 
 def _corners(x: NDArray[np.float64], y: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:

@@ -101,7 +101,7 @@ def designed(plant: Plant, sample_time: float | None = None) -> Controller:
 def held(controller: Controller) -> Controller:
     """A controller that holds the plant that it is made for, as far as a linear one says; else DesignError.
 
-    Python may play one that does not, to see it fall. No firmware gets it."""
+    Python may play and export one that does not, to see it fall; `furuta export` does not write it."""
     if (slowest := _slowest(controller)) >= 1:
         raise DesignError(
             f"{controller.name} does not hold this plant at {1e3 * controller.sample_time:g} ms a sample: the closed "

@@ -172,7 +172,8 @@ class Setup:
         self.longest = (
             math.inf if options.time_limit is None else max(1, round(options.time_limit / self.action_period))
         )
-        episode = min(self.longest, MAX_EPISODE_STEPS) * self.action_period
+        # a limit that `gymnasium.make` or a batch was given is not known here
+        episode = (self.longest if self.longest < math.inf else MAX_EPISODE_STEPS) * self.action_period
         self.draws = drawn = within_an_episode(drawn, plant, episode)
         self.random: Randomization = randomization(
             with_drawn_effects(plant, drawn), drawn.posterior, drawn.chances, drawn.physical, drawn.ranges

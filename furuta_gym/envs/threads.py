@@ -6,14 +6,11 @@ the next step begins, and beside a learner, whose own work takes longer, it slee
 as well on an idle machine, but their OpenMP threads spin for as long as they wait and take the cores from the learner.
 """
 
-import math
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from numba import types
@@ -21,7 +18,6 @@ from numba import types
 from ..plant.compiled import compiled, instruction
 
 NEXT, FINISHED, N_BOARD = range(3)  # of a board, int64: the next block to take, and how many are done
-_QUOTA = Path("/sys/fs/cgroup/cpu.max")
 PATIENCE = 300_000  # looks at the board, two thirds of a nanosecond each
 
 
@@ -91,21 +87,6 @@ def all_done(board, n):
     while looks < PATIENCE and _read(board, FINISHED) < n:
         looks += 1
     return looks < PATIENCE
-
-
-def cores() -> int:
-    """Cores this process may use."""
-    here = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(here, _quota()))
-
-
-def _quota() -> int:
-    """Cores' worth of time that a container gives (`docker run --cpus`); many where none is said."""
-    try:
-        share, period = _QUOTA.read_text(encoding="ascii").split()
-        return sys.maxsize if share == "max" else math.ceil(int(share) / int(period))
-    except (OSError, ValueError, ZeroDivisionError):
-        return sys.maxsize
 
 
 class _Helper:

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from ..cores import cores
 from ..plant.plant import Plant
 from . import kernels as k
 from .batch_kernels import reset_batch, step_blocks
@@ -20,7 +21,7 @@ from .options import Options, Setup, drawn_rig
 from .registration import MAX_EPISODE_STEPS, PlainSpec, check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
-from .threads import N_BOARD, cores, share
+from .threads import N_BOARD, share
 
 _WIDTH = 128  # lanes of a block: its work space fits the first-level cache, its loops fill the SIMD registers
 _FEWEST_TO_SHARE = 256  # envs; below it, waking another thread costs more than it saves

@@ -88,11 +88,7 @@ class HeldOut:
 
     def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
         if self.whole:
-            gap = validate(plant, self.whole)
-            if noise is None or gap.ratio_to_floor <= self.policy.adequate:
-                return gap
-            # the search's prior on θ holds it near model (5), which may spoil a right name's predictions
-            return validate(self._refitted(self.logs, plant, noise, zeros).plant, self.whole)
+            return self._of_whole(plant, noise, zeros)
         tail = self.policy.tail
         heads = [log.slice(stop=_cut(log, tail)) for log in self.logs]
         refitted = self._refitted(heads, plant, noise, zeros)
@@ -102,6 +98,22 @@ class HeldOut:
                 "out that could check it; give a log to be held out"
             )
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
+
+    def _of_whole(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
+        """The gap on whole logs. The search's prior holds θ near model (5), which may spoil a right name's predictions,
+        or make the plant lose them: then the fit without it counts, where that is nearer."""
+        try:
+            gap = validate(plant, self.whole)
+        except LostLog:
+            if noise is None:
+                raise
+            return validate(self._refitted(self.logs, plant, noise, zeros).plant, self.whole)
+        if noise is None or gap.ratio_to_floor <= self.policy.adequate:
+            return gap
+        with suppress(ValueError):
+            free = validate(self._refitted(self.logs, plant, noise, zeros).plant, self.whole)
+            return min(gap, free, key=lambda one: one.ratio_to_floor)
+        return gap
 
     @staticmethod
     def _refitted(logs: Sequence[Log], plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:
@@ -161,8 +173,8 @@ class HeldOut:
     def _beyond(self, fitted: Fit, ratio: float) -> bool:
         try:
             return self.gap(fitted.plant, fitted.noise, fitted.zeros).ratio_to_floor > ratio
-        except ValueError:
-            return False
+        except ValueError as error:
+            return isinstance(error, LostLog)
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
         """Whether further effects close some of the gap for certain, and a share of it that matters. Of what follows
@@ -170,6 +182,8 @@ class HeldOut:
         if self.whole and all(follows_clock(effect.name) for effect in further(fitted, without)):
             return False
         change = self._between(without, fitted)
+        if change is None:
+            return self._loses(without) and not self._loses(fitted)
         return closes(change, self.policy) and change.likelier > self.policy.likelier
 
     def prefers(self, fitted: Fit, other: Fit) -> bool:
@@ -203,11 +217,14 @@ class HeldOut:
 
         What is there explains more of all logs than of the fitted ones. What only imitates something on these, at
         other angles explains less."""
-        change = self._between(without, fitted)
-        if change is None or follows_clock(added(fitted, without).name):
+        if follows_clock(added(fitted, without).name):
             return False
-        plants = (without.plant, fitted.plant)
-        if self.searched_angles(change.after, plants, fitted.zeros) is None:
+        change, plants = self._between(without, fitted), (without.plant, fitted.plant)
+        if change is None:  # one of them loses the logs, and with it the arm's place in them
+            elsewhere = bool(self.whole) and any(placed(plant) for plant in plants)
+        else:
+            elsewhere = self.searched_angles(change.after, plants, fitted.zeros) is not None
+        if not elsewhere:
             return False
         found = self.jointly(fitted.plant)
         if found is None or found[1] > self.policy.far:

@@ -36,7 +36,10 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         gap = measure_gap(diagnosis, held)
     except LostLog as error:
         lost = replace(diagnosis, gap_remark=str(error))
-        return lost.vetoed() if diagnosis.added and held.follows(diagnosis.before.plant) else lost
+        if not diagnosis.added or (held.whole and diagnosis.timed) or not held.follows(diagnosis.before.plant):
+            return lost
+        together = held.together(diagnosis.after.plant)
+        return lost if together is not None and together <= diagnosis.policy.far else lost.vetoed()
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
     if _sharpness_alone(diagnosis):

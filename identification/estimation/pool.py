@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterable
@@ -11,6 +10,8 @@ from functools import lru_cache, wraps
 from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
+
+from furuta_gym.cores import cores
 
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
@@ -27,9 +28,7 @@ def _enter() -> None:
 @lru_cache
 def shared_pool() -> Executor:
     """The pool of whoever brings none, made once: a thread for every core this process may use, at least two."""
-    # not every system tells a process its own cores
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return ThreadPoolExecutor(max_workers=max(2, cores), thread_name_prefix="furuta", initializer=_enter)
+    return ThreadPoolExecutor(max_workers=max(2, cores()), thread_name_prefix="furuta", initializer=_enter)
 
 
 def in_shared_pool() -> bool:

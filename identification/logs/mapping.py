@@ -220,7 +220,7 @@ def _find_columns(table: Table, wanted: Mapping[str, str]) -> dict[str, str]:
         meant = {ours: theirs for ours, _, theirs in (guess.partition("=") for guess in guesses)}
         angles = [unit_in(theirs) for ours, theirs in meant.items() if ours in ("q1", "q2")]
         time = unit_in(meant.get("t", ""))
-        hint += " --unit deg" if "deg" in angles else ""
+        hint += next((f" --unit {unit}" for unit in RADIANS if unit != "rad" and unit in angles), "")
         hint += f" --time-unit {time}" if time in SECONDS and time != "s" else ""
         raise LogError(
             f"{table.name}: no column {absent}. Found: {listed(list(table.columns)) or 'none'}. Expected t, q1 (arm), "

@@ -21,6 +21,7 @@ from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LivePlant, simulate
 from identification.logs.log import Log, write_log
 from tests.commands import furuta, refused
+from tests.controllers.inside import COMPILER, compiled
 
 LATE = QUBE.with_effects(Effect("input_delay", {"d": 0.02}))
 SPRING = QUBE.with_effects(Effect("arm_spring", {"k": 3.0, "q1n": 0.0}))
@@ -41,6 +42,8 @@ def falls(plant: Plant, controller: Any) -> bool:
         (QUBE, "dlqr", 0.02),
         (SPRING, "lqr-friction", 0.004),
         (SPRING, "lqg-friction", 0.004),
+        (QUBE.with_effects(Effect("arm_stribeck", {"ΔF": 0.3, "vs": 0.3})), "lqr-friction", 0.004),
+        (QUBE.with_effects(Effect("arm_stribeck", {"ΔF": 0.3, "vs": 0.3})), "lqg-friction", 0.004),
     ],
 )
 def test_a_controller_is_held_back_where_it_lets_the_pendulum_fall(plant: Plant, name: str, T: float) -> None:
@@ -92,8 +95,11 @@ class TestTheCommandThatMustMoveTheArm:
             q1, q2 = rig.read()
             stuck = q1 if stuck is None and rig.t >= 2.0 else stuck
             rig.step(inside((q1 if stuck is None else stuck, q2)))
-        assert inside.off in ("held", "tilt")
-        assert "FURUTA" in c_header(make_controller("lqg", plant, 0.004), "furuta")
+        assert inside.off == "held"
+
+    def test_follows_a_smaller_limit_that_is_given(self) -> None:
+        plant = QUBE.replace(theta=[*QUBE.theta[:7], 0.6, QUBE.theta[8]])
+        assert Envelope.of(make_controller("lqr", plant, 0.004), u_max=1.5).breakaway == pytest.approx(1.35)
 
     def test_knows_friction_that_an_effect_adds(self) -> None:
         """A rig that is held by Stribeck friction alone stands under commands that would move a bare one."""
@@ -106,15 +112,20 @@ class TestTheCommandThatMustMoveTheArm:
             rig.step(inside(rig.read()))
         assert inside.off == "on"
 
+    def test_knows_what_a_tilt_holds(self) -> None:
+        tilted = QUBE.with_effects(Effect("base_tilt", {"αx": 0.1, "αy": 0.0, "G1": 2.0}))
+        assert breakaway(tilted, self.COUNT) > breakaway(QUBE, self.COUNT) + 0.19
+
     def test_knows_what_a_spring_holds(self) -> None:
         far = breakaway(SPRING.replace(limits={"arm_travel": 1.0}), self.COUNT)
         assert far == pytest.approx(breakaway(QUBE, self.COUNT) + 3.0, rel=0.01)
 
 
-def test_an_envelope_without_a_tremor_is_c_that_compiles() -> None:
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+def test_an_envelope_without_a_tremor_is_c_that_compiles(tmp_path: Path) -> None:
     controller = make_controller("lqr", QUBE, 0.004)
     text = c_header(controller, "c", envelope=Envelope.of(controller, stirred=math.inf))
-    assert "inf" not in text.replace("infinity", "")
+    assert compiled(text, tmp_path, "double")
 
 
 def test_a_pendulum_without_weight_has_no_balance_point() -> None:

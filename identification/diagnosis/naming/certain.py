@@ -64,6 +64,7 @@ def without_uncertain(
     names = [naming.accepted[i].name for i in places]
     search.progress(f"asking held-out data about {', '.join(names)}, whose size may be zero")
     fits = list(mapped(shared_pool(), partial(search.reduced, naming.final), names))
+    witness.hears([naming.final, *fits])
     for i, reduced in sorted(zip(places, fits, strict=True), key=lambda pair: pair[1].value):
         if not witness.confirms(reduced, naming.final):
             return replace(without(naming, i, reduced), uncertain=(*naming.uncertain, naming.accepted[i]))

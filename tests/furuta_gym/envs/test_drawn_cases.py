@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from furuta_gym import cores as counted
 from furuta_gym import open_loop, simulate
-from furuta_gym.envs import threads
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.registration import MAX_EPISODE_STEPS
 from furuta_gym.envs.vector import FurutaVectorEnv
@@ -47,8 +47,10 @@ def test_a_pendulum_that_becomes_heavier_does_so_within_the_episode(options):
     episode = MAX_EPISODE_STEPS * env.setup.action_period
     assert t0.min() < 0.05 * episode
     assert 0.95 * episode < t0.max() <= episode
-    short = FurutaVectorEnv(200, "qube", time_limit=1.0, **options)
-    assert short.reset(seed=1)[1]["plant"]["effects"]["payload_step"]["t0"].max() < 1.01
+    for limit in (1.0, 60.0):
+        other = FurutaVectorEnv(2000, "qube", time_limit=limit, max_episode_steps=None, **options)
+        t0 = other.reset(seed=1)[1]["plant"]["effects"]["payload_step"]["t0"]
+        assert 0.9 * limit < t0.max() <= limit + other.setup.action_period
 
 
 def test_a_time_that_is_given_or_measured_stays():
@@ -102,11 +104,11 @@ def test_the_mask_of_a_reset_stays_the_callers():
 def test_a_container_has_the_cores_of_its_quota(monkeypatch, tmp_path):
     for text, most in (("200000 100000\n", 2), ("50000 100000\n", 1), ("max 100000\n", 64), ("", 64)):
         (tmp_path / "cpu.max").write_text(text)
-        monkeypatch.setattr(threads, "_QUOTA", tmp_path / "cpu.max")
-        monkeypatch.setattr(threads.os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
-        assert threads.cores() == most
-    monkeypatch.setattr(threads, "_QUOTA", tmp_path / "none")
-    assert threads.cores() == 64
+        monkeypatch.setattr(counted, "_QUOTA", tmp_path / "cpu.max")
+        monkeypatch.setattr(counted.os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
+        assert counted.cores() == most
+    monkeypatch.setattr(counted, "_QUOTA", tmp_path / "none")
+    assert counted.cores() == 64
 
 
 def test_a_plant_shares_nothing_that_can_be_changed():

@@ -236,3 +236,50 @@ def test_other_angles_excuse_what_gains_more_on_all_logs_than_on_the_searched(
     assert held.excuses(BARE, cable) is excused
     monkeypatch.setattr(HeldOut, "searched_angles", lambda *_: None)
     assert not held.excuses(BARE, cable)
+
+
+def test_the_mirror_of_a_lost_log_confirms_and_is_far() -> None:
+    held = _held((CABLE, _steady(1.0)))
+    held._known[id(BARE.plant)] = BARE.plant, LostLog("lost")
+    assert held.confirms(BARE, CABLE)
+    assert held.far(BARE)
+    assert held.off(BARE)
+    assert not held.far(CABLE)
+
+
+def _gaps_of(monkeypatch: pytest.MonkeyPatch, first: Any, free: Any) -> HeldOut:
+    """Held-out data on which the search's fit has one gap, and the fit without a prior another."""
+    bare = TABLE_3.replace(u_max=123.0)
+
+    def validated(plant: Any, _: Any) -> Gap:
+        found = free if plant is bare else first
+        if isinstance(found, ValueError):
+            raise found
+        return _steady(found)
+
+    monkeypatch.setattr(held_out, "validate", validated)
+    monkeypatch.setattr(HeldOut, "_refitted", staticmethod(lambda *_: SimpleNamespace(plant=bare)))
+    return _held()
+
+
+@pytest.mark.parametrize(
+    ("first", "free", "ratio"),
+    [
+        (1.05, 9.0, 1.05),  # adequate: no second fit
+        (35.0, 1.0, 1.0),
+        (35.0, 40.0, 35.0),
+        (LostLog("lost"), 1.0, 1.0),
+        (35.0, ValueError("too short"), 35.0),
+    ],
+)
+def test_a_fit_that_predicts_poorly_is_asked_without_its_prior(
+    monkeypatch: pytest.MonkeyPatch, first: Any, free: Any, ratio: float
+) -> None:
+    held = _gaps_of(monkeypatch, first, free)
+    assert held.gap(BARE.plant, BARE.noise, {}).ratio_to_floor == pytest.approx(ratio)
+    alone = _gaps_of(monkeypatch, first, free)  # an estimate has no prior
+    if isinstance(first, LostLog):
+        with pytest.raises(LostLog):
+            alone.gap(BARE.plant)
+    else:
+        assert alone.gap(BARE.plant).ratio_to_floor == pytest.approx(first)

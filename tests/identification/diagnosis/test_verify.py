@@ -22,9 +22,10 @@ from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
 from identification.estimation.estimate import GainChange, NoiseReport
+from identification.kalman.noise import LostLog
 from identification.kalman.record import Record
 from identification.validation.gap import validate
-from tests.factories import loop_log, open_loop_log, paper_log
+from tests.factories import loop_log, made_log, open_loop_log, paper_log
 from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, an_estimate, naming, rest, suspect
 
 POLICY = DecisionPolicy()
@@ -315,3 +316,27 @@ def test_a_name_that_is_taken_back_takes_no_warning_with_it() -> None:
     named = a_diagnosis("input_gain_drift", before=before, after=after)
     assert named.gain_changes == ()
     assert replace(named, confirmed=False).gain_changes == (change,)
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "together", "verdict"),
+    [
+        ("arm_spring", True, None, "unknown"),
+        ("arm_spring", True, 2.0, "unknown"),
+        ("arm_spring", True, 1.2, "named"),  # one plant with it explains all logs
+        ("arm_spring", False, None, "named"),  # model (5) loses them as well
+        ("arm_friction_drift", True, None, "named"),  # of what follows another clock they say nothing
+    ],
+)
+def test_a_plant_that_loses_the_held_out_logs(
+    monkeypatch: pytest.MonkeyPatch, name: str, before: bool, together: float | None, verdict: str
+) -> None:
+    def lost(*_: Any) -> Any:
+        raise LostLog("the filter loses the log")
+
+    monkeypatch.setattr(verify, "measure_gap", lost)
+    monkeypatch.setattr(HeldOut, "follows", lambda *_: before)
+    monkeypatch.setattr(HeldOut, "together", lambda *_: together)
+    found = verified(a_diagnosis(name), HeldOut((), (made_log(),), POLICY))
+    assert found.verdict == verdict
+    assert found.gap_remark == "the filter loses the log"
