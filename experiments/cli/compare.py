@@ -57,6 +57,7 @@ def compare_command(
         raise ValueError("--controllers is empty; expected names such as paper-lqr,lqr,lqg")
     opt.within("--duration", duration, 0.0, 600.0, "seconds, above 0 and at most 600")
     from controllers.conditions import GROUPS, check_groups
+    from controllers.design import choose_sample_time
     from controllers.evaluation import compare
     from controllers.film import require_film
     from controllers.linear import LinearController
@@ -109,7 +110,7 @@ def compare_command(
     linear = [name for name, policy in result.policies.items() if isinstance(policy, LinearController)]
     if best := _best([name for name in linear if name != "paper-lqr"], result):
         designed_for = plant if design_plant is None else design_plant
-        own, used = Plant.resolve(designed_for).sample_time, result.settings["sample_time"]
+        own, used = choose_sample_time(Plant.resolve(designed_for), None), result.settings["sample_time"]
         period = "" if sample_time is None and own == used else f" --sample-time {used!r}"
         typer.echo(f"Next: furuta export {shlex.quote(designed_for)} --controller {best}{period} -o {best}.h")
 

@@ -30,7 +30,7 @@ class RigMapping:
     """What is said of how to read the files of a rig; None is not said, and `read_log` then takes its default.
 
     t, q1, q2, u: names of the columns. time_unit: s, ms, us, ns, d (days) or the seconds of one count.
-    unit_q1, unit_q2: rad, deg or counts.
+    unit_q1, unit_q2: rad, deg, turns or counts.
     pendulum_zero: upright or hanging. flip: of q1, q2 and u. encoder_counts: per revolution, of q1 and q2.
     input_unit: V or N·m, after the file's numbers are multiplied by input_scale. skip [s]: left out at the start.
     cut [s]: stretches (from, to) of the log's clock that are left out.

@@ -230,7 +230,7 @@ ODD: dict[str, tuple[str, tuple[str, ...]]] = {
     "a horizon": ("validate qube LOG --horizon -1", ("--horizon -1: expected seconds, above 0 and at most 5",)),
     "plant and log swapped": ("validate LOG rig.json", ("validate PLANT LOG…",)),
     "a current": ("validate qube LOG --input-unit A", ("--input-unit 'A': expected V or N·m", "--input-scale")),
-    "a unit": ("validate qube LOG --unit grad", ("--unit q1='grad': expected rad, deg or counts",)),
+    "a unit": ("validate qube LOG --unit grad", ("--unit q1='grad': expected rad, deg, turns or counts",)),
     "an axis": ("validate qube LOG --flip q9", ("--flip 'q9': expected q1, q2 or u",)),
     "columns": ("validate qube LOG --columns foo", ("--columns 'foo': expected pairs such as t=Time",)),
     "counts": ("validate qube LOG --encoder-counts ten", ("--encoder-counts 'ten': expected numbers, separated by",)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,13 @@ def _held(
     for one, ratio in ((BARE, 5.0), (fitted, after)):
         gap: Gap = replace(a_gap(ratio, 100.0 * ratio), zeros={0: (zero, 0.0)})
         held._known[id(one.plant)] = one.plant, gap
-    object.__setattr__(held, "together", lambda plant: both)
+    object.__setattr__(held, "jointly", lambda plant: _joint(plant, both))
     return held
+
+
+def _joint(plant: Any, both: float | None) -> Any:
+    """A fit to all logs: an effect makes them likelier."""
+    return None if both is None else (SimpleNamespace(log_likelihood=100.0 * len(plant.effects)), both)
 
 
 @pytest.mark.parametrize(
