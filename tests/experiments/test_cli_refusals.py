@@ -317,6 +317,6 @@ def test_what_is_recommended_is_what_was_compared(tmp_path: Path):
     other = QUBE.replace(sample_time=0.01).save(tmp_path / "other.json")
     given = ("--controllers", "lqr", "--trials", "2", "--groups", "balance", "--duration", "1")
     result = furuta("compare", "--plant", "qube", "--design-plant", other, *given, "-o", tmp_path / "a")
-    assert f"Next: furuta export {other} --controller lqr -o" in result.stdout
+    assert f"Next: furuta export {other} --controller lqr --sample-time 0.004 -o" in result.stdout
     result = furuta("compare", "--plant", "qube", "--sample-time", "0.01", *given, "-o", tmp_path / "b")
     assert "Next: furuta export qube --controller lqr --sample-time 0.01 -o" in result.stdout
