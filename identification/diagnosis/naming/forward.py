@@ -183,10 +183,6 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         current = widened(current, search)
         found = [*found[:-1], (replace(found[-1][0], fit=current), *found[-1][1:])]
     for before, small in doubts:
-        name = before.last[0].name
-        stands = name in {ranking[0].name for ranking in found}
-        if not stands and not any(s.name == name for ranking in found for s in ranking[1:]):
-            continue  # it went when another joined, and no look-alike stands in its place
         explained = not small and judge.rest.left(current) <= before.last[0].net
         if not (explained or judge.confirmed(before.current, current)):
             return before
