@@ -16,7 +16,8 @@ from rich.table import Table as RichTable
 
 from . import options as opt
 from .output import print_json
-from .reading import Reading, in_one, reads_as_given, reads_logs
+from .reading import Reading, reads_as_given, reads_logs
+from .told import in_one, said_of
 
 if TYPE_CHECKING:
     from identification.logs.proposal import Item, Proposal
@@ -42,6 +43,7 @@ def init_command(
     Options say what is known already. On a terminal it asks about what is not sure; elsewhere it says what to give.
     """
     from experiments.replaced import kept_mapping
+    from furuta_gym.files import told_apart
     from identification.logs.checks import LogError
     from identification.logs.formats import read_table
     from identification.logs.proposal import Confidence, propose
@@ -59,9 +61,10 @@ def init_command(
     if not as_json:
         show(proposal)
     if proposal.fatal and not reading.as_given:
-        said = [str(problem) for problem in proposal.fatal]
+        of_one = dict(zip(told_apart(logs), tables, strict=True))
+        said = said_of(proposal.fatal, of_one, lambda table: propose([table], proposal.mapping).fatal)
         readable = reads_as_given(logs, tables, [proposal.mapping] * len(logs))
-        raise LogError(in_one(", ".join(proposal.sources), said, logs, looked=True, readable=readable) + _NOTHING)
+        raise LogError(in_one(said, logs, looked=True, readable=readable) + _NOTHING)
     if talks:
         proposal = _asked(tables, proposal)
     left = proposal.below(Confidence.likely if yes else Confidence.sure)

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from . import options as opt
+from .told import Said, in_one, said_of
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
     from identification.logs.log import Log
+    from identification.logs.proposal import Proposal
     from identification.logs.rig_mapping import RigMapping
     from identification.logs.table import Table
 
@@ -288,28 +290,35 @@ def _base(path: Path, reading: Reading, plant: Plant | None) -> tuple[RigMapping
 
 def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None) -> None:
     """Raise LogError with everything that the data contradict, and the options that read the logs."""
+    from furuta_gym.files import told_apart
     from identification.logs.checks import LogError
     from identification.logs.proposal import propose
     from identification.logs.said import COLUMNS
 
     mappings = dict.fromkeys(s.mapping for s in sources)
     severity = constant_command or ("warn" if len(sources) > 1 else "error")
-    said: list[str] = []
+    paths = [s.path for s in sources]
+    called = dict(zip(paths, told_apart(paths), strict=True))
+    said: list[Said] = []
     for mapping in mappings:
-        tables = [s.table for s in sources if s.mapping == mapping]
+        of_it = [s for s in sources if s.mapping == mapping]
+        tables = {called[s.path]: s.table for s in of_it}
         names = {ours: mapping.columns.get(ours, ours) for ours in COLUMNS}
-        if lacking := [ours for ours, theirs in names.items() if not _has(tables[0], theirs)]:
-            said += _unread(tables, mapping, lacking)
+        if lacking := [ours for ours, theirs in names.items() if not _has(of_it[0].table, theirs)]:
+            said += [Said(text, tuple(tables)) for text in _unread(list(tables.values()), mapping, lacking)]
             continue
-        found = propose(tables, mapping, assumed=True, constant_command=severity)
-        said += [str(problem) for problem in found.fatal]
+
+        def asked(tables: Sequence[Table], mapping: RigMapping = mapping) -> Proposal:
+            return propose(tables, mapping, assumed=True, constant_command=severity)
+
+        found = asked(list(tables.values()))
+        said += said_of(found.fatal, tables, lambda table, asked=asked: asked([table]).fatal)
         for problem in found.problems:
             if problem.between and not problem.fatal:  # of one log alone, reading says it
                 typer.echo(f"Warning: {problem}", err=True)
     if said:
-        paths, tables = [s.path for s in sources], [s.table for s in sources]
-        readable = reads_as_given(paths, tables, [s.mapping for s in sources], constant_command)
-        raise LogError(in_one(", ".join(path.name for path in paths), said, paths, readable=readable))
+        readable = reads_as_given(paths, [s.table for s in sources], [s.mapping for s in sources], constant_command)
+        raise LogError(in_one(said, paths, readable=readable))
 
 
 def _severity(constant_command: str | None) -> dict[str, Any]:
@@ -349,16 +358,3 @@ def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]
     same = [p for p in whole.fatal if p.text.startswith(NO_COLUMN)]
     mend = f"It may be read with {options}" if options else " ".join(dict.fromkeys(p.mend for p in same))
     return [f"{first} {mend}".strip(), *(str(p) for p in whole.fatal if p not in same)]
-
-
-def in_one(names: str, said: Sequence[str], logs: Sequence[Path], looked: bool = False, readable: bool = True) -> str:
-    """Several problems as one message, with the ways out last. looked: `furuta init` says it; readable: as it is
-    said."""
-    files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
-    ways = [] if looked else [f"look at it with `furuta init {files}`"]
-    ways += ["read it as it is said with --as-given"] if readable else []
-    ending = [f"{way[0].upper()}{way[1:]}." for way in [", or ".join(ways)] if way]
-    if len(said) == 1:
-        return "\n".join([f"{names}: {said[0]}", *ending])
-    numbered = [f"  {i}. {s}" for i, s in enumerate(said, 1)]
-    return "\n".join([f"{names}: {len(said)} things are wrong.", *numbered, *ending])

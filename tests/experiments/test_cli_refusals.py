@@ -119,6 +119,20 @@ def test_a_column_that_is_not_there_is_one_problem_with_one_mend(tmp_path: Path)
     assert "things are wrong" not in told.stderr
 
 
+def test_of_several_logs_the_one_with_the_problem_is_named(tmp_path: Path) -> None:
+    good, bad, short = (some_log(tmp_path / f"{name}.csv") for name in ("good", "bad", "short"))
+    bad.write_text(bad.read_text().replace("\n", "\nabc", 1))
+    some_log(short, n=10)
+    for command in (("identify", good, bad, "-o", tmp_path / "rig.json"), ("init", good, bad)):
+        told = furuta(*command)
+        assert told.exit_code == 2
+        assert "Error: bad.csv: " in told.stderr
+    both = furuta("identify", good, bad, short, "-o", tmp_path / "rig.json")
+    refused(
+        both, "Error: good.csv, bad.csv, short.csv: 2 things are wrong", "bad.csv: the text", "short.csv: 10 samples"
+    )
+
+
 def test_one_sample_is_said_in_the_singular(tmp_path: Path) -> None:
     log = some_log(tmp_path / "log.csv", n=1)
     refused(furuta("identify", log, "-o", tmp_path / "rig.json"), "1 sample. Expected at least")

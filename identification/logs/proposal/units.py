@@ -126,7 +126,8 @@ def excluded(
             )
     if step is None and len(t) > 1:
         with np.errstate(divide="ignore", invalid="ignore"):
-            speed = float(np.nanquantile(np.abs(np.diff(values) / np.diff(t)), 0.99))
+            speeds = np.abs(np.diff(values) / np.diff(t))
+        speed = float(np.quantile(speeds[~np.isnan(speeds)], 0.99)) if not np.isnan(speeds).all() else 0.0
         if speed > policy.fastest:
             out["rad"] = f"it turns at {speed:.3g} rad/s if it were in rad"
     return out
