@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..plant.compiled import compiled
 from ..plant.plant import Plant
 from . import kernels as k
-from .options import Options, Setup, drawn_rig
+from .options import SPEED_LIMIT, Options, Setup, drawn_rig
 from .registration import PlainSpec, check_time_limit
 from .rendering import Scene, Viewer
 from .streams import start_stream
@@ -174,13 +174,13 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        check_time_limit(self.spec, self.setup.longest)
+        check_time_limit(self.spec, self.setup.longest, taken=int(self._lanes[k.STEPS, 0]) if self._ready else 0)
         super().reset(seed=seed)
         if seed is not None or not self._seeded:
             self._stream[0] = start_stream(self.np_random)
             self._seeded = True
         observation, state, measured = np.empty(self._size, np.float32), np.empty(4), np.empty(4)
-        _reset_one(*self._reset_arguments, start_state(options), observation, state, measured)
+        _reset_one(*self._reset_arguments, start_state(options, self.setup), observation, state, measured)
         self._ready = True
         info: dict[str, Any] = {"state": state, "measured_state": measured, "command": 0.0}
         if self.setup.random.active:
@@ -248,10 +248,13 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 def start_state(
-    options: dict[str, Any] | None, shape: tuple[int, ...] = (4,), known: Collection[str] = ("state",)
+    options: dict[str, Any] | None,
+    setup: Setup,
+    shape: tuple[int, ...] = (4,),
+    known: Collection[str] = ("state",),
 ) -> NDArray[np.float64]:
     """options["state"], (4,) or of the given shape, NaN where it is left to chance. known: options that there are.
-    Raises ValueError otherwise."""
+    Raises ValueError otherwise, and for a state that no observation can show."""
     if strange := set(options or {}) - set(known):
         raise ValueError(
             f"reset has no option {', '.join(sorted(map(repr, strange)))}; it takes 'state' (q1, q2, q̇1, q̇2)"
@@ -263,6 +266,10 @@ def start_state(
         state = np.empty(0)
     if state.shape not in ((4,), shape) or np.isinf(state).any():
         raise ValueError(f"options['state'] must hold finite q1, q2, q̇1, q̇2, shape (4,) or {shape}, got {given!r}")
+    most = np.array([2.0 * setup.arm_limit, 1e3, SPEED_LIMIT, SPEED_LIMIT])
+    if (np.abs(state) > most).any():  # NaN is not
+        sizes = ", ".join(f"{name} {value:g}" for name, value in zip(("q1", "q2", "q̇1", "q̇2"), most, strict=True))
+        raise ValueError(f"options['state'] is out of reach: got {given!r}, expected at most (±) {sizes}")
     return np.ascontiguousarray(np.broadcast_to(state, shape))
 
 

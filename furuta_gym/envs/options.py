@@ -19,7 +19,7 @@ from ..sensors import Sensors, difference_gain
 from ..simulation import MOST_STEPS, too_many_steps
 from . import kernels as k
 from .randomization import Randomization, randomization
-from .ranges import RIG, draws, with_drawn_effects, within_an_episode
+from .ranges import RIG, Draws, draws, with_drawn_effects, within_an_episode
 from .registration import MAX_EPISODE_STEPS
 
 TASKS = ("balance", "swing_up")
@@ -86,7 +86,10 @@ class Options:
             raise ValueError(f"reward must be one of {', '.join(REWARDS)}, got {self.reward!r}")
         _check_weights(self.reward_weights)
         if self.start_spread is not None:
-            spread = np.asarray(self.start_spread, dtype=float)
+            try:
+                spread = np.asarray(self.start_spread, dtype=float)
+            except (TypeError, ValueError):
+                spread = np.empty(0)
             if spread.shape != (4,) or not ((spread >= 0) & (spread <= 100)).all():
                 raise ValueError(f"start_spread must be four half-widths of q1, q2, q̇1, q̇2, got {self.start_spread!r}")
         if not (isinstance(self.history, int | np.integer) and 1 <= self.history <= 100):
@@ -130,6 +133,24 @@ def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
         raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}".rstrip() + f", got {value!r}")
 
 
+def _check_once(options: Options, drawn: Draws) -> None:
+    """Refuse what is said by an option and drawn by `randomize` as well. Raises ArgumentError."""
+    delayed = options.delay is not None and "input_delay.d" in drawn.ranges
+    twice = {
+        "delay": delayed or (options.delay is not None and "input_delay" in drawn.chances),
+        "noise_std": options.noise_std is not None and "noise_std" in drawn.ranges,
+        "encoder_offset": options.encoder_offset is not None and "encoder_offset" in drawn.ranges,
+        "jitter": options.jitter > 0.0 and "jitter" in drawn.ranges,
+    }
+    if both := set(drawn.chances) & set(options.effect_probabilities):
+        raise ArgumentError(
+            "effect_probabilities", f"({', '.join(sorted(both))})", "randomize gives its chance too; give it once"
+        )
+    for name, is_twice in twice.items():
+        if is_twice:
+            raise ArgumentError(name, f"of {getattr(options, name)}", "randomize draws it; give one of the two")
+
+
 def _own_speed(plant: Plant) -> float:
     """Of the pendulum [rad/s], at least 1: the unit of scaled speeds and of the reward's calm."""
     return max(pendulum_frequency(plant.theta), 1.0) if plant.theta[4] > 0 else 1.0
@@ -147,6 +168,7 @@ class Setup:
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
         _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
         drawn = draws(options.randomize, plant)
+        _check_once(options, drawn)
         self.draws = drawn = replace(drawn, chances={**drawn.chances, **options.effect_probabilities})
         if drawn.posterior:
             plant = with_spread(plant)
@@ -258,6 +280,22 @@ class Setup:
             spaces.Box(-high, high, dtype=np.float32),
             spaces.Box(-limit, limit, (1,), dtype=np.float32),
         )
+
+
+def doubts(setup: Setup) -> str:
+    """What to know of a plant whose log did not show every parameter, in a sentence; "" where it did.
+
+    Parameters that `randomize` draws from ranges, or all together by theta=physical, are not in doubt."""
+    if setup.random.told:
+        return setup.random.told
+    lost = [n for n in setup.plant.not_identified if n not in setup.draws.ranges]
+    if not lost or setup.draws.physical:
+        return ""
+    names = ", ".join(n.replace("theta", "θ") for n in lost)
+    return (
+        f"the log of this plant did not show {names}. Their values are taken as they stand, and may be far off. "
+        "`furuta identify` says what to record"
+    )
 
 
 def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:

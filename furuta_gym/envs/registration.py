@@ -4,6 +4,7 @@ import importlib
 import math
 import os
 import warnings
+from collections.abc import Mapping
 from copy import copy
 from enum import Enum
 from typing import Any
@@ -68,8 +69,8 @@ def _entry_of(own_id: Any) -> str:
 
 
 class PlainSpec:
-    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary, and a path or a mode its
-    text.
+    """The attribute `spec` of an env: Gymnasium's, in which a Plant is its dictionary, a path or a mode its text, and
+    an array a list.
 
     So the spec has a JSON, and `gymnasium.make` of it makes the same env."""
 
@@ -78,28 +79,37 @@ class PlainSpec:
 
     def __set__(self, env: Any, given: EnvSpec | None) -> None:
         from ..plant.plant import Plant  # here, as registering the ids is to load nothing heavy
+        from .options import doubts
 
         told = {} if given is None else {name: _plainly(value, Plant) for name, value in given.kwargs.items()}
         if given is not None and any(told[name] is not value for name, value in given.kwargs.items()):
             given = copy(given)
             given.kwargs = told
         env.__dict__["spec"] = given
+        if given is not None and (told := doubts(env.setup)):
+            warnings.warn(told, stacklevel=3)
 
 
 def _plainly(value: Any, plant: type) -> Any:
-    """An argument of an env as JSON can hold it, where it is a Plant, a path or an enumeration."""
+    """An argument of an env as JSON can hold it, where it is a Plant, a path, an enumeration or of NumPy."""
     if isinstance(value, plant):
         return value.to_dict()
     if isinstance(value, Enum):
         return value.value
+    if isinstance(value, Mapping):
+        told = {name: _plainly(part, plant) for name, part in value.items()}
+        return told if any(told[name] is not part for name, part in value.items()) else value
+    if hasattr(value, "tolist"):  # an array or a number of NumPy, which registering the ids does not import
+        return value.tolist()
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> None:
+def check_time_limit(spec: Any, actions: float, limit: float | None = None, taken: int = 0) -> None:
     """Say where an episode ends before a `time_limit` of so many actions (inf: none) that the id does not set itself.
 
     spec: of the env. limit: of a batch, which knows it: then it raises ArgumentError. A single env does not know
-    whether `gymnasium.make` was given another limit than its id has, so it warns.
+    whether `gymnasium.make` was given another limit than its id has. It warns once an episode has been left after
+    just that many actions; taken: of the episode that is left.
     """
     registered = None if spec is None else registry.get(spec.id)
     if spec is None or registered is None or registered.kwargs.get("time_limit") is not None:
@@ -108,11 +118,12 @@ def check_time_limit(spec: Any, actions: float, limit: float | None = None) -> N
     if ends is None or not ends < actions < math.inf:
         return
     if limit is None:
-        warnings.warn(
-            f"time_limit of {actions:.0f} actions: {spec.id} ends an episode after {ends:.0f}, unless gymnasium.make "
-            f"was given max_episode_steps={actions:.0f}",
-            stacklevel=3,
-        )
+        if taken == ends:
+            warnings.warn(
+                f"time_limit of {actions:.0f} actions: {spec.id} ended the episode after {ends:.0f}. Give "
+                f"gymnasium.make max_episode_steps={actions:.0f} as well",
+                stacklevel=3,
+            )
         return
     fault = f"{spec.id} ends an episode after {ends:.0f}"
     hint = f"; give max_episode_steps={actions:.0f} in its place"

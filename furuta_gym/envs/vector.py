@@ -64,12 +64,14 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         threads: int | None = None,
         **options: Any,
     ) -> None:
-        if not (isinstance(num_envs, int | np.integer) and num_envs >= 1):
+        if not _at_least_one(num_envs):
             raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
         if max_episode_steps == "default":
             max_episode_steps = None if "time_limit" in options else MAX_EPISODE_STEPS
-        if max_episode_steps is not None and max_episode_steps < 1:
-            raise ValueError(f"max_episode_steps must be at least 1 or None, got {max_episode_steps!r}")
+        if max_episode_steps is not None and not _at_least_one(max_episode_steps):
+            raise ValueError(
+                f"max_episode_steps must be a whole number of at least 1, or None, got {max_episode_steps!r}"
+            )
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
         self.num_envs = int(num_envs)
@@ -85,9 +87,9 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self.action_space = batch_space(setup.action_space, self.num_envs)
         self._limit = math.inf if max_episode_steps is None else float(max_episode_steps)
         self._max_steps = min(self._limit, setup.longest)
+        if threads is not None and not _at_least_one(threads):
+            raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
         self._threads = cores() if threads is None else int(threads)
-        if self._threads < 1:
-            raise ValueError(f"threads must be at least 1, got {threads!r}")
         if self.num_envs < _FEWEST_TO_SHARE:
             self._threads = 1
         blocks, width = _blocks(self.num_envs, self._threads)
@@ -112,13 +114,15 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         check_time_limit(self.spec, self.setup.longest, self._limit)
         mask = _reset_mask(options, self.num_envs)
         self._seed(seed, mask)
-        state = start_state(options, (self.num_envs, 4), ("state", "reset_mask"))
+        state = start_state(options, self.setup, (self.num_envs, 4), ("state", "reset_mask"))
         if not self._ready and not mask.all():
             raise ResetNeeded("the first reset() must reset every environment")
         out = self._arrays()
         reset_batch(*self._shared, *self._tables, mask, state, *out)
         self._ready = True
         self._ended[mask] = False
+        for array in out[1:]:
+            array[~mask] = 0.0  # as Gymnasium's batches have it
         return out[0], self._info(out, mask, mask)
 
     def step(
@@ -265,6 +269,10 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
 
 def _outcome(n: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
     return np.empty(n), np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
+
+
+def _at_least_one(number: Any) -> bool:
+    return isinstance(number, int | np.integer) and number >= 1
 
 
 def _blocks(n: int, threads: int) -> tuple[int, int]:
