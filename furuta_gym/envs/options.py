@@ -135,12 +135,14 @@ def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
 
 def _check_once(options: Options, drawn: Draws) -> None:
     """Refuse what is said by an option and drawn by `randomize` as well. Raises ArgumentError."""
-    delayed = options.delay is not None and "input_delay.d" in drawn.ranges
+    drawn_always = {
+        name for name, made in drawn.ranges.items() if made.chance == 1.0
+    }  # else the option is kept at times
     twice = {
-        "delay": delayed or (options.delay is not None and "input_delay" in drawn.chances),
-        "noise_std": options.noise_std is not None and "noise_std" in drawn.ranges,
-        "encoder_offset": options.encoder_offset is not None and "encoder_offset" in drawn.ranges,
-        "jitter": options.jitter > 0.0 and "jitter" in drawn.ranges,
+        "delay": options.delay is not None and "input_delay.d" in drawn_always,
+        "noise_std": options.noise_std is not None and "noise_std" in drawn_always,
+        "encoder_offset": options.encoder_offset is not None and "encoder_offset" in drawn_always,
+        "jitter": options.jitter > 0.0 and "jitter" in drawn_always,
     }
     if both := set(drawn.chances) & set(options.effect_probabilities):
         raise ArgumentError(

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import ArgumentError
 from ..plant.effects import EFFECTS, Effect
 from ..plant.effects.declaration import Parameter
 from ..plant.integration_step import friction_rate, rest_slopes
@@ -257,10 +256,6 @@ def _ranges(
         if name in ranges:
             made = ranges[name]
             most = plant.supply if name == "u_max" else entry.high
-            if made.kind != rg.NORMAL and made.b > most * (1.0 + 1e-9):
-                raise ArgumentError(
-                    "randomize", f"{name} up to {made.b:g}", f"the plant's supply gives {most:g}; expected at most that"
-                )
             low, high = max(made.bounds[0], entry.low), min(made.bounds[1], most)
             numbers = (made.kind, made.a, made.b, made.chance, math.nan, low, high, 0.0)
             found += [(_target(name, layout) - i, *numbers, float(i > 0)) for i in range(entry.values)]

@@ -86,8 +86,8 @@ class PlainSpec:
             given = copy(given)
             given.kwargs = told
         env.__dict__["spec"] = given
-        if given is not None and (told := doubts(env.setup)):
-            warnings.warn(told, stacklevel=3)
+        if given is not None and (doubt := doubts(env.setup)):
+            warnings.warn(doubt, stacklevel=3)
 
 
 def _plainly(value: Any, plant: type) -> Any:

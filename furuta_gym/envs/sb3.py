@@ -66,9 +66,9 @@ class FurutaVecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         dones = terminated | truncated
         for i in np.flatnonzero(dones):
-            infos[i] = _of_env(info["final_info"], i)
+            infos[i] = _of_env(info["final_info"], int(i))
             infos[i]["terminal_observation"] = info["final_obs"][i]
-            self.reset_infos[i] = _of_env(info, i)
+            self.reset_infos[i] = _of_env(info, int(i))
             infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
         return observations, rewards.astype(np.float32), dones, infos
 

@@ -272,7 +272,7 @@ def _outcome(n: int) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np
 
 
 def _at_least_one(number: Any) -> bool:
-    return isinstance(number, int | np.integer) and number >= 1
+    return isinstance(number, int | np.integer) and bool(number >= 1)
 
 
 def _blocks(n: int, threads: int) -> tuple[int, int]:

@@ -168,9 +168,10 @@ def closes(gap: GapChange | None, policy: DecisionPolicy) -> TypeGuard[GapChange
 
 def speaks_against(gap: GapChange, policy: DecisionPolicy) -> bool:
     """Whether held-out data speak against what was added: the gap grows for certain, or it closes for certain neither
-    there nor in the likelihood."""
+    there nor in the likelihood. The last part of the logs has as much of the evidence as of the logs."""
     low, high = gap.closed.interval
-    return gap.changed and (high <= 0.0 or not (low > 0.0 or gap.likelier > policy.likelier))
+    share = 1.0 if gap.tail is None else gap.tail
+    return gap.changed and (high <= 0.0 or not (low > 0.0 or gap.likelier > share * policy.likelier))
 
 
 def _of_logs(gap: Gap, which: list[int]) -> Gap:

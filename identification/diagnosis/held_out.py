@@ -5,6 +5,7 @@ A plant predicts whole logs as it is. The last part of a log is predicted by the
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
@@ -34,6 +35,8 @@ from .policy import DecisionPolicy
 from .within_reach import arm_angles, share_beyond
 
 Array = NDArray[np.float64]
+_Asked = tuple[Plant, Noise | None, Zeros | None, float]
+"""What `HeldOut.gap` takes of a fit."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class HeldOut:
     whole: tuple[Log, ...]
     policy: DecisionPolicy
     _known: dict[int, tuple[Plant, Gap | ValueError]] = field(default_factory=dict, repr=False)
+    _freed: dict[int, tuple[Plant, Estimate]] = field(default_factory=dict, repr=False)
     _joint: dict[int, tuple[Plant, tuple[Estimate, float] | None]] = field(default_factory=dict, repr=False)
 
     @property
@@ -52,16 +56,18 @@ class HeldOut:
         """Whether they are a later part of the searched logs."""
         return not self.whole
 
-    def gap(self, plant: Plant, noise: Noise | None = None, zeros: Zeros | None = None) -> Gap:
+    def gap(
+        self, plant: Plant, noise: Noise | None = None, zeros: Zeros | None = None, strain: float = math.inf
+    ) -> Gap:
         """The gap of a plant that was fitted to the logs with this noise and these zeros: of a fit of the search, which
-        is fitted once more without the prior where it predicts poorly.
+        is fitted once more without the prior where it predicts poorly. strain [nats]: what that promises the fit.
 
         Without a noise, a refit to the first part of the logs finds its own. Raises ValueError where the logs are too
         short, or their first part alone cannot be fitted.
         """
         known = self._known.get(id(plant))
         if known is None:
-            known = self._known[id(plant)] = plant, self._tried(plant, noise, zeros)
+            known = self._known[id(plant)] = plant, self._tried(plant, noise, zeros, strain)
         if isinstance(known[1], ValueError):
             raise known[1]
         return known[1]
@@ -74,21 +80,21 @@ class HeldOut:
             return False
         return True
 
-    def gaps(self, *asked: tuple[Plant, Noise | None, Zeros | None]) -> list[Gap]:
+    def gaps(self, *asked: _Asked) -> list[Gap]:
         """`gap` of several plants, at once."""
         fresh = [plant for plant, *_ in asked if id(plant) not in self._known]
         pool = shared_pool() if len(fresh) > 1 else None  # a single one uses the threads by itself
         return list(mapped(pool, lambda one: self.gap(*one), asked))
 
-    def _tried(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap | ValueError:
+    def _tried(self, plant: Plant, noise: Noise | None, zeros: Zeros | None, strain: float) -> Gap | ValueError:
         try:
-            return self._measured(plant, noise, zeros)
+            return self._measured(plant, noise, zeros, strain)
         except ValueError as error:  # kept as well: to find that out again may take a fit
             return error
 
-    def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
+    def _measured(self, plant: Plant, noise: Noise | None, zeros: Zeros | None, strain: float) -> Gap:
         if self.whole:
-            return self._of_whole(plant, noise, zeros)
+            return self._of_whole(plant, noise, zeros, strain)
         tail = self.policy.tail
         heads = [log.slice(stop=_cut(log, tail)) for log in self.logs]
         refitted = self._refitted(heads, plant, noise, zeros)
@@ -99,21 +105,29 @@ class HeldOut:
             )
         return _of_tails(refitted.plant, moved(self.logs, refitted.zeros), tail)
 
-    def _of_whole(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Gap:
+    def _of_whole(self, plant: Plant, noise: Noise | None, zeros: Zeros | None, strain: float) -> Gap:
         """The gap on whole logs. The search's prior holds θ near model (5), which may spoil a right name's predictions,
-        or make the plant lose them: then the fit without it counts, where that is nearer."""
+        or make the plant lose them: then the fit without it counts, where that is nearer. A fit that the prior costs
+        next to nothing is the same without it."""
         try:
             gap = validate(plant, self.whole)
         except LostLog:
             if noise is None:
                 raise
-            return validate(self._refitted(self.logs, plant, noise, zeros).plant, self.whole)
-        if noise is None or gap.ratio_to_floor <= self.policy.adequate:
+            return validate(self._free(plant, noise, zeros).plant, self.whole)
+        if noise is None or strain <= self.policy.strained or gap.ratio_to_floor <= self.policy.adequate:
             return gap
         with suppress(ValueError):
-            free = validate(self._refitted(self.logs, plant, noise, zeros).plant, self.whole)
-            return min(gap, free, key=lambda one: one.ratio_to_floor)
+            free = validate(self._free(plant, noise, zeros).plant, self.whole)
+            floor = np.minimum(gap.floor, free.floor)  # a wrong plant has a higher one of its own
+            return min(gap, free, key=lambda one: float(np.mean((one.rms / floor) ** 2)))
         return gap
+
+    def _free(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:
+        """A fit of the search without its prior."""
+        if id(plant) not in self._freed:
+            self._freed[id(plant)] = plant, self._refitted(self.logs, plant, noise, zeros)
+        return self._freed[id(plant)][1]
 
     @staticmethod
     def _refitted(logs: Sequence[Log], plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:
@@ -160,7 +174,7 @@ class HeldOut:
     def hears(self, fits: Sequence[Fit]) -> None:
         """Measures the gaps of several fits at once; those that cannot be had are none when they are asked for."""
         with suppress(ValueError):
-            self.gaps(*((f.plant, f.noise, f.zeros) for f in fits))
+            self.gaps(*map(_asked, fits))
 
     def far(self, fitted: Fit) -> bool:
         """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""
@@ -172,7 +186,7 @@ class HeldOut:
 
     def _beyond(self, fitted: Fit, ratio: float) -> bool:
         try:
-            return self.gap(fitted.plant, fitted.noise, fitted.zeros).ratio_to_floor > ratio
+            return self.gap(*_asked(fitted)).ratio_to_floor > ratio
         except ValueError as error:
             return isinstance(error, LostLog)
 
@@ -207,9 +221,7 @@ class HeldOut:
         change = self._between(without, fitted)
         if change is None:
             return self._loses(fitted) and not self._loses(without)
-        # a share of the logs has that share of the evidence
-        share = 1.0 if self.whole else self.policy.tail
-        return speaks_against(change, replace(self.policy, likelier=share * self.policy.likelier))
+        return speaks_against(change, self.policy)
 
     def excuses(self, without: Fit, fitted: Fit) -> bool:
         """Whether it says nothing if they speak against an effect: something depends on the arm's angle, the arm is
@@ -230,7 +242,14 @@ class HeldOut:
         if found is None or found[1] > self.policy.far:
             return False
         bare = self.jointly(without.plant)
-        return bare is None or found[0].log_likelihood - bare[0].log_likelihood > without.value - fitted.value
+        if bare is None:
+            return True
+        try:  # neither fit of all logs has the search's prior
+            one, other = (self._free(f.plant, f.noise, f.zeros) for f in (fitted, without))
+            gained = one.log_likelihood - other.log_likelihood
+        except ValueError:
+            gained = without.value - fitted.value
+        return found[0].log_likelihood - bare[0].log_likelihood > gained
 
     @cached_property
     def _own_tails(self) -> HeldOut:
@@ -240,7 +259,7 @@ class HeldOut:
     def _loses(self, fitted: Fit) -> bool:
         """Whether the filter of a fit's plant cannot follow them."""
         try:
-            self.gap(fitted.plant, fitted.noise, fitted.zeros)
+            self.gap(*_asked(fitted))
         except LostLog:
             return True
         except ValueError:
@@ -249,10 +268,14 @@ class HeldOut:
 
     def _between(self, without: Fit, fitted: Fit) -> GapChange | None:
         try:
-            before, after = self.gaps(*((f.plant, f.noise, f.zeros) for f in (without, fitted)))
+            before, after = self.gaps(*map(_asked, (without, fitted)))
         except ValueError:
             return None
         return self.change(before, after)
+
+
+def _asked(fitted: Fit) -> _Asked:
+    return fitted.plant, fitted.noise, fitted.zeros, fitted.strain
 
 
 def _unseen(fitted: Estimate) -> list[str]:

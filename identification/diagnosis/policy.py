@@ -128,6 +128,9 @@ class DecisionPolicy:
         1.0, "a fit stands still if its last round brought less than this, or the next one promises less", COST, "nats"
     )
     rivals: int = _rule(2, "fits, besides the look-alikes, that restart from the best fit's parameters", COST, "fits")
+    strained: float = _rule(
+        2.0, "a fit is asked again without the search's prior if this much is promised to it", COST, "nats"
+    )
     special: float = _rule(
         1.0, "a fit that is better than its special case by less than this starts from its grid as well", DEV, "nats"
     )

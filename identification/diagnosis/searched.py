@@ -63,7 +63,7 @@ def searched(
     unexplained = unexplained_torque(before.noise.torque[0]) if before.noise else 0.0
     memories = _memories(logs, before.plant)
     dragged = unexplained > policy.strong * rms or any(m.left < policy.remembered for m in memories)
-    anchor = _anchor(_middle(starts, policy) if starts and (dragged or _adrift(before)) else before.plant, policy)
+    anchor = _anchor(_middle(starts) if starts and (dragged or _adrift(before)) else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
     search = Search(anchor, only, policy, progress, fitter)
@@ -177,10 +177,11 @@ def _memories(logs: Sequence[Log], plant: Plant) -> list[Remembering]:
     return [remembering(pieces, plant.replace(effects=()), name) for name in MEMORIES]
 
 
-def _middle(starts: Sequence[Start], policy: DecisionPolicy) -> Plant:
-    """Of the first start values, which share the ratios of the pendulum's row, the one of middle scale."""
-    first = sorted((start.plant for start in starts[: policy.log_starts]), key=lambda plant: plant.theta[3])
-    return first[len(first) // 2]
+def _middle(starts: Sequence[Start]) -> Plant:
+    """Of the start values that share the first one's ratios of the pendulum's row, the one of middle scale."""
+    ratio = starts[0].plant.theta[4] / starts[0].plant.theta[3]
+    alike = [s.plant for s in starts if math.isclose(s.plant.theta[4] / s.plant.theta[3], ratio, rel_tol=1e-6)]
+    return sorted(alike, key=lambda plant: plant.theta[3])[len(alike) // 2]
 
 
 def _adrift(before: Estimate) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -135,10 +136,10 @@ def measure_gap(diagnosis: Diagnosis, held: HeldOut) -> GapChange:
         return held.change(before, before)
     final = diagnosis.naming.final if diagnosis.naming else None
     if held.whole or final is None:
-        named = diagnosis.after.plant, None, None
+        named = diagnosis.after.plant, None, None, math.inf
     else:  # the first part of the logs is fitted anew anyway
-        named = final.plant, final.noise, final.zeros
-    before, after = held.gaps((diagnosis.before.plant, None, None), named)
+        named = final.plant, final.noise, final.zeros, math.inf
+    before, after = held.gaps((diagnosis.before.plant, None, None, math.inf), named)
     change = held.change(before, after)
     plants = (diagnosis.before.plant, diagnosis.after.plant)
     beyond = held.searched_angles(after, plants, diagnosis.after.zeros)

@@ -14,6 +14,7 @@ from furuta_gym.plant import EFFECTS, Effect, Plant
 from ...estimation.optimise import Optimum, minimise, promised
 from ...estimation.pool import shared_pool
 from ...estimation.prediction_error import PredictionError, quietest
+from ...estimation.priors import Priors
 from ...estimation.restarts import restarted
 from ...kalman.coordinates import (
     Coordinate,
@@ -25,9 +26,11 @@ from ...kalman.coordinates import (
 )
 from ...kalman.noise_model import Noise
 from ...kalman.record import Record
+from ...normal_equations import ScaledGram
 from ..policy import DecisionPolicy
 
 COARSER = 2.0  # times the longest integration step, where samples are that long
+_LEAST, _UNSEEN = 1e-9, 1e-6  # of the information: what the data do not show
 _TOLERANCE = 0.05  # nats, of the optimum
 _ROUGH = 1.0  # nats, where a gain is large
 _MANY, _FEW = 40, 10  # iterations
@@ -67,6 +70,15 @@ class Fit:
     def promised(self) -> float:
         """What the derivatives promise further iterations [nats]."""
         return promised(self.problem(), self.optimum) if math.isfinite(self.value) else math.inf
+
+    @property
+    def strain(self) -> float:
+        """What the derivatives promise [nats] if the search's prior on θ1 … θ5 were not there (see `anchored`)."""
+        held = tuple(c if _is_anchored(c) else replace(c, prior=None, weak_prior=None) for c in self.coordinates)
+        if not any(map(_is_anchored, held)) or not math.isfinite(self.value):
+            return 0.0
+        _, pull, curvature = Priors(held, np.empty(0), False).at(self.optimum.z)
+        return ScaledGram.of(self.optimum.expansion.information - curvature, _LEAST).gain(pull, _UNSEEN).gain
 
     @property
     def moved(self) -> tuple[Record, ...]:
@@ -177,9 +189,18 @@ def anchored(c: Coordinate, anchor: Plant, std: float) -> Coordinate:
     The pendulum's row has no input: θ3, θ4, θ5, θ7, θ9 share a scale that only the reaction on the arm fixes, and a
     missing effect leaks into that direction until nothing can be named any more.
     """
-    if not c.of_plant or c.row > 4 or not c.log or anchor.theta[c.row] <= 0.0:
+    if not _of_masses(c) or anchor.theta[c.row] <= 0.0:
         return c
     return replace(c, weak_prior=(math.log(anchor.theta[c.row]), std))
+
+
+def _of_masses(c: Coordinate) -> bool:
+    """Whether it is one of ln θ1 … ln θ5."""
+    return c.of_plant and c.row <= 4 and c.log
+
+
+def _is_anchored(c: Coordinate) -> bool:
+    return _of_masses(c) and c.weak_prior is not None
 
 
 def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:

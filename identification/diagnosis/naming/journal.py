@@ -42,6 +42,7 @@ class FitJournal:
         """Fits that were known."""
         self._known, self._torn = ({}, False) if path is None else _read(path)
         self._lock = threading.Lock()
+        self._running: dict[str, threading.Lock] = {}
         self._digests: dict[tuple[int, ...], tuple[Sequence[Record], str]] = {}
 
     def __len__(self) -> int:
@@ -61,13 +62,16 @@ class FitJournal:
     ) -> Fit:
         asked: dict[str, Any] = {"anchor": anchor, "policy": policy, "effort": effort, "zeros": zeros}
         key = self._key(plant, noise, records, iterations, **asked)
-        optimum = self._known.get(key)
-        if optimum is not None and (known := known_fit(optimum, plant, noise, records, **asked)) is not None:
-            with self._lock:
-                self.used += 1
-            return known
-        found = self.fitter(plant, noise, records, iterations=iterations, **asked)
-        self._keep(key, found.optimum)
+        with self._lock:
+            one_at_a_time = self._running.setdefault(key, threading.Lock())
+        with one_at_a_time:  # two starts of a search may be the same
+            optimum = self._known.get(key)
+            if optimum is not None and (known := known_fit(optimum, plant, noise, records, **asked)) is not None:
+                with self._lock:
+                    self.used += 1
+                return known
+            found = self.fitter(plant, noise, records, iterations=iterations, **asked)
+            self._keep(key, found.optimum)
         return found
 
     def _key(

@@ -202,7 +202,10 @@ class Search:
     def _rival(self, rest: Rest, start: Fit, against: Fit) -> Fit:
         """A plant fitted to compare it with a better one: only as well as the difference asks for."""
         quick = self.fitted(rest.plant, replace(start, zeros=rest.zeros), "quick")
-        if quick.value - against.value > self.policy.plain:
+        behind = (
+            quick.value - against.value - (0.0 if quick.optimum.converged else self.policy.catches_up * quick.promised)
+        )
+        if behind > self.policy.plain:
             return quick
         return self.fitted(quick.plant, quick, "full")
 

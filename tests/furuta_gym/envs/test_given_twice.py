@@ -26,7 +26,6 @@ ID = "FurutaID-v0"
             {"randomize": "input_delay=chance:0.3", "effect_probabilities": {"input_delay": 1.0}},
             "randomize gives its chance too",
         ),
-        ({"plant": "qube", "randomize": "u_max=uniform:7,50"}, "supply gives 10"),
         ({"start_spread": "abcd"}, "start_spread must be four"),
     ],
 )

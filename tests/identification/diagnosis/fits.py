@@ -55,6 +55,7 @@ class ToyFit:
     zeros: Zeros = field(default_factory=dict)
     coordinates: tuple[Coordinate, ...] = ()
     promised: float = math.inf
+    strain: float = math.inf
 
     @property
     def optimum(self) -> Any:
