@@ -5,9 +5,10 @@ The same rules in Python (`Guarded`) and in the C headers (`exports.envelope_c`)
 1. A reading or reference that is no number or beyond ±10⁴ rad, and an angle more than half a turn from the last good
    one, as of readings that are wrapped, command 0 and are not shown to the controller; after `bad_readings` of them in
    a row the controller goes off. An arm whose angle is wrapped would never leave a travel of half a turn and more.
-2. Arm beyond `arm_travel`; arm since the last good reading faster than `arm_speed`, by more than one count of its
-   encoder; pendulum beyond `tilt` from upright; arm's reading the very same while the command was beyond `breakaway`
-   for `held` seconds in all and the pendulum moved by `stirred`, as an encoder that came unplugged reads: off.
+2. Arm beyond `arm_travel`; arm faster than `arm_speed` over some samples, up to `SPEED_TIME` together, by more than
+   one count of its encoder, as a count a sample says little of a speed; pendulum beyond `tilt` from upright; arm's
+   reading the very same while the command was beyond `breakaway` for `held` seconds in all and the pendulum moved by
+   `stirred`, as an encoder that came unplugged reads: off.
 3. After missed samples the controller is first called once for each of them, with readings on the line from the last
    good one to the present one. These commands are discarded. So its filters and integrals keep their clock. The law
    is not told that 0 was sent instead, nor what the rules below change: its observer, its delay line and the last
@@ -43,6 +44,7 @@ REASONS = ("on", "reading", "arm", "speed", "tilt", "law", "held")  # indexed by
 FARTHEST = 1e4  # rad; no rig turns so far
 LARGEST = 1e30  # a single-precision number still, and no command
 JUMP = math.pi  # rad; neither arm nor pendulum turns so far in a sample
+SPEED_TIME = 5e-3  # s, over which the arm's speed is taken at most, or one sample where that is longer
 _FRICTIONS = 3.0  # times θ8, which surely moves the arm: friction at rest may be twice that of a motion
 _SURE = 1.5  # times friction, where more is not to be had
 _REACHED = 0.9  # of u_max, which a controller that pushes a rig in vain reaches
@@ -142,6 +144,11 @@ def _at_rest(plant: Plant) -> tuple[float, float]:
     return float(np.abs(there - back).max() / 2.0), float(np.abs(there + back).max() / 2.0)
 
 
+def speed_samples(sample_time: float) -> int:
+    """Over how many samples the arm's speed is taken at most."""
+    return max(1, round(SPEED_TIME / sample_time))
+
+
 class Guarded:
     """A controller inside its envelope; called like the controller, with readings (2,).
 
@@ -160,6 +167,7 @@ class Guarded:
         self.off = REASONS[0]
         self._u = 0.0
         self._last = np.zeros(2)  # good reading
+        self._from, self._since = 0.0, 0  # the arm's reading that its speed is taken from, and samples since then
         self._low = self._high = 0.0  # of the pendulum, while the arm's reading stands
         self._good = self._missed = self._samples = self._pushed = 0
 
@@ -173,14 +181,17 @@ class Guarded:
         e, T = self.envelope, self.sample_time
         if self.off != REASONS[0]:
             return 0.0
+        self._since += self._good > 0
         jumped = self._good > 0 and np.abs(q - self._last).max() > JUMP
         if jumped or not all(abs(x) <= FARTHEST for x in (*q, reference)):
             self._missed += 1
             return self._latch("reading") if self._missed >= e.bad_readings else 0.0
         if abs(q[0]) > e.arm_travel:
             return self._latch("arm")
-        if self._good > 0 and abs(q[0] - self._last[0]) > e.arm_speed * T * (self._missed + 1) + e.resolution:
+        if abs(q[0] - (self._from if self._good > 0 else q[0])) > e.arm_speed * T * self._since + e.resolution:
             return self._latch("speed")
+        if self._good == 0 or self._since >= speed_samples(T):
+            self._from, self._since = q[0], 0
         if abs(q[1]) > e.tilt:
             return self._latch("tilt")
         if self._stands(q):

@@ -1,5 +1,6 @@
 """A linear controller as one C99 header, to be compiled into a rig's firmware as it stands."""
 
+import math
 import os
 import re
 from pathlib import Path
@@ -30,8 +31,8 @@ _HEADER = """\
  * reference arm angle to hold [rad], well within the arm's travel: nothing here limits it
  * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off
 {columns} *
- * Designed for theta = {theta} ({unit}).
- */
+ * Designed for theta = {theta} ({unit}){effects}.
+{limits} */
 """
 
 _STEP = """\
@@ -140,7 +141,9 @@ def c_header(
         unit=plant.unit,
         u_max=envelope.u_max,
         theta=", ".join(f"{v:.6g}" for v in plant.theta),
-        columns=columns_note(plant),
+        columns=columns_note(plant) + _zeros_note(q1_zero, q2_zero - controller.q2e),
+        effects=_effects_note(plant),
+        limits=limits_note(plant),
     )
     text += f"#ifndef {guard}\n#define {guard}\n\n" + ("#include <math.h>\n\n" if share else "")
     text += _STEP.format(
@@ -172,8 +175,40 @@ def columns_note(plant: Plant) -> str:
     """A line for the header's comment that says what q1, q2 and u are in the columns of the logs that the plant was
     fitted to; "" if they had the model's own."""
     logs = plant.provenance.get("logs") or [{}]
-    said = " ".join(str(logs[0].get("read_as", "")).split()).replace("*/", "* /")  # text of a stranger in a comment
-    return f" * In the columns of the logs that the plant was fitted to: {said}\n" if said else ""
+    read = dict.fromkeys(_commented(str(log.get("read_as", ""))) for log in logs)
+    if len(read) == 1:
+        return "".join(f" * In the columns of the logs that the plant was fitted to: {said}\n" for said in read if said)
+    told = [f" *   {said or 'in the columns q1, q2 and u themselves'}\n" for said in read]
+    return "".join([" * The logs that the plant was fitted to were read in several ways:\n", *told])
+
+
+def limits_note(plant: Plant) -> str:
+    """Lines for the header's comment on what the plant file limits."""
+    if not plant.limits:
+        return (
+            f" * The plant file has no limits: up to {2 * math.pi:.3g} rad to either side, at any speed of the arm.\n"
+        )
+    return f" * Limits of the plant file: {', '.join(f'{name} {value:g}' for name, value in plant.limits.items())}.\n"
+
+
+def _effects_note(plant: Plant) -> str:
+    return "".join(f"\n * and {_commented(str(effect))}" for effect in plant.effects)
+
+
+def _zeros_note(q1: float, q2: float) -> str:
+    """A line on zeros of the encoders that the step takes off."""
+    if not q1 and not q2:
+        return ""
+    return (
+        f" * Taken off here, as the plant file has these readings at the zeros: {q1:.6g} rad of q1, {q2:.6g} rad of "
+        "q2.\n"
+        " * Export from a plant without them if your firmware sets its counters to zero there.\n"
+    )
+
+
+def _commented(text: str) -> str:
+    """A stranger's text in a comment."""
+    return " ".join(text.split()).replace("*/", "* /")
 
 
 def export_c(controller: Controller, path: str | os.PathLike[str], prefix: str | None = None, **options: Any) -> Path:

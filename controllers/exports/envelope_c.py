@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..envelope import FARTHEST, JUMP, LARGEST, Envelope
+from ..envelope import FARTHEST, JUMP, LARGEST, Envelope, speed_samples
 
 _C = """\
 /* Why the controller is off; it stays off, with a command of 0, until {prefix}_reset. */
@@ -20,6 +20,8 @@ enum {{
 typedef struct {{
     {prefix}_law_state law;
     {real} u;   /* last command */
+    {real} from; /* arm's reading that its speed is taken from */
+    int since;  /* samples since then */
     {real} q1;  /* last good reading */
     {real} q2;
     long good;  /* readings so far, as long as the soft start lasts; an int may end at 32767 */
@@ -34,6 +36,8 @@ static inline void {prefix}_reset({prefix}_state *s)
 {{
     {prefix}_law_reset(&s->law);
     s->u = {zero};
+    s->from = {zero};
+    s->since = 0;
     s->q1 = {zero};
     s->q2 = {zero};
     s->good = 0;
@@ -61,6 +65,7 @@ static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {rea
 {{
     {real} u;
     if (s->off != {P}_ON) return {zero};
+    if (s->good > 0) s->since += 1;
     if (!({prefix}_within(q1, {far}) && {prefix}_within(q2, {far}) && {prefix}_within(reference, {far}))
         || (s->good > 0 && !({prefix}_within(q1 - s->q1, {jump}) && {prefix}_within(q2 - s->q2, {jump})))) {{
         s->u = {zero};
@@ -98,8 +103,10 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
     speed = tilt = held = soft = slew = ""
     if e.arm_speed < math.inf:
         speed = (
-            f"    if (s->good > 0 && !{prefix}_within(q1 - s->q1, {number(e.arm_speed * T)} * ({real})(s->missed + 1)"
+            f"    if (s->good > 0 && !{prefix}_within(q1 - s->from, {number(e.arm_speed * T)} * ({real})s->since"
             f" + {number(e.resolution)}))\n        return {prefix}_latch(s, {P}_SPEED);\n"
+            f"    if (s->good == 0 || s->since >= {speed_samples(T)}) {{\n"
+            f"        s->from = q1;\n        s->since = 0;\n    }}\n"
         )
     if e.tilt < math.inf:
         tilt = f"    if (!{prefix}_within(q2, {number(e.tilt)})) return {prefix}_latch(s, {P}_TILT);\n"
@@ -124,7 +131,10 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
         slew = f"    if (u < s->u - {step}) u = s->u - {step};\n    if (u > s->u + {step}) u = s->u + {step};\n"
     count = ""
     if e.arm_speed < math.inf and e.resolution:
-        count = f", by more than a count of {e.resolution:.6g} rad ({2 * math.pi / e.resolution:.6g} a turn)"
+        window = speed_samples(T) * T
+        surely = e.arm_speed + e.resolution / window
+        turn = f"{2 * math.pi / e.resolution:.6g} a turn"
+        count = f", by more than a count ({turn}) in {window:g} s, so surely off from {surely:.3g} rad/s on"
     text = lambda value, unit: f"{value:g} {unit}" if value < math.inf else "anything: it has no such limit"  # noqa: E731
     held_text = "never: it does not watch whether the arm's reading stands"
     if watched:

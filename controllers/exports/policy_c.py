@@ -17,7 +17,7 @@ from ..cells import Cells
 from ..envelope import Envelope
 from ..layers import Layer, network_in
 from ..learned import LearnedController
-from .c import _number, columns_note
+from .c import _number, columns_note, limits_note
 from .envelope_c import envelope_c
 
 _HEADER = """\
@@ -139,7 +139,7 @@ def policy_c_header(
         task=controller.tasks[-1],
         unit=controller.unit,
         guard=prefix.upper() + "_H",
-        columns=columns_note(controller.plant),
+        columns=columns_note(controller.plant) + limits_note(controller.plant),
         **names,
     )
     arrays = [_array("scale", network.scale)]

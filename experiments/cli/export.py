@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -114,6 +115,18 @@ def _write(
 
             made = held(make_controller(chosen, rig, sample_time))
             export_c(made, output, single=single, envelope=Envelope.of(made, soft_start=soft_start))
+            if soft_start and "swing_up" not in made.tasks:
+                warnings.warn(
+                    f"--soft-start {soft_start:g}: {made.name} balances only, and a pendulum that stands needs the "
+                    "full command at once; expect it to fall. For a first run see docs/how-to/first_run.md",
+                    stacklevel=2,
+                )
+        if not rig.limits:
+            warnings.warn(
+                f"{plant} has no limits: {output} lets the arm turn 2π to either side at any speed, with up to "
+                f"{rig.supply:g} {rig.unit}. docs/how-to/first_run.md says how to write them",
+                stacklevel=2,
+            )
 
 
 def _format_of(output: Path) -> Format:

@@ -184,14 +184,30 @@ class TestEachRule:
         for k in range(200):
             inside((count * round(0.5e-3 * k / count), 0.0))
         assert inside.off == "on"
-        inside((inside._last[0] + 2 * count, 0.0))
+        for _ in range(5):
+            inside((inside._last[0] + 2 * count, 0.0))
         assert inside.off == "speed"
+
+    @pytest.mark.parametrize("sample_time", [0.004, 0.001, 0.0005])
+    def test_the_speed_that_surely_stops_hardly_depends_on_the_sample_time(self, sample_time):
+        """A count of 2048 in 5 ms is 0.6 rad/s; in half a millisecond it would be 6."""
+        plant = QUBE.replace(limits={"arm_speed": 8.0}, sensors={"encoder_counts": 2048})
+        count, off = 2 * math.pi / 2048, {}
+        for speed in (7.9, 8.9):
+            inside = Guarded(make_controller("dlqr", plant, sample_time))
+            for k in range(round(0.05 / sample_time)):
+                inside((count * math.floor(speed * k * sample_time / count), 0.0))
+            off[speed] = inside.off
+        assert off == {7.9: "on", 8.9: "speed"}
 
     def test_the_encoders_that_a_controller_is_made_for_count(self):
         plant = QUBE.replace(limits={"arm_speed": 5.0}, sensors={"encoder_counts": 1024})
         controller = make_controller("dlqr", plant, 0.001, Sensors(512))
         assert Envelope.of(controller).resolution == pytest.approx(2 * math.pi / 512)
-        assert "arm faster than 5 rad/s, by more than a count of 0.0122718 rad (512 a turn)" in c_header(controller)
+        assert (
+            "arm faster than 5 rad/s, by more than a count (512 a turn) in 0.005 s, so surely off from 7.45"
+            in c_header(controller)
+        )
         path = Path(__file__).parents[2] / "controllers" / "policies" / "swing-up-qube.zip"
         assert Envelope.of(make_controller(path, QUBE, sensors=Sensors(512))).resolution == pytest.approx(math.pi / 256)
 
