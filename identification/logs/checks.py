@@ -12,7 +12,7 @@ import numpy as np
 
 from furuta_gym.arguments import ArgumentError
 
-from .encoders import counted_in_turns, encoder_step, moves_by
+from .encoders import counted_in_turns, encoder_step, is_decimal, moves_by
 from .gaps import gaps
 
 MIN_SAMPLES = 50
@@ -232,7 +232,7 @@ def check_angle_unit(
         return True
     if unit == "rad":
         speed = float(np.quantile(np.abs(np.diff(raw)) / np.diff(t), 0.99))
-        if (step is not None and step > _MAX_STEP_RAD) or (step is None and speed > _MAX_SPEED):
+        if (step is not None and step > _MAX_STEP_RAD) or ((step is None or is_decimal(step)) and speed > _MAX_SPEED):
             seen = f"moves in steps of {step:.3g}" if step is not None else f"reaches a speed of {speed:.3g} /s"
             warn(f"{name}: {column} {seen}, which looks like degrees, but radians were declared. If so: --unit deg.")
             return True
@@ -248,7 +248,7 @@ def check_angle_unit(
                 "if it were turns, as declared. If it is in degrees or radians: --unit deg, or --unit rad."
             )
             return True
-    elif step is not None and step < _MIN_STEP_DEG:
+    elif step is not None and step < _MIN_STEP_DEG and not is_decimal(step):
         warn(
             f"{name}: {column} moves in steps of {step:.3g}, which looks like radians ({2 * np.pi / step:.0f} "
             f"counts per revolution), but degrees were declared ({360 / step:.0f} counts). If so: --unit rad."

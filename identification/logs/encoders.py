@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
@@ -11,6 +13,7 @@ FEWEST_STEPS = 8
 """Changes of an angle from which it may be told whether it moves in steps."""
 USUAL_COUNTS = (*(1000, 1024, 1440, 2000, 2048, 2400, 2500, 3600, 4000, 4096, 5000), *(8000, 8192, 10000, 16384, 20000))
 """Counts per revolution of encoders that are sold, all four edges counted."""
+_DECIMAL = 1e-3  # of log10 of a step, within which it is a digit of the file's numbers
 _SAME_COUNTS = 0.004  # of an encoder's step, within which it is that of a usual encoder
 
 _FINEST_STEP = 1e-5  # rad; finer encoders (600 000 counts) look like no encoder at all
@@ -41,10 +44,18 @@ def usual_counts(counts: float) -> int | None:
     return near if abs(counts / near - 1) < _SAME_COUNTS else None
 
 
+def is_decimal(step: float | None) -> bool:
+    """Whether a step is a digit behind the decimal point, so one of the file's numbers and not of an encoder."""
+    if not step or step >= 1.0:
+        return False
+    places = -math.log10(step)
+    return abs(places - round(places)) < _DECIMAL
+
+
 def counted_in_turns(step: float | None) -> int | None:
     """Counts per revolution of the usual encoder that steps [unit of the angle] of this size are of if the angle is in
-    turns, and of none if it is in rad; None without one."""
-    if not step or usual_counts(2.0 * np.pi / step):
+    turns, and of none if it is in rad; None without one, and where the file's numbers end at such a step."""
+    if not step or is_decimal(step) or usual_counts(2.0 * np.pi / step):
         return None
     return usual_counts(1.0 / step)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..encoders import counted_in_turns, encoder_step, moves_by
+from ..encoders import counted_in_turns, encoder_step, is_decimal, moves_by
 from ..said import ANGLE_UNITS, RADIANS, SECONDS
 from ..table import Table
 from ..vocabulary import fits, is_current, unit_in, unit_of, words
@@ -111,20 +111,21 @@ def excluded(
     turns = [2.0 * np.pi / factor for factor in RADIANS.values()]
     declared = [turn / counts for turn in turns] if counts and not whole else []
     step = next((d for d in declared if moves_by(values, d)), None) or encoder_step(values)
+    rounded = is_decimal(step)  # says nothing of an encoder
     out: dict[str, str] = {} if whole else {"counts": "its values are no whole numbers"}
     if whole:
         out["turns"] = "its values are whole numbers"
         if step is not None:
             out["deg"] = out["turns"]
-    elif told != "turns" and step is not None and not _whole_parts(values, step, counts):
+    elif told != "turns" and step is not None and not rounded and not _whole_parts(values, step, counts):
         out["turns"] = f"no usual encoder moves in steps of {step:.4g} turns"
     for unit, factor in RADIANS.items():
         size = None if step is None else step * factor
-        if size is not None and (size > policy.coarsest or (size < policy.finest and not whole)):
+        if size is not None and (size > policy.coarsest or (size < policy.finest and not whole and not rounded)):
             out[unit] = (
                 f"it moves in steps of {step:.4g}, an encoder of {2 * np.pi / size:.0f} counts if it were {unit}"
             )
-    if step is None and len(t) > 1:
+    if (step is None or rounded) and len(t) > 1:
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds = np.abs(np.diff(values) / np.diff(t))
         speed = float(np.quantile(speeds[~np.isnan(speeds)], 0.99)) if not np.isnan(speeds).all() else 0.0
