@@ -79,7 +79,9 @@ def validate_command(
     measured = result.to_dict() | (parts.to_dict() if parts is not None else {})
     measured["gap"]["expected_of_error_bars"] = expected
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
-    if seen := [log.source for log in read if log.sha256 in fitted]:
+    seen = [log.source for log in read if log.sha256 in fitted]
+    measured["fitted_logs"] = seen
+    if seen:
         typer.echo(f"Warning: {', '.join(seen)} was {_fitted_to(rig)}; take a log that was not fitted.", err=True)
     look, remark = _look(rig, logs, read, reading.again(logs, read))
     page = ""
@@ -144,7 +146,7 @@ def _look(rig: Plant, logs: Sequence[Path], read: Sequence[Log], again: str) -> 
     remark = "" if others else "   (LOG: not fitted; works without --held-out too)"
     if others and any(places):
         both = f"furuta identify {searched} {' '.join(others)}{again}"
-        remark = f"\nIf the rig may have changed between these logs, ask this first: {both}"
+        remark = f"\nIf the rig may have changed between these logs, ask this first: {both} -o both.json"
     return f"furuta diagnose {searched}{again} --held-out {' '.join(others) or 'LOG'} -o diagnosis", remark
 
 

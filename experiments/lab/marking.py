@@ -124,7 +124,7 @@ def _number(value: Any) -> bool:
 def marked(sealed: Mapping[str, Any], answer: Mapping[str, Any]) -> tuple[Outcome, str, list[Comparison]]:
     """The mark of the trials, the same in a sentence, and the parameters of effects that were hidden and named."""
     outcome = score(sealed, answer)
-    return outcome, sentence(outcome, bool(answer["effects"])), _compared(sealed["truth"], answer, outcome.covered)
+    return outcome, sentence(outcome, bool(outcome.named)), _compared(sealed["truth"], answer, outcome.covered)
 
 
 def sentence(outcome: Outcome, named: bool = False) -> str:

@@ -140,9 +140,7 @@ class PredictionError:
             np.array([filled_zeros(self.coordinates, z, record.log, self.zeros) for z in bank]).T
         )
         x0 = record.first_state(P, self.codes, self.rows, zeros)
-        C0 = np.zeros((self.rows, self.rows))
-        C0[[0, 1], [0, 1]] = _VAGUE * record.variance
-        C0[[2, 3], [2, 3]] = record.velocity_std**2
+        C0 = record.first_covariance(self.codes, self.rows, _VAGUE)
         result = BankResult(
             e=np.empty((N, 2, B)),
             S=np.empty((N, 3, leaders)),

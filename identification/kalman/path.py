@@ -160,8 +160,7 @@ def _empty(plant: Plant, record: Record, noise: RecordNoise, walk: Array | None)
     p, codes, rows = plant.packed()
     n, N = rows + (0 if walk is None else 2), len(record.t)
     first = np.zeros((n, n))
-    first[[0, 1], [0, 1]] = record.variance
-    first[[2, 3], [2, 3]] = record.velocity_std**2
+    first[:rows, :rows] = record.first_covariance(codes, rows)
     if walk is not None:
         first[[-2, -1], [-2, -1]] = walk
     x0 = record.first_state(p[:, None], codes, rows)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from furuta_gym.plant.effects.library import CARRIED, NUMBERS
 from furuta_gym.sensors import angles_read
 
 from ..logs.checks import LogError, warn
@@ -66,6 +67,18 @@ class Record:
         x[2:4] = (angles_read(later, P, codes) - x[:2]) / _MOMENT
         return x
 
+    def first_covariance(self, codes: NDArray[np.int64], rows: int, vague: float = 1.0) -> NDArray[np.float64]:
+        """Of that state (rows, rows), for effects `codes`; vague: times the variance of the angles' readings.
+
+        A lag may have any torque of the log when a stretch of it begins: the rig was commanded before, if it was lost
+        or left out."""
+        C = np.zeros((rows, rows))
+        C[[0, 1], [0, 1]] = vague * self.variance
+        C[[2, 3], [2, 3]] = self.velocity_std**2
+        lagging = [int(first) for number, _, first in codes if number in _LAGS]
+        C[lagging, lagging] = np.mean(self.u**2)
+        return C
+
     @property
     def duration(self) -> float:
         """From the first to the last sample [s]."""
@@ -96,6 +109,9 @@ class Record:
         commands = np.array(u, dtype=float).reshape(-1, 1)
         known = np.array(quantum, dtype=float), np.array(variance, dtype=float)
         return cls(stamps + start, readings, commands, *known, slope, 0.1 + spread)
+
+
+_LAGS = {NUMBERS[effect.name] for effect in CARRIED.values() if "filter" in effect.kernels}
 
 
 @dataclass(frozen=True)

@@ -137,7 +137,7 @@ def _read_text(name: str, raw: bytes) -> Table:
         rows, lines = rows[1:], lines[1:]
     columns = _columns(name, header, rows, lines, delimiter)
     pairs = (comment.split(":", 1) for comment in comments if ":" in comment)
-    metadata = {k.strip(): v.strip() for k, v in pairs}
+    metadata = {k.strip(): v.strip().rstrip(";,\t ") for k, v in pairs}  # spreadsheets fill each line with delimiters
     return Table(name, columns, metadata, np.array(lines, dtype=int), units, notes)
 
 

@@ -48,6 +48,17 @@ def test_two_frictions_that_end_at_zero_are_one_sentence() -> None:
     ]
 
 
+def test_readings_without_counts_are_as_noisy_as_they_look() -> None:
+    """Their variance is taken as a quarter of what the log shows at least, so a right fit has a factor of four."""
+    log, _ = loop_log(duration=3.0)
+    noisy = np.random.default_rng(0).normal(0.0, 1e-3, (2, len(log)))
+    without = replace(log, q1=log.q1 + noisy[0], q2=log.q2 + noisy[1], encoder_counts=None)
+    for seen, factor, told in ((without, 4.1, False), (without, 17.0, True), (log, 4.1, True)):
+        noise = Noise((1e-9, 1e-9), (factor, factor))
+        lines = list(_warnings([seen], WITHOUT, [], noise))
+        assert any("twice as noisy" in line for line in lines) is told
+
+
 def test_logs_of_one_name_are_told_each(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wrong sign of the first is not lost behind a second log of the same name."""
     log, _ = loop_log(duration=6.0)
