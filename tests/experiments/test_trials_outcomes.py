@@ -39,6 +39,7 @@ PRESENT = (
     "60",
     "61",
     "65",
+    "65b",
 )
 PRESENT_COMPOSITE = (
     "41_composite",
@@ -122,6 +123,7 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
         ("62_composite", "research-log/diagnosis_runs.md"),
         ("61", "research-log/diagnosis_runs.md"),
         ("65", "research-log/diagnosis_runs.md"),
+        ("65b", "research-log/diagnosis_runs.md"),
         ("60", "research-log/diagnosis_runs.md"),
         ("59", "research-log/diagnosis_runs.md"),
         ("58", "research-log/diagnosis_runs.md"),

@@ -117,6 +117,17 @@ def test_windows_of_one_moment_make_nothing_certain(seconds: float, certain: boo
     assert change.to_dict()["closed_interval"] == pytest.approx([low, high], nan_ok=True)
 
 
+def test_the_last_part_of_a_log_speaks_by_its_share_of_the_evidence() -> None:
+    """Six of the ten nats that confirm a name on other logs are enough on three tenths of its own."""
+    change = _change(_gap(1.0), _gap(1.0))
+    assert abs(change.likelier) < 1e-9
+    few = DecisionPolicy(likelier=-1.0)  # nothing closes, and likelier is not below that
+    assert not speaks_against(change, few)
+    assert speaks_against(change, DecisionPolicy(likelier=1e-6))
+    assert speaks_against(replace(change, tail=0.3), DecisionPolicy(likelier=1e-6))
+    assert not speaks_against(replace(change, tail=0.0), DecisionPolicy(likelier=-1e-9))
+
+
 def test_a_quiet_log_is_measured_by_its_own_floor() -> None:
     """Two chirps at a floor ten times that of the swing-up, whose error falls from ten to five times its own."""
 

@@ -247,6 +247,12 @@ def test_the_mirror_of_a_lost_log_confirms_and_is_far() -> None:
     assert not held.far(CABLE)
 
 
+def test_a_fit_that_the_prior_costs_next_to_nothing_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    for strain, ratio in ((1.0, 35.0), (50.0, 1.0)):
+        held = _gaps_of(monkeypatch, 35.0, 1.0)
+        assert held.gap(BARE.plant, BARE.noise, {}, strain).ratio_to_floor == pytest.approx(ratio)
+
+
 def _gaps_of(monkeypatch: pytest.MonkeyPatch, first: Any, free: Any) -> HeldOut:
     """Held-out data on which the search's fit has one gap, and the fit without a prior another."""
     bare = TABLE_3.replace(u_max=123.0)

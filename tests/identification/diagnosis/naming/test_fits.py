@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+import pytest
+
 from furuta_gym.plant import TABLE_3
 from identification.diagnosis.naming.fits import Fit, anchored, fit
 from identification.diagnosis.naming.forward import START_NOISE
@@ -40,6 +43,25 @@ def test_nothing_finite_is_promised_where_the_filter_diverges() -> None:
     lost = fit(TABLE_3, START_NOISE, [stretch.record], iterations=1, effort="coarse")
     assert math.isfinite(lost.promised)
     assert math.isinf(replace(lost, optimum=replace(lost.optimum, value=math.inf)).promised)
+
+
+def test_the_strain_is_what_a_fit_without_the_prior_gains() -> None:
+    """Around the truth the prior costs nothing; around a pendulum of three times the scale it holds the fit back."""
+    log, truth = loop_log(duration=6.0)
+    records = [stretch.record for stretch in stretches([log])]
+    free = fit(truth, START_NOISE, records, effort="full")
+    assert free.strain == 0.0
+    assert fit(truth, START_NOISE, records, anchor=truth, effort="full").strain < 1.0
+    away = truth.replace(theta=truth.theta * [1, 3, 3, 3, 3, 1, 1, 1, 1])
+    held = fit(truth, START_NOISE, records, anchor=away, effort="full")
+    problem = free.problem()
+    gained = problem.value(np.array([c.to_z(v) for c, v in zip(held.coordinates, _values(held), strict=True)]))
+    assert held.strain > 2.0
+    assert held.strain == pytest.approx(gained - free.value, rel=0.5, abs=1.0)
+
+
+def _values(fitted: Fit) -> list[float]:
+    return [c.to_value(z) for c, z in zip(fitted.coordinates, fitted.optimum.z, strict=True)]
 
 
 def test_an_anchor_whose_pendulum_counts_the_other_way_draws_no_logarithm() -> None:
