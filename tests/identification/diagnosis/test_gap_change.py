@@ -117,15 +117,13 @@ def test_windows_of_one_moment_make_nothing_certain(seconds: float, certain: boo
     assert change.to_dict()["closed_interval"] == pytest.approx([low, high], nan_ok=True)
 
 
-def test_the_last_part_of_a_log_speaks_by_its_share_of_the_evidence() -> None:
-    """Six of the ten nats that confirm a name on other logs are enough on three tenths of its own."""
-    change = _change(_gap(1.0), _gap(1.0))
-    assert abs(change.likelier) < 1e-9
-    few = DecisionPolicy(likelier=-1.0)  # nothing closes, and likelier is not below that
-    assert not speaks_against(change, few)
-    assert speaks_against(change, DecisionPolicy(likelier=1e-6))
-    assert speaks_against(replace(change, tail=0.3), DecisionPolicy(likelier=1e-6))
-    assert not speaks_against(replace(change, tail=0.0), DecisionPolicy(likelier=-1e-9))
+def test_the_last_part_of_a_log_speaks_by_its_share_of_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten nats confirm a name on other logs, and three on three tenths of its own."""
+    change = replace(_change(_gap(1.0), _gap(1.0)), tail=None)
+    for nats, whole, tail in ((2.0, True, True), (6.0, True, False), (11.0, False, False)):
+        monkeypatch.setattr(GapChange, "likelier", property(lambda _, nats=nats: nats))
+        assert speaks_against(change, DecisionPolicy()) is whole
+        assert speaks_against(replace(change, tail=0.3), DecisionPolicy()) is tail
 
 
 def test_a_quiet_log_is_measured_by_its_own_floor() -> None:
