@@ -21,6 +21,7 @@ from .design import choose_sensors
 from .layers import Network
 from .policy_file import from_stable_baselines3, read_policy, read_record
 from .sb3_files import FRAME
+from .trained_for import never_met
 
 
 class LearnedController(Controller):
@@ -219,8 +220,15 @@ def load_to_export(
 ) -> LearnedController:
     """As `load_policy`, for an export, whose step is called at the policy's own period.
 
-    Raises ValueError as there, and for a sample_time [s] that is not that period."""
+    Raises ValueError as there, and for a sample_time [s] that is not that period. Warns of what the plant has and no
+    episode of the training had."""
     controller = load_policy(path, plant, trust=trust)
+    if missing := never_met(read_record(path), plant):
+        warnings.warn(
+            f"{path} was trained without {', '.join(missing)}. Play it on this plant before the rig does: "
+            "furuta compare --plant PLANT --controllers POLICY",
+            stacklevel=2,
+        )
     period = controller.every * controller.sample_time
     if sample_time is not None and abs(period_of(sample_time) - period) > 1e-9:
         fault = f"expected {period:g} s, at which this policy acts, or no sample time"

@@ -16,14 +16,16 @@ class RunFigures:
     """Figures of one run, as `Outcome` has them for trials, from readings in place of states.
 
     success: whether the pendulum stayed within a right angle of upright and the arm within its travel (swing-up: the
-    pendulum upright during the last 5 s); failed_at [s] from the beginning, or None. rms_q1, rms_q2 [rad], up to a
-    failure or over the whole run (swing-up: over its last 5 s). mean_q1 [rad] over the same: what the arm is off by for
-    good, which rms_q1 contains. energy ∫u² dt [{u}² s]; roughness: mean |Δu|/T [{u}/s]; settling [s]: from the
+    pendulum upright during the last 5 s). failed_at [s]: from the beginning, or None. why: it failed, "arm" (beyond its
+    travel), "speed" (of the arm), "tilt", or "not upright" (at the end of a swing-up). rms_q1, rms_q2 [rad]: up to a
+    failure or over the whole run (swing-up: over its last 5 s). mean_q1 [rad]: over the same, what the arm is off by
+    for good, which rms_q1 contains. energy: ∫u² dt [{u}² s]. roughness: mean |Δu|/T [{u}/s]. settling [s]: from the
     beginning until |q2| stays below 0.05 rad (swing-up: 0.2 rad), None where it does not. largest_q1 [rad].
     """
 
     success: bool
     failed_at: float | None
+    why: str | None
     rms_q1: float
     rms_q2: float
     mean_q1: float
@@ -33,7 +35,7 @@ class RunFigures:
     largest_q1: float
 
     def __str__(self) -> str:
-        ends = "to the end" if self.failed_at is None else f"for {self.failed_at:.2f} s"
+        ends = "to the end" if self.failed_at is None else f"for {self.failed_at:.2f} s ({self.why})"
         settled = "not settled" if self.settling is None else f"settled after {self.settling:.2f} s"
         return (
             f"held {ends}; rms q1 {self.rms_q1:.3f} rad (mean {self.mean_q1:+.3f}), rms q2 {self.rms_q2:.4f} rad, "
@@ -70,7 +72,9 @@ def run_figures(
     n = len(u) - 1
     speed = np.maximum(np.abs(np.diff(y[0], prepend=y[0, 0])) - count, 0.0) / T
     score = Score(T, n, np.zeros(1), np.full(1, arm_travel), np.full(1, arm_speed), HOLD if swing_up else None)
+    lost = 0
     for k in range(n + 1):
+        lost = k
         if not score.watch(k, np.array([[y[0, k]], [y[1, k]], [speed[k]], [0.0]])):
             break
     found = score.outcome(u[: n + 1, None])
@@ -82,6 +86,7 @@ def run_figures(
     return RunFigures(
         success=failed is None,
         failed_at=failed,
+        why=None if failed is None else _why(y[:, lost], speed[lost], arm_travel, arm_speed, swing_up),
         rms_q1=float(np.sqrt(np.mean(y[0, used] ** 2))),
         rms_q2=float(np.sqrt(np.mean(upright**2))),
         mean_q1=float(np.mean(y[0, used])),
@@ -90,6 +95,15 @@ def run_figures(
         settling=settling if failed is None and np.isfinite(settling) else None,
         largest_q1=float(np.max(np.abs(y[0, :last]))),
     )
+
+
+def _why(y: NDArray[np.float64], speed: float, arm_travel: float, arm_speed: float, swing_up: bool) -> str:
+    """Why a run failed at these readings (2,)."""
+    if abs(y[0]) > arm_travel:
+        return "arm"
+    if speed > arm_speed:
+        return "speed"
+    return "not upright" if swing_up else "tilt"
 
 
 def _sample_time(t: NDArray[np.float64], y: NDArray[np.float64], u: NDArray[np.float64]) -> float:

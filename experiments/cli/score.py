@@ -86,7 +86,7 @@ def _show(names: list[str], found: list[RunFigures], unit: str, hangs: list[str]
     heads = ("log", "held", "rms q1\n[rad]", "mean q1\n[rad]", "rms q2\n[rad]", f"energy\n[{unit}²·s]")
     table = Table(*map(escape, (*heads, f"roughness\n[{unit}/s]", "settled\n[s]")))
     for name, f in zip(names, found, strict=True):
-        held = "to the end" if f.failed_at is None else f"{f.failed_at:.2f} s"
+        held = "to the end" if f.failed_at is None else f"{f.failed_at:.2f} s ({f.why})"
         figures = (f"{f.rms_q1:.3f}", f"{f.mean_q1:+.3f}", f"{f.rms_q2:.4f}", f"{f.energy:.3g}", f"{f.roughness:.3g}")
         table.add_row(escape(name), held, *figures, "no" if f.settling is None else f"{f.settling:.2f}")
     console = Console()

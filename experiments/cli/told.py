@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from furuta_gym.files import told_apart
-
 if TYPE_CHECKING:
     from identification.logs.proposal.problems import Problem
     from identification.logs.table import Table
@@ -44,6 +42,8 @@ def in_one(said: Sequence[Said], logs: Sequence[Path], looked: bool = False, rea
     """Several problems as one message, with the ways out last.
 
     looked: `furuta init` says it. readable: the logs can be read as their mapping says."""
+    from furuta_gym.files import told_apart
+
     files = " ".join(shlex.quote(os.fspath(log)) for log in logs)
     ways = [] if looked else [f"look at it with `furuta init {files}`"]
     ways += ["read it as it is said with --as-given"] if readable else []

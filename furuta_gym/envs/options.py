@@ -209,6 +209,22 @@ class Setup:
         self.numbers = self._numbers()
         self.observation_space, self.action_space = self._spaces()
 
+    @property
+    def doubt(self) -> str:
+        """What to know of a plant whose log did not show every parameter, in a sentence; "" where it did.
+
+        Parameters that `randomize` draws from ranges, or all together by theta=physical, are not in doubt."""
+        if self.random.told:
+            return self.random.told
+        lost = [n for n in self.plant.not_identified if n not in self.draws.ranges]
+        if not lost or self.draws.physical:
+            return ""
+        names = ", ".join(n.replace("theta", "θ") for n in lost)
+        return (
+            f"the log of this plant did not show {names}. Their values are taken as they stand, and may be far off. "
+            "`furuta identify` says what to record"
+        )
+
     def _substeps(self) -> int:
         """Runge–Kutta steps a sample, at least two: see `FurutaEnv` for the rule and its error."""
         share = self.random.physical
@@ -282,22 +298,6 @@ class Setup:
             spaces.Box(-high, high, dtype=np.float32),
             spaces.Box(-limit, limit, (1,), dtype=np.float32),
         )
-
-
-def doubts(setup: Setup) -> str:
-    """What to know of a plant whose log did not show every parameter, in a sentence; "" where it did.
-
-    Parameters that `randomize` draws from ranges, or all together by theta=physical, are not in doubt."""
-    if setup.random.told:
-        return setup.random.told
-    lost = [n for n in setup.plant.not_identified if n not in setup.draws.ranges]
-    if not lost or setup.draws.physical:
-        return ""
-    names = ", ".join(n.replace("theta", "θ") for n in lost)
-    return (
-        f"the log of this plant did not show {names}. Their values are taken as they stand, and may be far off. "
-        "`furuta identify` says what to record"
-    )
 
 
 def drawn_rig(setup: Setup, rows: NDArray[np.float64]) -> dict[str, Any]:

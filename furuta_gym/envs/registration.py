@@ -79,14 +79,13 @@ class PlainSpec:
 
     def __set__(self, env: Any, given: EnvSpec | None) -> None:
         from ..plant.plant import Plant  # here, as registering the ids is to load nothing heavy
-        from .options import doubts
 
         told = {} if given is None else {name: _plainly(value, Plant) for name, value in given.kwargs.items()}
         if given is not None and any(told[name] is not value for name, value in given.kwargs.items()):
             given = copy(given)
             given.kwargs = told
         env.__dict__["spec"] = given
-        if given is not None and (doubt := doubts(env.setup)):
+        if given is not None and (doubt := env.setup.doubt):
             warnings.warn(doubt, stacklevel=3)
 
 

@@ -249,7 +249,7 @@ class HeldOut:
             gained = one.log_likelihood - other.log_likelihood
         except ValueError:
             gained = without.value - fitted.value
-        return found[0].log_likelihood - bare[0].log_likelihood > gained
+        return bool(found[0].log_likelihood - bare[0].log_likelihood > gained)
 
     @cached_property
     def _own_tails(self) -> HeldOut:

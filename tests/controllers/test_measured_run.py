@@ -54,14 +54,22 @@ def test_a_pendulum_that_falls_has_figures_up_to_its_fall() -> None:
     assert found.mean_q1 == pytest.approx(0.2)
     assert found.energy == pytest.approx(1.0, abs=2 * T)
     assert found.settling is None
-    assert "for 1.00 s" in str(found)
+    assert "for 1.00 s (tilt)" in str(found)
 
 
 def test_an_arm_beyond_its_travel_has_failed() -> None:
     t = np.arange(500) * T
     found = run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t, arm_travel=1.0)
     assert found.failed_at == pytest.approx(0.5, abs=2 * T)
+    assert found.why == "arm"
     assert run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t).success
+    assert run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t).why is None
+    assert run_figures(t, 2.0 * t, 0.0 * t, 0.0 * t, arm_speed=1.0).why == "speed"
+
+
+def test_a_swing_up_that_does_not_end_upright_says_so() -> None:
+    t = np.arange(round(8.0 / T)) * T
+    assert run_figures(t, 0.0 * t, np.full(t.size, np.pi), 0.0 * t, swing_up=True).why == "not upright"
 
 
 def test_lost_samples_and_an_uneven_clock_hardly_change_the_figures() -> None:

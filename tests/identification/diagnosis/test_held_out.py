@@ -234,6 +234,9 @@ def test_other_angles_excuse_what_gains_more_on_all_logs_than_on_the_searched(
     bare = None if gain is None else (SimpleNamespace(log_likelihood=1000.0), 5.0)
     monkeypatch.setattr(HeldOut, "jointly", lambda _, plant: said.get("arm_spring") if plant.effects else bare)
     assert held.excuses(BARE, cable) is excused
+    free = {True: SimpleNamespace(log_likelihood=300.0), False: SimpleNamespace(log_likelihood=0.0)}
+    monkeypatch.setattr(HeldOut, "_free", lambda _, plant, *__: free[bool(plant.effects)])  # 300 nats without a prior
+    assert held.excuses(BARE, cable) is (excused and gain is None)
     monkeypatch.setattr(HeldOut, "searched_angles", lambda *_: None)
     assert not held.excuses(BARE, cable)
 

@@ -36,6 +36,8 @@ def _held(
         gap: Gap = replace(a_gap(ratio, 100.0 * ratio), zeros={0: (zero, 0.0)})
         held._known[id(one.plant)] = one.plant, gap
     object.__setattr__(held, "jointly", lambda plant: _joint(plant, both))
+    alone = 50.0  # nats of an effect on the searched log
+    object.__setattr__(held, "_free", lambda plant, *_: SimpleNamespace(log_likelihood=alone * len(plant.effects)))
     return held
 
 
