@@ -26,7 +26,7 @@ def never_met(record: Mapping[str, Any], plant: Plant) -> list[str]:
     kept = {
         "arm_travel": env.get("arm_limit") or limits.get("arm_travel") or 2 * math.pi,
         "arm_speed": limits.get("arm_speed") or math.inf,
-        "supply": math.inf if "u_max" in drawn else limits.get("supply") or rig.get("u_max") or math.inf,
+        "supply": 0.0 if "u_max" in drawn else limits.get("supply") or rig.get("u_max") or math.inf,
     }
     for name, trained in kept.items():
         own = plant.limit(name, math.inf)
