@@ -100,6 +100,12 @@ def test_identify_with_a_profile_and_without_a_gap(tmp_path: Path, monkeypatch: 
     compared("identify", answer, "stretches_s", "one_by_one.", "gain_changes[")
 
 
+def test_changes(plant_file: tuple[Path, dict[str, Any]]) -> None:
+    result = furuta("changes", plant_file[0], plant_file[0], "--json")
+    assert result.exit_code == 0, result.output
+    compared("changes", json.loads(result.stdout))
+
+
 def test_validate(plant_file: tuple[Path, dict[str, Any]], logs: tuple[Path, Path], tmp_path: Path) -> None:
     fitted, other = logs
     result = furuta("validate", plant_file[0], other, "--json", tmp_path / "gap.json")

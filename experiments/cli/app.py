@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from .changes import changes_command
 from .command import INTERRUPTED, Command
 from .compare import compare_command
 from .demo import demo_command
@@ -83,6 +84,7 @@ app.command("init", cls=Command)(init_command)
 app.command("identify", cls=Command)(identify_command)
 app.command("validate", cls=Command)(validate_command)
 app.command("diagnose", cls=DiagnoseCommand)(diagnose_command)
+app.command("changes", cls=Command)(changes_command)
 app.command("residuals", cls=Command)(residuals_command)
 app.command("effects", cls=Command)(effects_command)
 app.command("excite", cls=Command)(excite_command)

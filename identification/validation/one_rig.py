@@ -7,26 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
 
 from furuta_gym.plant import THETA_NAMES
 
 from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..logs.log import Log
-from ..normal_equations import ScaledGram
 from .adequacy import ADEQUATE_BELOW, SMALL_BELOW, Adequacy
 from .gap import Gap, validate
-
-_CERTAIN = 3.0  # standard deviations, of a difference
-_ONE_FACTOR = 0.99  # of the chi-squared distribution, within which all θ differ by one factor
-_SHARED = 4  # parameters at least, which must share a factor
-_LARGEST = 10.0  # such factor
-_ROUNDING = 1e-14  # of a scaled covariance
-
-Array = NDArray[np.float64]
+from .plant_changes import Estimated, factors, one_factor, one_factor_told
 
 
 @dataclass(frozen=True)
@@ -53,10 +42,7 @@ class OneByOne:
         told = []
         shared = THETA_NAMES if self.one_factor is not None else ()
         if self.one_factor is not None:
-            told.append(
-                f"All θ differ from {self.sources[0]} by one factor, {self.one_factor:.3g}: look at the supply, the "
-                "driver, and the command's unit or scale"
-            )
+            told.append(one_factor_told(self.sources[0], self.one_factor))
         factors = [f"{name} by a factor of {factor:.3g}" for name, factor in self.factors.items() if name not in shared]
         if factors:
             told.append(f"What {'else ' if told else ''}differs from {self.sources[0]}: {', '.join(factors)}")
@@ -112,61 +98,13 @@ def apart(
             return None
         estimates.append(found)
         ratios.append(own)
+    sizes = {f"{e.name}.{p.name}" for e in estimates[0].plant.effects for p in e.type.parameters if p.role == "size"}
+    first, *others = map(Estimated.of_estimate, estimates)
     return OneByOne(
         tuple(name for name, _ in parts),
         tuple(ratios),
-        _factors(estimates),
-        _one_factor(estimates),
+        factors(first, others, {*THETA_NAMES, *sizes}),
+        one_factor(first, others),
         tuple(estimates),
         ratio,
     )
-
-
-def _factors(estimates: Sequence[Estimate]) -> dict[str, float]:
-    """The largest factor of each θ and size from the first estimate to another, where the difference is certain."""
-    first, found = estimates[0], dict[str, float]()
-    sizes = {f"{e.name}.{p.name}" for e in first.plant.effects for p in e.type.parameters if p.role == "size"}
-    for other in estimates[1:]:
-        weak = {*first.identifiability.unidentified, *other.identifiability.unidentified}
-        for name in first.names:
-            if name in weak or name not in other.names or name not in {*THETA_NAMES, *sizes}:
-                continue
-            a, b = first.value(name), other.value(name)
-            spread = np.hypot(first.std[first.names.index(name)], other.std[other.names.index(name)])
-            if a * b <= 0 or not abs(b - a) > _CERTAIN * spread:
-                continue
-            if name not in found or abs(np.log(b / a)) > abs(np.log(found[name])):
-                found[name] = b / a
-    return found
-
-
-def _one_factor(estimates: Sequence[Estimate]) -> float | None:
-    """The largest factor by which all θ of an estimate are those of the first, where no estimate needs more than one;
-    None where one does, or none differs for certain."""
-    first, *others = estimates
-    found = [_common_factor(first, other) for other in others]
-    certain = [factor for factor, misfit, gained, allowed in found if gained > _CERTAIN**2]
-    if not certain or any(misfit > allowed for _, misfit, _, allowed in found):
-        return None
-    return max(certain, key=lambda factor: abs(np.log(factor)))
-
-
-def _common_factor(first: Estimate, other: Estimate) -> tuple[float, float, float, float]:
-    """The factor c for which θ of the other is nearest to c θ of the first, the squared distance in standard
-    deviations, how much smaller it is than without a factor, and how large chance makes it."""
-    weak = {*first.identifiability.unidentified, *other.identifiability.unidentified}
-    names = [n for n in THETA_NAMES if n in first.names and n in other.names and n not in weak]
-    (a, of_a), (b, of_b) = (_values(estimate, names) for estimate in (first, other))
-
-    def misfit(log_factor: float) -> float:
-        c = float(np.exp(log_factor))
-        return 2.0 * ScaledGram.of(of_b + c**2 * of_a).gain(b - c * a, _ROUNDING).gain
-
-    best = minimize_scalar(misfit, bounds=(-np.log(_LARGEST), np.log(_LARGEST)), method="bounded")
-    gained = misfit(0.0) - float(best.fun) if len(names) >= _SHARED else 0.0
-    return float(np.exp(best.x)), float(best.fun), gained, float(chi2.ppf(_ONE_FACTOR, max(len(names) - 1, 1)))
-
-
-def _values(estimate: Estimate, names: Sequence[str]) -> tuple[Array, Array]:
-    which = [estimate.names.index(name) for name in names]
-    return estimate.values[which], estimate.covariance[np.ix_(which, which)]

@@ -8,11 +8,26 @@ import numpy as np
 import pytest
 
 from identification.logs.encoders import counted_in_turns, encoder_step, is_decimal
+from identification.logs.log import Log
 from identification.logs.proposal import propose
 from identification.logs.rig_mapping import RigMapping
 from identification.logs.table import Table
+from tests.factories import paper_log
 
-from .test_proposal import LOGS, table
+from .test_proposal import hanging, table
+
+
+def smooth(log: Log) -> Log:
+    """With the noise of a continuous sensor, and no encoder's steps."""
+    rng = np.random.default_rng(0)
+    noise = 5e-4 * rng.normal(size=(2, len(log)))
+    return replace(log, q1=log.q1 + noise[0], q2=log.q2 + noise[1], encoder_counts=None)
+
+
+LOGS = {
+    "upright": lambda: smooth(paper_log(0.004, 8.0, None)[0]),
+    "hanging": lambda: smooth(hanging()),
+}
 
 
 def rounded(source: Table, places: int) -> Table:
