@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -14,6 +15,7 @@ from .output import print_json
 
 if TYPE_CHECKING:
     from controllers import Controller
+    from furuta_gym.plant import Plant
 
 
 class Start(StrEnum):
@@ -131,7 +133,7 @@ def simulate_command(
     )
     output.parent.mkdir(parents=True, exist_ok=True)
     write_log(output, log)
-    _report(output, log, run, at, as_json)
+    _report(output, log, run, at, as_json, _passed(rig, run))
 
 
 @dataclass(frozen=True)
@@ -147,15 +149,31 @@ def _rounded(run: Any) -> _Stamped:
     return _Stamped(run.t.round(12), run.measured, run.command)
 
 
-def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool) -> None:
+def _passed(rig: Plant, run: Any) -> dict[str, float]:
+    """Limits of the rig that the arm passes, with the first time [s]."""
+    found = {}
+    for name, column in (("arm_travel", 0), ("arm_speed", 2)):
+        beyond = abs(run.state[:, column]) > rig.limit(name, math.inf)
+        if beyond.any():
+            found[name] = float(run.t[beyond.argmax()])
+    return found
+
+
+def _report(output: Path, log: Any, run: Any, at: Start, as_json: bool, passed: dict[str, float]) -> None:
     from furuta_gym.simulation import FALLEN
 
+    for name, when in passed.items():
+        typer.echo(
+            f"Warning: the arm passes limits.{name} of the plant at t = {when:.3f} s. The run goes on here; on the rig "
+            "an exported controller is switched off there.",
+            err=True,
+        )
     largest = [float(abs(run.state[:, i]).max()) for i in (0, 1)]
     fell = None if run.fell is None else float(run.fell)
     if as_json:
         print_json(
             {"log": str(output), "samples": len(log), "duration_s": log.duration, "fell_at_s": fell}
-            | {"max_abs_q1": largest[0], "max_abs_q2": largest[1]}
+            | {"max_abs_q1": largest[0], "max_abs_q2": largest[1], "limits_passed_at_s": passed}
         )
         return
     typer.echo(f"{output}: {len(log)} samples over {log.duration:.4g} s at {1e3 * log.sample_time:.4g} ms")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -33,3 +34,19 @@ def test_what_scales_no_excitation_or_is_of_no_controller_is_refused(words: tupl
     use = "--excitation" if words[0] == "--amplitude" else "--controller"
     refused(furuta("simulate", "--plant", "qube", *words, "-o", tmp_path / "log.csv"), str(words[0]), f"with {use}")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_limits_of_the_plant_that_the_arm_passes_are_told(tmp_path: Path) -> None:
+    words = ("--excitation", "paper", "--duration", 4, "--json")
+    told = {}
+    for name, limits in (("none", None), ("wide", {"arm_travel": 50.0}), ("tight", {"arm_travel": 0.05})):
+        rig = QUBE.replace(limits=limits).save(tmp_path / f"{name}.json")
+        told[name] = furuta("simulate", "--plant", rig, *words, "-o", tmp_path / "log.csv")
+        assert told[name].exit_code == 0, told[name].output
+    assert json.loads(told["none"].stdout)["limits_passed_at_s"] == {}
+    assert "Warning" not in told["wide"].stderr
+    passed = json.loads(told["tight"].stdout)["limits_passed_at_s"]["arm_travel"]
+    log = read_log(tmp_path / "log.csv")
+    assert abs(log.q1[log.t < passed - 0.01]).max() < 0.06
+    assert abs(log.q1[log.t < passed + 0.02]).max() > 0.04
+    assert f"passes limits.arm_travel of the plant at t = {passed:.3f} s" in told["tight"].stderr
