@@ -15,7 +15,7 @@ from .output import print_json
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
-    from identification.validation.plant_changes import Difference
+    from identification.validation.side_by_side import Difference
 
 
 def changes_command(
@@ -26,7 +26,8 @@ def changes_command(
     """Say which parameters of two plant files differ by more than their error bars: has the rig changed?"""
     from furuta_gym.plant import Plant
     from identification.estimation.identifiability import spoken
-    from identification.validation.plant_changes import Estimated, plant_change
+    from identification.validation.plant_changes import plant_change
+    from identification.validation.side_by_side import Estimated
 
     plants = []
     for path in (before, after):
@@ -49,7 +50,7 @@ def changes_command(
     (console if console.is_terminal else Console(width=110)).print(table)
     typer.echo("deviations: the change over its standard deviation (! above 3). shows from: the least change above 3.")
     if found.unjudged:
-        typer.echo(f"Not compared, as one plant does not show it: {spoken(found.unjudged)}.")
+        typer.echo(f"Not compared (r never is, others where a plant does not show them): {spoken(found.unjudged)}.")
     typer.echo(str(found))
 
 

@@ -104,7 +104,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
         if not mine:
             continue
         seen = [str(row["certain"]).split() for row in mine]
-        names = [n for n in (*THETA_NAMES, "r") if np.mean([n in own for own in seen]) >= 0.5]
+        names = [n for n in THETA_NAMES if np.mean([n in own for own in seen]) >= 0.5]
         factor = np.mean([row["one_factor"] is not None for row in mine])
         by = ", ".join(n.replace("theta", "θ") for n in names) + ("; one factor of all θ" if factor >= 0.5 else "")
         lines.append(f"| {name} | {percent(rate(bool(row['said']) for row in mine))} | {by or '–'} |")

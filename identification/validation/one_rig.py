@@ -15,7 +15,7 @@ from ..estimation.identify import identify
 from ..logs.log import Log
 from .adequacy import ADEQUATE_BELOW, SMALL_BELOW, Adequacy
 from .gap import Gap, validate
-from .plant_changes import Estimated, factors, one_factor, one_factor_told
+from .side_by_side import Estimated, factors, one_factor, one_factor_told
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from furuta_gym.plant import TABLE_3, THETA_NAMES, Effect, Plant
+from furuta_gym.plant import EFFECTS, TABLE_3, THETA_NAMES, Effect, Plant
 from furuta_gym.plant.covariance import Covariance
 from identification.estimation.identify import identify
 from identification.validation.plant_changes import plant_change
+from identification.validation.side_by_side import _OF_A_DAY
 from tests.factories import noisy_log
 
 RELATIVE = 0.01
@@ -66,8 +67,9 @@ def test_many_small_changes_are_seen_together() -> None:
     a, b = estimated(TABLE_3.theta), estimated(TABLE_3.theta)
     assert a.covariance is not None
     values, vectors = np.linalg.eigh(a.covariance.matrix / np.outer(TABLE_3.theta, TABLE_3.theta))
-    # along the direction that is known best, where no single error bar shows it
-    moved = TABLE_3.theta * (1 + 8 * np.sqrt(2 * values[0]) * vectors[:, 0])
+    # along a direction that is known well, where no single error bar shows it, and that is no common factor
+    k = int(np.argmin(np.abs(vectors[:, :3].sum(axis=0))))
+    moved = TABLE_3.theta * (1 + 8 * np.sqrt(2 * values[k]) * vectors[:, k])
     found = plant_change(a, b.replace(theta=moved))
     assert not found.certain
     assert found.changed
@@ -150,3 +152,84 @@ def test_logs_of_two_rigs_and_of_one() -> None:
     found = plant_change(plants[1], plants[2])
     assert {"theta3", "theta4", "theta5"} <= {d.name for d in found.certain}
     assert not {"theta6", "theta7", "theta8", "theta9"} & {d.name for d in found.certain}
+
+
+def test_the_sharpness_of_friction_is_not_judged() -> None:
+    names = (*THETA_NAMES, "r")
+    sharp = [
+        TABLE_3.replace(
+            friction_sharpness=r, covariance=Covariance(names, np.diag([*(0.01 * TABLE_3.theta), 2.0]) ** 2)
+        )
+        for r in (44.0, 99.0)
+    ]
+    found = plant_change(*sharp)
+    assert found.changed is False
+    assert found.unjudged == ("r",)
+
+
+def test_one_factor_too_small_for_any_single_parameter_is_a_change() -> None:
+    found = plant_change(estimated(TABLE_3.theta), estimated(TABLE_3.theta * 1.02))
+    assert found.one_factor == pytest.approx(1.02, abs=0.01)
+    assert found.changed
+    assert "No change" not in str(found)
+
+
+def test_what_counts_from_the_zero_or_the_clock_of_a_log_is_not_judged() -> None:
+    """The arm's zero is where it stood at power-on."""
+    old, new = (
+        estimated(TABLE_3.theta, effects=(Effect("arm_spring", {"k": 0.5, "q1n": rest}),)) for rest in (0.1, 0.4)
+    )
+    found = plant_change(old, new)
+    assert found.changed is False
+    assert found.unjudged == ("arm_spring.q1n",)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_effect_of_the_arm_s_angle_or_of_time_has_parameters_of_a_day(name: str) -> None:
+    arguments = {a for own in EFFECTS[name].arguments.values() for a in own}
+    of_a_day = (arguments & {"q1", "t"}) and not EFFECTS[name].memory
+    assert bool(of_a_day) == (name in _OF_A_DAY)
+    assert set(_OF_A_DAY.get(name, ())) <= set(EFFECTS[name].parameter_names)
+
+
+def test_values_that_were_held_must_be_the_same() -> None:
+    def held(theta4: float) -> Plant:
+        plant = estimated(TABLE_3.theta * np.where(np.arange(9) == 3, theta4, 1.0))
+        assert plant.covariance is not None
+        return plant.replace(covariance=plant.covariance.without("theta4"))
+
+    found = plant_change(held(1.0), held(1.02))
+    assert found.changed is None
+    assert "other values of θ4, which no fit moved" in str(found)
+    assert plant_change(held(1.0), held(1.0)).changed is False
+
+
+def test_ripples_of_another_number_a_turn_are_not_compared() -> None:
+    ripples = (Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.3}) for n in (7, 11))
+    plants = [estimated(TABLE_3.theta, effects=(ripple,)) for ripple in ripples]
+    plants = [p.replace(covariance=p.covariance.without("arm_ripple.n")) for p in plants]
+    assert plant_change(*plants).held == ("arm_ripple.n",)
+
+
+def test_a_covariance_may_name_an_effect_that_was_taken_out() -> None:
+    plant = estimated(TABLE_3.theta, effects=(Effect("arm_spring", {"k": 0.5, "q1n": 0.1}),)).replace(effects=())
+    assert plant_change(plant, plant).changed is False
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "shared"),
+    [
+        ({}, {}, True),
+        ({"cut_s": [[0.0, 10.0]], "duration_s": 10.0}, {"cut_s": [[10.0, 20.0]], "duration_s": 10.0}, False),
+        ({"cut_s": [[0.0, 10.0]], "duration_s": 10.0}, {"cut_s": [[12.0, 20.0]], "duration_s": 12.0}, True),
+        ({"cut_s": [[0.0, 10.0], [15.0, 16.0]], "duration_s": 10.0}, {"stretches_s": [[15.2, 15.8]]}, False),
+        ({"skipped_s": 5.0, "duration_s": 15.0}, {"stretches_s": [[0.0, 2.0], [3.0, 5.0]]}, False),
+        ({"skipped_s": 5.0, "duration_s": 15.0}, {"stretches_s": [[0.0, 2.0], [3.0, 5.5]]}, True),
+    ],
+)
+def test_two_parts_of_a_log_may_be_compared(one: dict, other: dict, shared: bool) -> None:
+    plants = []
+    for part in (one, other):
+        entry = {"source": "a.csv", "sha256": "a", **part}
+        plants.append(estimated(TABLE_3.theta).replace(provenance={"logs": [entry]}))
+    assert bool(plant_change(*plants).shared_logs) is shared
