@@ -148,9 +148,8 @@ def _held(before: Plant, after: Plant, estimated: set[str]) -> tuple[str, ...]:
     p, q = before.packed().p, after.packed().p
     of_r = {"r1", "r2"} if estimated & {*SHARPNESS_NAMES} else set()
     both = [n for n in before.layout.names if n in after.layout.names and n not in {*estimated, *of_r}]
-    return tuple(
-        n for n in both if not np.isclose(p[before.layout.row(n)], q[after.layout.row(n)], rtol=1e-9, atol=0.0)
-    )
+    values = ((p[before.layout.row(n)], q[after.layout.row(n)]) for n in both)
+    return tuple(n for n, (x, y) in zip(both, values, strict=True) if not math.isclose(x, y))
 
 
 def _shared_logs(before: Plant, after: Plant) -> tuple[str, ...]:

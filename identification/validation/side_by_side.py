@@ -147,9 +147,9 @@ def factors(first: Estimated, others: Sequence[Estimated], names: Collection[str
         for name in first.names:
             if name in first.lost | other.lost or name not in other.names or name not in names:
                 continue
-            difference = difference(first, other, name)
-            factor = difference.factor
-            if factor is None or not difference.certain:
+            between = difference(first, other, name)
+            factor = between.factor
+            if factor is None or not between.certain:
                 continue
             if name not in found or abs(math.log(factor)) > abs(math.log(found[name])):
                 found[name] = factor
