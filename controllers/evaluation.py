@@ -8,7 +8,7 @@ from typing import Any
 from furuta_gym.plant import Plant
 from furuta_gym.processes import worker_options
 from furuta_gym.sensors import Sensors
-from furuta_gym.simulation import DEFAULT_SAMPLE_TIME
+from furuta_gym.simulation import DEFAULT_SAMPLE_TIME, same_clock
 
 from .base import Controller, DesignError
 from .comparison import Comparison
@@ -124,7 +124,7 @@ def _build(
     for given in controllers:
         if isinstance(given, Controller) or (callable(given) and not isinstance(given, str)):
             name, policy = str(getattr(given, "name", type(given).__name__)), given
-            if isinstance(given, Controller) and abs(given.sample_time - sample_time) > 1e-9:
+            if isinstance(given, Controller) and not same_clock(given.sample_time, sample_time):
                 raise ValueError(
                     f"{name} is made for {given.sample_time:g} s and the trials sample every {sample_time:g} s; "
                     f"make it for {sample_time:g} s, or pass sample_time={given.sample_time:g}"

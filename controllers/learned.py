@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.arguments import ArgumentError
-from furuta_gym.envs.options import SAMPLE_TIME, SPEED_LIMIT, TASKS, Options
+from furuta_gym.envs.options import SAMPLE_TIME, SHORTEST_SAMPLE, SPEED_LIMIT, TASKS, Options
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
-from furuta_gym.simulation import period_of
+from furuta_gym.simulation import period_of, same_clock
 
 from .base import Controller, Reference
 from .design import choose_sensors
@@ -127,7 +127,7 @@ def _period(env: Mapping[str, Any], plant: Plant) -> float:
 def _clock(plant: Plant, trained: float) -> float:
     """The plant's sample time, on every n-th of which the policy acts; its own period where that does not fit."""
     T = plant.sample_time or trained
-    return T if abs(max(1, round(trained / T)) * T - trained) < 1e-9 else trained
+    return T if same_clock(max(1, round(trained / T)) * T, trained) else trained
 
 
 def load_policy(
@@ -158,7 +158,7 @@ def load_policy(
     trained = _period(env, plant)
     T = _clock(plant, trained) if sample_time is None else period_of(sample_time)
     every = max(1, round(trained / T))
-    if abs(every * T - trained) > 1e-9:
+    if not same_clock(every * T, trained):
         if env.get("sample_time") is None:
             mend = f"Give --sample-time {trained:g} (sample_time in Python), or train it again by `furuta train`"
             if from_stable_baselines3(path):
@@ -230,7 +230,7 @@ def load_to_export(
             stacklevel=2,
         )
     period = controller.every * controller.sample_time
-    if sample_time is not None and abs(period_of(sample_time) - period) > 1e-9:
+    if sample_time is not None and not same_clock(period_of(sample_time), period):
         fault = f"expected {period:g} s, at which this policy acts, or no sample time"
         raise ArgumentError("sample_time", f"{sample_time:g}", fault)
     return controller
@@ -249,7 +249,8 @@ def _check_actions(path: Path, largest: float, normalized: bool | None, u_max: f
         )
 
 
-_RANGES = {"sample_time": (1e-4, 1.0), "velocity_cutoff": (1e-3, 1e6), "arm_limit": (0.01, 1e3)}
+# as the env and the plant file have them
+_RANGES = {"sample_time": (SHORTEST_SAMPLE, 1.0), "velocity_cutoff": (1e-12, 1e12), "arm_limit": (1e-12, 1e9)}
 
 
 def _settings(path: Path, record: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

@@ -41,8 +41,8 @@ def region_of_attraction(
     """Estimate the region in which `controller` balances `plant`, torque limits, encoders and friction included.
 
     V = xᵀ P x is the cost of the continuous LQR, a Lyapunov function of the linear loop. `tries` random starts with
-    q1 = 0, spread over the levels up to |q2| = `widest` [rad], run for ten times the pendulum's pace; the level is
-    nine tenths of the lowest from which one failed. Raises DesignError if even the smallest fail.
+    q1 = 0, spread over the levels up to |q2| = `widest` [rad], run for 30/ω with the pendulum's ω = √(θ5/θ4); the level
+    is nine tenths of the lowest from which one failed. Raises DesignError if even the smallest fail.
     """
     import control
 

@@ -26,10 +26,11 @@ def never_met(record: Mapping[str, Any], plant: Plant) -> list[str]:
     kept = {
         "arm_travel": env.get("arm_limit") or limits.get("arm_travel") or 2 * math.pi,
         "arm_speed": limits.get("arm_speed") or math.inf,
-        "supply": 0.0 if "u_max" in drawn else limits.get("supply") or rig.get("u_max") or math.inf,
+        "slew": limits.get("slew") or math.inf,
+        "supply": 0.0 if "u_max" in drawn else min(limits.get("supply") or math.inf, rig.get("u_max") or math.inf),
     }
     for name, trained in kept.items():
-        own = plant.limit(name, math.inf)
+        own = plant.supply if name == "supply" else plant.limit(name, math.inf)
         if own < (1.0 - _SAME) * float(trained):
             said = f"{float(trained):g}" if math.isfinite(float(trained)) else "no limit"
             found.append(f"{name} of {own:g} ({said} there)")

@@ -12,6 +12,7 @@ from furuta_gym.envs.options import TASKS, Options, Setup
 from furuta_gym.envs.ranges import as_mapping, never_drawn
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
+from furuta_gym.simulation import same_clock
 
 from .curriculum import Curriculum
 from .recipes import EPISODE, RECIPES, RECURRENT, Recipe, recipe, training_period
@@ -80,7 +81,7 @@ class Training:
         if self.curriculum is not None and not self.setup.random.active:
             raise ValueError("a curriculum widens ranges, and nothing is drawn; say what to draw with --randomize")
         clock, period = self.plant.sample_time, self.setup.sample_time
-        if clock is not None and abs(max(1, round(period / clock)) * clock - period) > 1e-9:
+        if clock is not None and not same_clock(max(1, round(period / clock)) * clock, period):
             raise ValueError(
                 f"sample_time {period:g} s is no multiple of the plant's {clock:g} s, so the rig cannot play the "
                 f"policy; choose a multiple, such as {training_period(self.plant, None):g}"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.arguments import ArgumentError
+from furuta_gym.envs.options import SAMPLE_TIME
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
 from furuta_gym.plant.advance import advance
@@ -129,7 +130,8 @@ def plants_off_by(share: float, plant: Plant, n: int, rng: np.random.Generator) 
 
 def built_plants(share: float, plant: Plant, n: int, seed: int) -> list[Plant]:
     """n rigs that could be built: masses, lengths, inertias, frictions and gain each off by up to `share`."""
-    batch = FurutaVectorEnv(n, plant, "swing_up", randomize={"theta": f"physical:{share:g}"})
+    # of the env's own clock: what is drawn does not depend on it, and a plant may be sampled faster than an env can be
+    batch = FurutaVectorEnv(n, plant, "swing_up", sample_time=SAMPLE_TIME, randomize={"theta": f"physical:{share:g}"})
     batch.reset(seed=seed + BUILT_SEED)
     return batch.plants()
 

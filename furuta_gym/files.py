@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import re
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
@@ -116,13 +117,13 @@ def sync_folder(folder: Path) -> None:
 
 
 def temporary_name(path: Path, kind: str = "new") -> Path:
-    """A name beside `path` on the same file system, that tells who writes there."""
-    return path.with_name(f".{path.name}.{_host()}-{os.getpid()}.{kind}")
+    """A name beside `path` on the same file system, that tells who writes there: another one for each thread."""
+    return path.with_name(f".{path.name}.{_host()}-{os.getpid()}-{threading.get_ident()}.{kind}")
 
 
 def stale(path: Path, kind: str = "new") -> list[Path]:
     """What processes of this machine that are gone left beside `path` under `temporary_name`."""
-    pattern = re.compile(rf"\.{re.escape(path.name)}\.{re.escape(_host())}-(\d+)\.{kind}")
+    pattern = re.compile(rf"\.{re.escape(path.name)}\.{re.escape(_host())}-(\d+)-\d+\.{kind}")
     found = []
     with suppress(OSError):
         for entry in os.scandir(path.parent):

@@ -107,12 +107,17 @@ class _OpenLoop:
         return float(value)
 
 
-def check_clock(policy: Any, sample_time: float) -> None:
-    """Raises ValueError where a controller is made for another sample time [s] than it is to be played at.
+def same_clock(one: float, other: float) -> bool:
+    """Whether two sample times [s] are the same: within 0.1 %, as a clock that was read from stamps carries their
+    rounding."""
+    return abs(one - other) <= 1e-3 * other
 
-    Within 0.1 % they are the same: a clock that was read from stamps carries their rounding."""
+
+def check_clock(policy: Any, sample_time: float) -> None:
+    """Raises ValueError where a controller is made for another sample time [s] than it is to be played at (see
+    `same_clock`)."""
     own = getattr(policy, "sample_time", None)
-    if own is not None and abs(own - sample_time) > 1e-3 * sample_time:
+    if own is not None and not same_clock(own, sample_time):
         raise ValueError(
             f"{getattr(policy, 'name', 'the controller')} is made for a sample time of {own:g} s and is to be played "
             f"at {sample_time:g} s. Make it for {sample_time:g} s, or play it at its own"

@@ -65,8 +65,7 @@ static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {rea
 {{
     {real} u;
     if (s->off != {P}_ON) return {zero};
-    if (s->good > 0) s->since += 1;
-    if (!({prefix}_within(q1, {far}) && {prefix}_within(q2, {far}) && {prefix}_within(reference, {far}))
+{clock}    if (!({prefix}_within(q1, {far}) && {prefix}_within(q2, {far}) && {prefix}_within(reference, {far}))
         || (s->good > 0 && !({prefix}_within(q1 - s->q1, {jump}) && {prefix}_within(q2 - s->q2, {jump})))) {{
         s->u = {zero};
         if (s->missed < {bad}) s->missed += 1;
@@ -100,8 +99,9 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
     """
     e, T, P = envelope, sample_time, prefix.upper()
     ramp = math.ceil(e.soft_start / T)
-    speed = tilt = held = soft = slew = ""
+    clock = speed = tilt = held = soft = slew = ""
     if e.arm_speed < math.inf:
+        clock = "    if (s->good > 0) s->since += 1;\n"
         speed = (
             f"    if (s->good > 0 && !{prefix}_within(q1 - s->from, {number(e.arm_speed * T)} * ({real})s->since"
             f" + {number(e.resolution)}))\n        return {prefix}_latch(s, {P}_SPEED);\n"
@@ -140,8 +140,8 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
     if watched:
         held_text = f"the arm's reading stood, {e.held:g} s of it beyond a command of {e.breakaway:.3g}: unplugged?"
     return _C.format(
-        prefix=prefix, P=P, real=real, bad=e.bad_readings, ramp=ramp, speed=speed, tilt=tilt, held=held, soft=soft,
-        slew=slew, jump=number(JUMP),
+        prefix=prefix, P=P, real=real, bad=e.bad_readings, ramp=ramp, clock=clock, speed=speed, tilt=tilt, held=held,
+        soft=soft, slew=slew, jump=number(JUMP),
         zero=number(0.0), far=number(FARTHEST), arm=number(min(e.arm_travel, FARTHEST)), u_max=number(e.u_max),
         large=number(LARGEST), arm_text=text(e.arm_travel, "rad"), speed_text=text(e.arm_speed, "rad/s"),
         tilt_text=text(e.tilt, "rad"), count_text=count, held_text=held_text,

@@ -139,7 +139,7 @@ def policy_c_header(
         task=controller.tasks[-1],
         unit=controller.unit,
         guard=prefix.upper() + "_H",
-        columns=columns_note(controller.plant) + limits_note(controller.plant),
+        columns=columns_note(controller.plant) + limits_note(controller.plant, envelope),
         **names,
     )
     arrays = [_array("scale", network.scale)]

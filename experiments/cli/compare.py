@@ -62,6 +62,7 @@ def compare_command(
     from controllers.film import require_film
     from controllers.linear import LinearController
     from controllers.plots import draw_comparison
+    from furuta_gym.envs.options import SHORTEST_SAMPLE
     from furuta_gym.plant import Plant
 
     from .whole import whole_folder
@@ -71,6 +72,8 @@ def compare_command(
         check_groups(chosen)
     if gif:
         require_film()
+        if choose_sample_time(Plant.resolve(plant), sample_time) < SHORTEST_SAMPLE:
+            raise ValueError(f"--gif: a film needs a sample time of {SHORTEST_SAMPLE:g} s at least; give --sample-time")
     check_folder(output)
     with (
         whole_folder(output, [*(f"comparison_{group}.png" for group in GROUPS), *_old_films(output)]) as folder,

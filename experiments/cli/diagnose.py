@@ -169,7 +169,6 @@ def diagnose_command(
 
 def _evidence(x: Examination) -> list[str]:
     """Where the model fails, what the gap does, and what to do next, a line each."""
-    from identification.validation.adequacy import Adequacy
 
     if x.diagnosis.plant is None:
         nothing = f"where and gap are not known, and there is no plant.json: {x.remarks['gap']}"
@@ -183,7 +182,7 @@ def _evidence(x: Examination) -> list[str]:
         if resting := x.gap.after.at_rest:
             lines.append(f"in doubt: {resting}")
         if x.gap.changed:
-            adequate = x.gap.before.judgement.adequacy is Adequacy.ADEQUATE
+            adequate = x.gap.before.at_the_floor
             closed = "not defined, the error was at the floor before" if adequate else x.gap.closed
             lines.append(f"closed share: {closed}; log-likelihood there: {x.gap.likelier:+.0f} nats")
     elif "gap" in x.remarks:

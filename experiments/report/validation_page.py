@@ -42,7 +42,7 @@ _SAID = {
 
 def adequacy(gap: Gap) -> Said:
     """What the error over the noise floor says of a plant."""
-    return _SAID[Adequacy.UNKNOWN if gap.says_little else gap.judgement.adequacy]
+    return _SAID[gap.judgement.adequacy]
 
 
 def validation_page(
@@ -100,7 +100,7 @@ def facts(gap: Gap) -> tuple[Fact, ...]:
 
 def doubts_of(gap: Gap) -> tuple[str, ...]:
     """What to doubt where the noise floor cannot be trusted."""
-    said = [gap.verdict] if gap.judgement.floor_in_doubt or gap.says_little else []
+    said = [gap.verdict] if gap.judgement.floor_in_doubt else []
     said += [gap.at_rest] if gap.at_rest and not gap.says_little else []
     return tuple(f"{doubt[:1].upper()}{doubt[1:]}." for doubt in said)
 

@@ -175,12 +175,13 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         check_time_limit(self.spec, self.setup.longest, taken=int(self._lanes[k.STEPS, 0]) if self._ready else 0)
-        super().reset(seed=seed)
+        start = start_state(options, self.setup)
+        super().reset(seed=seed)  # after that: a reset that is refused changes nothing
         if seed is not None or not self._seeded:
             self._stream[0] = start_stream(self.np_random)
             self._seeded = True
         observation, state, measured = np.empty(self._size, np.float32), np.empty(4), np.empty(4)
-        _reset_one(*self._reset_arguments, start_state(options, self.setup), observation, state, measured)
+        _reset_one(*self._reset_arguments, start, observation, state, measured)
         self._ready = True
         info: dict[str, Any] = {"state": state, "measured_state": measured, "command": 0.0}
         if self.setup.random.active:

@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ REWARDS = ("smooth", "tolerant")
 REWARD_WEIGHTS: dict[str, float] = {"centred": 0.5, "calm": 0.5, "sparing": 0.25, "gentle": 0.0}
 """What each factor of the reward can take away, unless `reward_weights` says otherwise."""
 SAMPLE_TIME = 0.01  # s, where the plant has none of its own
+SHORTEST_SAMPLE = 1e-4
+"""Shortest sample time [s] of an env."""
 SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
 PUSH_RATE = 0.5  # 1/s, of pushes whose rate is not drawn
 _FEWEST_SUBSTEPS = 2
@@ -97,7 +100,7 @@ class Options:
         _check("jitter", self.jitter, 0.0, 0.3, "share of the sample time")
         for name, low, high, unit in (
             ("arm_limit", 0.01, 1e3, "rad"),
-            ("action_time", 1e-4, 1.0, "s"),
+            ("action_time", SHORTEST_SAMPLE, 1.0, "s"),
             ("time_limit", 1e-3, 1e6, "s"),
         ):
             if getattr(self, name) is not None:
@@ -106,7 +109,7 @@ class Options:
         _check("arm_margin", self.arm_margin, 0.0, 1e3, "rad")
         _check("longest_step", self.longest_step, 1e-5, 0.05, "s")
         if self.sample_time is not None:
-            _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
+            _check("sample_time", self.sample_time, SHORTEST_SAMPLE, 1.0, "s")
         if self.pendulum_limit is not None:
             _check("pendulum_limit", self.pendulum_limit, 0.01, 1e3, "rad")
         if not isinstance(self.effect_probabilities, Mapping):
@@ -125,11 +128,7 @@ def _check_weights(given: Any) -> None:
 
 
 def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
-    try:
-        ok = low <= float(value) <= high
-    except (TypeError, ValueError):
-        ok = False
-    if not ok:
+    if not (isinstance(value, Real) and not isinstance(value, bool) and low <= float(value) <= high):
         raise ValueError(f"{name} must lie in [{low:g}, {high:g}] {unit}".rstrip() + f", got {value!r}")
 
 
@@ -168,7 +167,7 @@ class Setup:
         self.options = options
         plant = Plant.resolve(options.plant)
         self.sample_time = float(options.sample_time or plant.sample_time or SAMPLE_TIME)
-        _check("sample_time", self.sample_time, 1e-4, 1.0, "s")
+        _check("sample_time", self.sample_time, SHORTEST_SAMPLE, 1.0, "s")
         drawn = draws(options.randomize, plant)
         _check_once(options, drawn)
         self.draws = drawn = replace(drawn, chances={**drawn.chances, **options.effect_probabilities})

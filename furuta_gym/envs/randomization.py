@@ -1,8 +1,8 @@
 """Plants drawn at each reset: from the covariance of their parameters, and effects switched on by chance.
 
 A draw is a column of P (see `plant.integration`). `Randomization` turns a plant's covariance and the effects'
-probabilities into tables, and `draws.draw_parameters` is the compiled twin of `Covariance.draw`: the same normal
-distribution, truncated in the same way, drawn from the env's own stream.
+probabilities into tables, and `draws.draw_parameters` is the compiled twin of `sampling.sampled_plants`: the same
+normal distribution, truncated in the same way, drawn from the env's own stream.
 """
 
 import itertools

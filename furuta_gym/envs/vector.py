@@ -86,7 +86,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
         self.observation_space = batch_space(setup.observation_space, self.num_envs)
         self.action_space = batch_space(setup.action_space, self.num_envs)
         self._limit = math.inf if max_episode_steps is None else float(max_episode_steps)
-        self._max_steps = min(self._limit, setup.longest)
+        self._max_steps = float(min(self._limit, setup.longest))  # of one type, or the kernel is compiled twice
         if threads is not None and not _at_least_one(threads):
             raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
         self._threads = cores() if threads is None else int(threads)
@@ -113,10 +113,10 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         check_time_limit(self.spec, self.setup.longest, self._limit)
         mask = _reset_mask(options, self.num_envs)
-        self._seed(seed, mask)
         state = start_state(options, self.setup, (self.num_envs, 4), ("state", "reset_mask"))
         if not self._ready and not mask.all():
             raise ResetNeeded("the first reset() must reset every environment")
+        self._seed(seed, mask)  # last: a reset that is refused changes nothing
         out = self._arrays()
         reset_batch(*self._shared, *self._tables, mask, state, *out)
         self._ready = True

@@ -8,6 +8,7 @@ files import the edited one, directly or not, and no others.
 
 import hashlib
 import re
+import threading
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +22,7 @@ from numba.extending import intrinsic
 from furuta_gym.cache_folder import cache_root, note_compilation
 
 _FURUTA_GYM = Path(__file__).parents[1]
+_CONFIGURED = threading.RLock()  # numba's configuration is of the process, and modules are loaded by several threads
 
 
 class _Listener(event.Listener):
@@ -106,16 +108,17 @@ def compiled(
     """
     if function is None:
         return lambda f: compiled(f, apart=apart, borrows=borrows, **options)
-    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    root = None if before else cache_root()
-    if root:
-        numba.config.CACHE_DIR = str(root / source_hash(Path(function.__code__.co_filename)))  # type: ignore[attr-defined]
-    try:
-        settings: Any = {"error_model": "numpy", "cache": bool(before or root)} | options
-        settings |= ({"pipeline_class": _Apart} if apart else {}) | ({"_nrt": False} if borrows else {})
-        return numba.njit(**settings)(function)
-    finally:
-        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+    with _CONFIGURED:
+        before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+        root = Path(before) if before else cache_root()
+        if root:
+            numba.config.CACHE_DIR = str(root / source_hash(Path(function.__code__.co_filename)))  # type: ignore[attr-defined]
+        try:
+            settings: Any = {"error_model": "numpy", "cache": bool(root)} | options
+            settings |= ({"pipeline_class": _Apart} if apart else {}) | ({"_nrt": False} if borrows else {})
+            return numba.njit(**settings)(function)
+        finally:
+            numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 def instruction(function: Callable[..., Any]) -> Any:

@@ -13,7 +13,6 @@ from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..estimation.zeros import moved
 from ..kalman.noise import LostLog
-from ..validation.adequacy import Adequacy
 from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
@@ -44,14 +43,14 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
     if _sharpness_alone(diagnosis):
-        if gap.before.judgement.adequacy is Adequacy.ADEQUATE:
+        if gap.before.at_the_floor:
             told = sentences.only_sharpness(gap.before.ratio_to_floor)
             without = _with_free_sharpness(diagnosis, held, gap, told)
             if not without.leftover:
                 return without
         elif (fitted := _with_usual_sharpness(diagnosis, held, gap)) is not None:
             return fitted
-    if not diagnosis.leftover and _of_no_size(diagnosis) and gap.before.judgement.adequacy is Adequacy.ADEQUATE:
+    if not diagnosis.leftover and _of_no_size(diagnosis) and gap.before.at_the_floor:
         told = sentences.of_no_size([suspect.name for suspect in diagnosis.named], gap.before.ratio_to_floor)
         without = _with_nothing(diagnosis, diagnosis.before, held, held.change(gap.before, gap.before), told)
         if not without.leftover:

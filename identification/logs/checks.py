@@ -14,6 +14,7 @@ from furuta_gym.arguments import ArgumentError
 
 from .encoders import counted_in_turns, encoder_step, is_decimal, moves_by
 from .gaps import gaps
+from .turns import continuous
 
 MIN_SAMPLES = 50
 """Shortest log that a file may hold; a tenth of a second at 500 Hz tells nothing about a pendulum."""
@@ -34,7 +35,8 @@ _ALL_BUT = 0.98  # of the distances between changes
 _FASTEST = 1e-6  # s between samples; faster is no rig's computer
 _DAY = 86400.0  # s
 _LARGEST_COMMAND = 1e6
-_MAX_SPEED = 60.0  # rad/s; a pendulum of 5 cm that falls from upright reaches about 30
+MAX_SPEED = 60.0
+"""Of an angle [rad/s]; a pendulum of 5 cm that falls from upright reaches about 30."""
 
 
 class LogError(ValueError):
@@ -231,8 +233,8 @@ def check_angle_unit(
         )
         return True
     if unit == "rad":
-        speed = float(np.quantile(np.abs(np.diff(raw)) / np.diff(t), 0.99))
-        if (step is not None and step > _MAX_STEP_RAD) or ((step is None or is_decimal(step)) and speed > _MAX_SPEED):
+        speed = float(np.quantile(np.abs(np.diff(continuous(raw))) / np.diff(t), 0.99))
+        if (step is not None and step > _MAX_STEP_RAD) or ((step is None or is_decimal(step)) and speed > MAX_SPEED):
             seen = f"moves in steps of {step:.3g}" if step is not None else f"reaches a speed of {speed:.3g} /s"
             warn(f"{name}: {column} {seen}, which looks like degrees, but radians were declared. If so: --unit deg.")
             return True

@@ -14,6 +14,7 @@ import numpy as np
 
 from . import checks as log_checks
 from .checks import LogArgumentError, LogError
+from .gaps import evened
 from .jumps import warn_about_jumps
 from .said import (
     COLUMNS,
@@ -93,6 +94,12 @@ def map_table(
     first = first_stamp(raw["t"], factor)
     t = (raw["t"] - first) * factor
     log_checks.check_clock(name, t, table.where)
+    if (even := evened(t)) is not t:
+        log_checks.warn(
+            f"{name}: {names['t']} is rounded to {1e3 * float(np.ptp(np.diff(t))):.3g} ms. Within that it is an even "
+            f"clock of {1e3 * float(even[1] - even[0]):.6g} ms, which is taken. Write the stamps with more digits."
+        )
+        t = even
     log_checks.check_length(name, len(t))
     log_checks.check_command(name, raw["u"], constant_command)
 

@@ -7,14 +7,12 @@ from numpy.typing import NDArray
 
 from .checks import LogError, warn
 from .gaps import gaps
-from .said import RADIANS
 
 Array = NDArray[np.float64]
 
 _TURN = 2.0 * np.pi
 _BITS = (16, 24, 32)  # of counters; what fewer bits hold is less than a turn of most encoders
 _STANDS_OUT = 10.0  # times the largest other step
-_WHOLE_TURN = 0.9  # of a turn, spanned by an angle that was wrapped
 _PLAIN = 0.3  # rad, a step that no wrong guess leaves by chance
 
 
@@ -50,23 +48,6 @@ def unwrap(name: str, column: str, t: Array, q: Array, counts: float | None = No
         "angles are in another unit (--unit), mend that instead."
     )
     return unwrapped
-
-
-def continuous(values: Array, counts: tuple[float, ...] = ()) -> Array:
-    """A column without the jumps of a wrapped angle, whose unit need not be known: a turn in a usual one or `counts`.
-
-    A column that holds less or more than a turn, or whose steps are large without the jumps too, is left as it is.
-    """
-    steps = np.abs(np.diff(values))
-    span = float(np.ptp(values)) if len(values) else 0.0
-    if not np.any(steps > 0.5 * span):
-        return values
-    for turn in (*(_TURN / radians for radians in RADIANS.values()), *counts):
-        if _WHOLE_TURN * turn < span <= turn * (1.0 + 1e-6):
-            unwrapped = np.asarray(np.unwrap(values, period=turn))
-            if np.max(np.abs(np.diff(unwrapped))) < turn / 4.0:
-                return unwrapped
-    return values
 
 
 def _period(jumps: Array, usual: float, counts: float | None) -> float:

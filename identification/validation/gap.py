@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -121,6 +121,7 @@ class Gap:
             "rms_counts_q1": float(counts[0]) if self.counts[0] > 0 else None,
             "rms_counts_q2": float(counts[1]) if self.counts[1] > 0 else None,
             "windows": len(self.errors),
+            "adequacy": self.judgement.adequacy.value,
             "floor": "spread of repeated runs" if self.repeats else "reading and torque noise",
             "repeats_differ": self.differ,
             "zeros": {f"log {i + 1}": list(zeros) for i, zeros in self.zeros.items()},
@@ -189,6 +190,17 @@ class Gap:
     @property
     def judgement(self) -> Judgement:
         """Whether the plant is adequate on these logs."""
+        judged = self._by_size
+        return replace(judged, adequacy=Adequacy.UNKNOWN) if self.says_little else judged
+
+    @property
+    def at_the_floor(self) -> bool:
+        """Whether the error is that of an adequate plant, also where an angle rests and the floor is not to be
+        trusted."""
+        return self._by_size.adequacy is Adequacy.ADEQUATE
+
+    @property
+    def _by_size(self) -> Judgement:
         return Judgement.of(self.ratio_to_floor, float(self.torque_share.max()))
 
     @property

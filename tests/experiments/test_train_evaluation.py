@@ -62,6 +62,7 @@ def test_an_evaluation_lets_a_policy_remember() -> None:
         going &= ~(terminated | truncated)
     assert found[0] == found[1]
     assert found[0].mean == pytest.approx(total.mean(), rel=1e-12)
+    assert found[0].worst == pytest.approx(total.min(), rel=1e-12)  # 5 % of eight are one
     other = evaluation(replace(network, cells=replace(network.cells, r=0 * network.cells.r)), rigs, 0, 0, 1.0)
     assert other.mean != found[0].mean
 

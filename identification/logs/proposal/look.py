@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .. import checks
+from ..gaps import evened
 from ..rig_mapping import RigMapping
-from ..said import ANGLE_UNITS, RADIANS, SECONDS, parse_counts, parse_zero, seconds_of
+from ..said import ANGLE_UNITS, COLUMNS, RADIANS, SECONDS, parse_counts, parse_zero, seconds_of
 from ..signs import Signs
 from ..table import Table
 from .columns import Choice, angle_candidates, named, numeric
@@ -28,7 +29,8 @@ class Look:
         self.table, self.given, self.policy, self.assumed = table, given, policy, assumed
         self.numbers = numeric(table)
         dated = [name for name, values in table.columns.items() if values.dtype.kind in "Mm"]
-        self.choices = named(self.numbers, given.columns, dated)
+        own = {ours: ours for ours in COLUMNS if assumed and ours in self.numbers}
+        self.choices = named(self.numbers, own | given.columns, dated)
         self.found: list[Problem] = []
         self.time = self._time()
         self.factor = seconds_of(self.time.believed(self.said("time_unit")) or "s")
@@ -36,7 +38,7 @@ class Look:
             self.factor = 1.0
         time = self.choices["t"].column
         stamps = self.numbers[time] if time else np.arange(0.0)
-        self.t = (stamps - stamps[0]) * self.factor if len(stamps) else stamps
+        self.t = evened((stamps - stamps[0]) * self.factor) if len(stamps) else stamps
         self.known_counts = self._known_counts()
         self.motion = Motion(self.t, {c: v for c, v in self.numbers.items() if c != time}, policy, self.known_counts)
         self._columns_by_motion()

@@ -22,7 +22,7 @@ from ..signs import (
     smoothed,
     smoothed_command,
 )
-from ..wrapping import continuous
+from ..turns import continuous
 from .policy import ProposalPolicy
 from .same_gain import Driven
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..checks import MAX_SPEED
 from ..signs import TRUSTED_R2
 
 
@@ -28,7 +29,7 @@ class ProposalPolicy:
     swapped: float = _rule(0.34, "the same for other columns than those that the names say")
     finest: float = _rule(2.2e-4, "rad an encoder's step: 28 600 counts, more are not built into such rigs")
     coarsest: float = _rule(0.02, "rad an encoder's step: 314 counts, fewer are not either")
-    fastest: float = _rule(60.0, "rad/s; a pendulum of 5 cm that falls from upright reaches about 30")
+    fastest: float = _rule(MAX_SPEED, "rad/s; a pendulum of 5 cm that falls from upright reaches about 30")
     too_still: float = _rule(3.0, "degrees of both angles; a log that moves less tells nothing, so it is in rad")
     zero: float = _rule(25.0, "degrees from upright or hanging, beyond which a zero is neither")
     same_rig: float = _rule(1.6, "ratio of gravity or coupling between logs, beyond which they are of two rigs")

@@ -10,6 +10,7 @@ import numpy as np
 from ..encoders import counted_in_turns, encoder_step, is_decimal, moves_by
 from ..said import ANGLE_UNITS, RADIANS, SECONDS
 from ..table import Table
+from ..turns import continuous
 from ..vocabulary import fits, is_current, unit_in, unit_of, words
 from .motion import Motion, Pair
 from .policy import ProposalPolicy
@@ -127,7 +128,7 @@ def excluded(
             )
     if (step is None or rounded) and len(t) > 1:
         with np.errstate(divide="ignore", invalid="ignore"):
-            speeds = np.abs(np.diff(values) / np.diff(t))
+            speeds = np.abs(np.diff(continuous(values, (counts,) if counts else ())) / np.diff(t))
         speed = float(np.quantile(speeds[~np.isnan(speeds)], 0.99)) if not np.isnan(speeds).all() else 0.0
         if speed > policy.fastest:
             out["rad"] = f"it turns at {speed:.3g} rad/s if it were in rad"

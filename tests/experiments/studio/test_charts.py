@@ -50,6 +50,20 @@ def test_text_of_the_style_sheet_stands_out() -> None:
             assert contrast(found[1], ground) >= 4.5, rule[0]
 
 
+def test_text_of_both_themes_stands_out() -> None:
+    themes = [
+        dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", body))
+        for body in re.findall(r"^body(?:\.body--dark)? \{ (--[^}]*)\}", STYLE, re.MULTILINE)
+    ]
+    used = set(re.findall(r"(?<![-\w])color:\s*var\(--([\w-]+)\)", STYLE))
+    assert len(themes) == 2
+    assert {"ink", "quiet"} <= used
+    for theme in themes:
+        for ink in sorted(used):
+            for ground in ("ground", "paper", "bad-ground"):
+                assert contrast(theme[ink], theme[ground]) >= 4.5, (ink, ground)
+
+
 @pytest.mark.parametrize(
     "option",
     [

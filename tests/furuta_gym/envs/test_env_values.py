@@ -58,6 +58,9 @@ def test_drawn_sharpness_shortens_the_step():
     sharp = QUBE.replace(covariance=Covariance(("r",), np.array([[100.0**2]])))
     assert FurutaEnv(sharp, randomize=True).setup.numbers is not None
     steps = [FurutaEnv(sharp, randomize=drawn).setup._substeps() for drawn in (False, True)]
+    # two standard deviations above the plant's own
+    as_sharp = FurutaEnv(QUBE.replace(friction_sharpness=QUBE.sharpness[0] + 200.0)).setup._substeps()
+    assert steps == [FurutaEnv(QUBE).setup._substeps(), as_sharp]
     assert steps[1] > steps[0]
 
 

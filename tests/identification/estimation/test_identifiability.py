@@ -27,6 +27,17 @@ def _judged(log: Log, relative: dict[str, float], names: tuple[str, ...] = THETA
     return judge(names, values, np.diag(std**-2.0), Motion.of([log]), std)
 
 
+@pytest.mark.parametrize(
+    ("share", "level"), [(0.29, "good"), (0.31, "weak"), (0.99, "weak"), (1.01, "not identifiable")]
+)
+def test_levels_begin_where_the_manual_says(log: Log, share: float, level: str) -> None:
+    """docs/how-to/verdicts.md: weak from 30 %, not identified from 100 %."""
+    found = _judged(log, {"theta1": share})
+    assert found.level == level
+    assert found.weak == (("theta1",) if level == "weak" else ())
+    assert found.unidentified == (("theta1",) if level == "not identifiable" else ())
+
+
 def test_frictions_of_a_row_without_a_scale_are_not_identified(log: Log) -> None:
     """At its bound a friction has a tiny error bar, and it is as unknown as the scale that it shares."""
     found = _judged(log, dict.fromkeys(("theta3", "theta4", "theta5"), 5.0))

@@ -10,8 +10,8 @@ from identification.logs.proposal import Confidence, propose
 from identification.logs.rig_mapping import RigMapping
 from identification.logs.signs import longest_piece
 from identification.logs.table import Table
+from identification.logs.turns import continuous
 from identification.logs.vocabulary import fits, is_current
-from identification.logs.wrapping import continuous
 
 from .test_proposal import LOGS, hanging, read, same_motion, table
 

@@ -54,11 +54,27 @@ def test_the_right_law_leaves_nothing_that_goes_with_it() -> None:
     assert seen.another_law("input_dead_zone") < POLICY.left
 
 
+AT_SCALE = {
+    "arm_ripple": ["its own ripple"],
+    "arm_position_friction": ["its own friction"],
+    "periodic_torque": ["its own frequency"],
+    "arm_encoder_eccentricity": ["its own turn"],
+    "pendulum_encoder_eccentricity": ["its own turn"],
+    "arm_backlash": ["memory at its own travel"],
+    "arm_hysteresis": ["memory at its own travel"],
+    "arm_presliding": ["memory at its own travel"],
+}
+
+
 @pytest.mark.parametrize("name", sorted(set(EFFECTS) - {LEARNED}))
 def test_families_at_an_effects_own_scale_are_new_and_finite(name: str, pulled: Seen) -> None:
     signals = pulled.looks[0].signals
     plant = TABLE_3.with_effects(TABLE_3.default_effect(name))
     known = {_merged(family) for family in pulled.columns[0]}
+    variables = [family.variable for family in own_families(name, plant, signals, (0.0, 10.0))]
+    assert [v for v in variables if "its own" in v] == AT_SCALE.get(name, [])
+    speeds = any(variable == f"{channel} speed" for channel, variable in own_variables(name))
+    assert ("near standstill" in variables) == speeds
     for family in own_families(name, plant, signals, (0.0, 10.0)):
         assert (family.channel, family.variable) not in known
         columns = family.torque if family.torque is not None else family.misreading
