@@ -123,7 +123,7 @@ def temporary_name(path: Path, kind: str = "new") -> Path:
 
 def stale(path: Path, kind: str = "new") -> list[Path]:
     """What processes of this machine that are gone left beside `path` under `temporary_name`."""
-    pattern = re.compile(rf"\.{re.escape(path.name)}\.{re.escape(_host())}-(\d+)-\d+\.{kind}")
+    pattern = re.compile(rf"\.{re.escape(path.name)}\.{re.escape(_host())}-(\d+)(?:-\d+)?\.{kind}")
     found = []
     with suppress(OSError):
         for entry in os.scandir(path.parent):

@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
-from controllers.learned import load_to_export
+from controllers.learned import _settings, load_policy, load_to_export
 from controllers.trained_for import never_met
+from controllers.trials import built_plants
+from furuta_gym.envs.options import Options, Setup
 from furuta_gym.plant import QUBE, Effect
 
 LATE = QUBE.with_effects(Effect("input_delay", {"d": 0.02}))
@@ -39,6 +41,41 @@ def test_a_narrower_limit_counts() -> None:
     assert "supply" not in "".join(never_met(record(randomize={"u_max": "uniform:4,10"}), rig))
 
 
+@pytest.mark.parametrize(
+    ("trained", "rig", "said"),
+    [
+        (QUBE, QUBE.replace(limits={"slew": 20.0}), ["slew of 20 (no limit there)"]),
+        (QUBE, QUBE.replace(u_max=5.0), ["supply of 5 (10 there)"]),
+        (QUBE.replace(limits={"supply": 20.0}), QUBE.replace(limits={"supply": 15.0}), []),  # both motors get 10
+    ],
+)
+def test_slew_and_the_largest_command_count_too(trained: Any, rig: Any, said: list[str]) -> None:
+    assert never_met(record(trained), rig) == said
+
+
 def test_an_export_of_such_a_policy_is_told() -> None:
     with pytest.warns(UserWarning, match="trained without input_delay, arm_travel of 1.5"):
         load_to_export(POLICY, LATE.replace(limits=LIMITS))
+
+
+def test_clocks_that_differ_by_rounding_are_the_same() -> None:
+    """A sample time from stamps, 50 ppm off: the policy acts on every fifth sample."""
+    controller = load_policy(POLICY, QUBE.replace(sample_time=0.0040002))
+    assert (controller.every, controller.sample_time) == (5, 0.0040002)
+    with pytest.raises(ValueError, match="cannot play at"):
+        load_policy(POLICY, QUBE, 0.0043)
+
+
+def test_what_an_env_takes_may_stand_in_a_record() -> None:
+    """A slip ring of 300 turns, and a filter that hardly filters."""
+    rig = QUBE.replace(limits={"arm_travel": 2000.0}, sensors={"velocity_cutoff": 1e7})
+    setup = Setup(Options.of({"plant": rig}))
+    env = {"arm_limit": setup.arm_limit, "velocity_cutoff": setup.sensors.velocity_cutoff}
+    assert env == {"arm_limit": 2000.0, "velocity_cutoff": 1e7}
+    _settings(POLICY, record(rig, **env))
+
+
+def test_rigs_are_drawn_for_a_plant_that_is_sampled_faster_than_an_env() -> None:
+    fast = QUBE.replace(sample_time=9.9998e-5)
+    drawn, usual = built_plants(0.1, fast, 3, 0), built_plants(0.1, QUBE, 3, 0)
+    assert [p.theta.tolist() for p in drawn] == [p.theta.tolist() for p in usual]

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,14 @@ def test_the_message_names_the_real_file(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(OSError, match=f"'{tmp_path / 'folder'}'"):
         write_whole(tmp_path / "folder", "x")
+
+
+def test_threads_that_write_one_file_do_not_disturb_each_other(tmp_path: Path) -> None:
+    target, texts = tmp_path / "a.json", [str(i) * 20000 for i in range(8)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda i: write_whole(target, texts[i % 8]), range(60)))
+    assert target.read_text() in texts
+    assert os.listdir(tmp_path) == ["a.json"]
 
 
 def test_other_files_stay(tmp_path: Path) -> None:

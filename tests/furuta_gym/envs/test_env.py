@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 import furuta_gym
 from furuta_gym.envs.furuta import FurutaEnv
+from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3
 from furuta_gym.plant.advance import advance
 from furuta_gym.plant.sets import SPREAD
@@ -345,3 +346,34 @@ def test_memory_stays_flat():
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert after - before < 20_000
+
+
+def test_a_reset_that_is_refused_changes_nothing() -> None:
+    """Noise and what follows are those of the episode that runs."""
+    options = {"noise_std": 1e-3, "jitter": 0.1}
+    one, other = (FurutaEnv(QUBE, **options) for _ in range(2))
+    for env in (one, other):
+        env.reset(seed=3)
+    with pytest.raises(ValueError, match="state"):
+        one.reset(seed=5, options={"state": [0.0, 0.0]})
+    seen = [[env.step([0.1])[0] for _ in range(5)] for env in (one, other)]
+    np.testing.assert_array_equal(*seen)
+
+
+def test_a_first_reset_of_a_part_of_a_batch_is_refused_and_changes_nothing() -> None:
+    one, other = (FurutaVectorEnv(2, QUBE, noise_std=1e-3) for _ in range(2))
+    with pytest.raises(ResetNeeded):
+        one.reset(seed=0, options={"reset_mask": np.array([True, False])})
+    np.testing.assert_array_equal(one.reset(seed=7)[0], other.reset(seed=7)[0])
+
+
+@pytest.mark.parametrize("name", ["jitter", "arm_margin", "longest_step"])
+def test_a_text_is_no_number(name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} must lie in"):
+        FurutaEnv(QUBE, **{name: "0.1"})
+
+
+def test_batches_of_every_env_step_by_one_compiled_kernel() -> None:
+    """A limit of steps that is once a float and once a whole number would compile it twice."""
+    kinds = {type(FurutaVectorEnv(1, QUBE, max_episode_steps=n)._max_steps) for n in (None, 1000)}
+    assert kinds == {float}
