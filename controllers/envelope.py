@@ -224,3 +224,13 @@ class Guarded:
     def _latch(self, reason: str) -> float:
         self.off = reason
         return 0.0
+
+
+def unlimited(plant: Plant) -> str:
+    """What it means for an exported controller that its plant has no limits; "" for one that has some."""
+    if plant.limits:
+        return ""
+    return (
+        f"The plant has no limits: the arm may turn 2π to either side at any speed, with up to {plant.supply:g} "
+        f"{plant.unit}. docs/how-to/first_run.md says how to write them"
+    )

@@ -100,7 +100,7 @@ def _write(
     else:
         if chosen is None:
             raise ValueError("C is for controllers; expected one such as --controller lqg")
-        from controllers.envelope import Envelope
+        from controllers.envelope import Envelope, unlimited
 
         if chosen.endswith(".zip"):
             from controllers.exports.policy_c import export_policy_c
@@ -121,12 +121,8 @@ def _write(
                     "full command at once; expect it to fall. For a first run see docs/how-to/first_run.md",
                     stacklevel=2,
                 )
-        if not rig.limits:
-            warnings.warn(
-                f"{plant} has no limits: {output} lets the arm turn 2π to either side at any speed, with up to "
-                f"{rig.supply:g} {rig.unit}. docs/how-to/first_run.md says how to write them",
-                stacklevel=2,
-            )
+        if without := unlimited(rig):
+            warnings.warn(without, stacklevel=2)
 
 
 def _format_of(output: Path) -> Format:

@@ -15,6 +15,7 @@ import typer
 from identification.estimation.methods import DEFAULT, METHODS
 
 from . import options as opt
+from .letters import without_controls
 from .output import busy, print_json
 from .reading import Reading, reads_logs
 from .reading import read as read_logs
@@ -103,7 +104,7 @@ def identify_command(
 
     if not as_json:
         for log in read:
-            typer.echo(str(log))
+            typer.echo(without_controls(str(log)))
     with busy("fitting …", "identify", _fitted(sum(map(len, read)), method, every_sample)):
         known_of_it: dict[str, Any] = {"fixed": fixed, "priors": priors, "effects": named, "physical": physical}
         known_of_it["start"] = start

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from . import options as opt
+from .letters import without_controls
 from .told import Said, in_one, said_of
 
 if TYPE_CHECKING:
@@ -190,7 +191,7 @@ def read(
     for origin, unsaid in dict.fromkeys((s.origin, s.unsaid) for s in sources):
         message = f"Read as {origin} says: {unsaid.options() or 'nothing that no option says'}{beside_it}"
         if origin and not (unsaid.empty and reading.said.empty) and message not in reading.told:
-            typer.echo(message, err=True)
+            typer.echo(without_controls(message), err=True)
             reading.told.add(message)
     for source in sources:
         message = _unlike_the_plants(source, reading, plant)
@@ -315,7 +316,7 @@ def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None
         said += said_of(found.fatal, tables, lambda table, asked=asked: asked([table]).fatal)
         for problem in found.problems:
             if problem.between and not problem.fatal:  # of one log alone, reading says it
-                typer.echo(f"Warning: {problem}", err=True)
+                typer.echo(without_controls(f"Warning: {problem}"), err=True)
     if said:
         readable = reads_as_given(paths, [s.table for s in sources], [s.mapping for s in sources], constant_command)
         raise LogError(in_one(said, paths, readable=readable))

@@ -29,6 +29,8 @@ def studio_command(
 
     require_extra()
     for log in logs or ():
+        if log.is_dir():
+            raise ValueError(f"{log} is a folder; the studio opens files. Write its log to one, such as a .csv")
         if not log.is_file():
             raise FileNotFoundError(f"no log at {log}; expected a file that exists")
     from experiments.studio.server import serve

@@ -131,7 +131,7 @@ def _fitted_to(rig: Plant) -> str:
 def _look(rig: Plant, logs: Sequence[Path], read: Sequence[Log], again: str) -> tuple[str, str]:
     """The command that looks for what is missing, with the logs that the plant was fitted to, where they are found, and
     a remark on it. again: the options that read the logs."""
-    from identification.logs.reading import file_hash
+    from identification.logs.formats import file_hash
 
     entries = rig.provenance.get("logs") or []
     known = {entry.get("sha256") for entry in entries}

@@ -15,9 +15,10 @@ from identification.diagnosis.gap_change import AXES, GapChange, rms_interval
 from identification.diagnosis.held_out import readings_at
 from identification.logs.log import Log
 from identification.validation.gap import Gap
+from identification.validation.plots import worst_stretch
 from identification.validation.resimulation import Resimulation
 
-from .drawing import AFTER, BEFORE, FLOOR, MARKER, MEASURED, Array, Drawing, band, curve, drawing
+from .drawing import AFTER, BEFORE, FLOOR, MARKER, MEASURED, Drawing, band, curve, drawing
 
 _SPAN = 5.0  # s that are shown at first, those with the largest errors
 
@@ -43,7 +44,7 @@ def predictions(logs: Sequence[Log], compared: Sequence[Side]) -> Drawing:
     log, at = logs[first], one.log == first
     start = float(log.t[0])
     reading, t = readings_at(log, one.times[at]), one.times[at] - start
-    shown = _worst(t, compared[0].gap.errors[at] / floor)
+    shown = worst_stretch(t, compared[0].gap.errors[at] / floor, _SPAN)
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.04, row_heights=[3, 2, 3, 2])
     for axis, name in enumerate(AXES):
         row, legend = 2 * axis + 1, axis == 0
@@ -74,15 +75,6 @@ def predictions(logs: Sequence[Log], compared: Sequence[Side]) -> Drawing:
         f"Shown are the {_SPAN:g} s with the largest errors; double-click for the whole log.",
         760,
     )
-
-
-def _worst(t: Array, error: Array) -> tuple[float, float]:
-    """The stretch of `_SPAN` seconds with the largest errors."""
-    badness = np.concatenate([[0.0], np.cumsum(np.sum(error**2, axis=1))])
-    stop = np.searchsorted(t, t + _SPAN)
-    start = float(t[int(np.argmax(badness[stop] - badness[np.arange(len(t))]))])
-    start = max(min(start, float(t[-1]) - _SPAN), float(t[0]))
-    return start, min(start + _SPAN, float(t[-1]))
 
 
 def closed_loop(runs: tuple[Resimulation, ...], log: Log) -> Drawing:

@@ -65,8 +65,11 @@ class Saved:
 def save_session(session: Session, path: Path) -> Path:
     """Write a session, whole or not at all. Raises ValueError where its logs are larger than can be opened again."""
     contents: dict[str, bytes] = {}
-    for log, name in zip(session.paths, session.names, strict=True):
-        contents[numbered(bare_name(name.replace("/", "-")), contents)] = log.read_bytes()
+    for log, name, table in zip(session.paths, session.names, session.tables, strict=True):
+        data = log.read_bytes()
+        if table.sha256 not in (None, hashlib.sha256(data).hexdigest()):
+            raise ValueError(f"{log} has changed since it was opened here. Remove it and open it again, then save")
+        contents[numbered(bare_name(name.replace("/", "-")), contents)] = data
     if sum(map(len, contents.values())) > LARGEST_FILE:
         raise ValueError(f"the logs of this session are larger than {LARGEST_FILE} bytes together; save fewer")
     saved = Saved(

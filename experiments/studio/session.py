@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import shutil
-import warnings
 import weakref
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from threading import Lock, get_ident
 from typing import TYPE_CHECKING, Any
 
 from experiments.report.contents import Verdict
@@ -20,14 +18,13 @@ from identification import Log, LogError, LogWarning, RigMapping, load_mapping, 
 from identification.logs.rig_file import find_mapping
 
 from . import LARGEST_FILE, MOST_FILES
+from .remarks import heard, reading
 
 if TYPE_CHECKING:
     from experiments.report.examination import Examination
     from identification import Estimate, Gap
     from identification.logs.proposal import Item, Proposal
     from identification.logs.table import Table
-
-_reading = Lock()  # warnings are caught for the whole process, so one tab at a time reads or proposes
 
 
 @dataclass(frozen=True)
@@ -166,7 +163,7 @@ class Session:
             self.trouble = str(error)
 
     def _proposed(self, given: RigMapping) -> Proposal:
-        with _reading:
+        with reading:  # warnings are caught for the whole process, so one tab at a time reads or proposes
             return propose(self.tables, given)
 
     @property
@@ -261,17 +258,6 @@ def quietly_read(
     paths: Sequence[Path], tables: Sequence[Any], mapping: RigMapping
 ) -> tuple[tuple[Log, ...], tuple[str, ...]]:
     """The logs as the mapping says, and what reading them warns of. Raises LogError."""
-    remarks: dict[str, None] = {}
-    mine = get_ident()
-
-    def keep(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-        if get_ident() != mine:  # what another tab computes meanwhile warns too
-            usual(message, category, *where, **more)
-        elif issubclass(category, LogWarning):
-            remarks[str(message)] = None
-
-    with _reading, warnings.catch_warnings():
-        warnings.simplefilter("always", LogWarning)
-        usual, warnings.showwarning = warnings.showwarning, keep
+    with heard(LogWarning) as remarks:
         logs = read_logs(paths, mappings=[mapping] * len(paths), tables=tables)
     return tuple(logs), tuple(remarks)

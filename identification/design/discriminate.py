@@ -202,7 +202,10 @@ def between(
         setup = Setup.of(plant, None if entry.hanging else policy, duration, sample_time)
         so_far = max((t.worst for t in trials), default=-math.inf)
         setup = replace(setup, offset=entry.offset or setup.offset)
-        trials.append(_try(setup, entry, limits, suspects, seed, so_far))
+        given = limits
+        if limits is not None and entry.hanging and policy is not None:  # a |q2| is about where the rig's loop rests
+            given = replace(limits, q2=math.inf)
+        trials.append(_try(setup, entry, given, suspects, seed, so_far))
     best = max(trials, key=lambda t: t.worst)
     if not best.separations:
         raise ValueError("no experiment can be run: " + "; ".join(f"{t.entry.name}: {t.problem}" for t in trials))
@@ -221,9 +224,10 @@ def _suspects(plant: Plant, names: Sequence[str | Effect]) -> list[Effect]:
 def _try(
     setup: Setup, entry: Entry, limits: Limits | None, suspects: Sequence[Effect], seed: int, so_far: float
 ) -> Trial:
+    """limits: those that are given, about the rest of this entry."""
     allowed = entry.limits.within(setup.rig_limits)
-    if limits is not None:  # the user's |q2| is about where the rig's own loop rests, not about another rest
-        allowed = allowed.within(replace(limits, q2=math.inf) if entry.hanging else limits)
+    if limits is not None:
+        allowed = allowed.within(limits)
     signal = None
     if entry.signal is not None:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -86,7 +87,7 @@ def excite(
         plant,
         suspects,
         policy,
-        Limits(**given) if given else None,
+        Limits(**(dict.fromkeys(names, math.inf) | given)) if given else None,
         duration=duration or DURATION,
         sample_time=sample_time,
         seed=seed,

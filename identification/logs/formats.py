@@ -8,10 +8,12 @@ then take it. Nothing here knows what a pendulum is.
 from __future__ import annotations
 
 import csv
+import hashlib
 import os
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -57,7 +59,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     """Read a file in the format that its ending names. Raises LogError for anything that is not such a file."""
     path = Path(path)
     if os.path.isfile(path / "metadata.yaml"):  # a folder: a bag of ROS 2
-        return READERS[".bag"](path)
+        return replace(READERS[".bag"](path), sha256=file_hash(path))
     reader = READERS.get(ending_of(path))
     if reader is None and not os.path.isdir(path):
         remedy = REMEDIES.get(path.suffix.lower(), "")
@@ -66,10 +68,22 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         )
     check_file(path)
     assert reader is not None  # a folder was refused
-    table = reader(path)
+    digest, table = file_hash(path), reader(path)
     if table.columns and not max(map(len, table.columns.values())):
         raise LogError(f"{path.name}: 0 samples. There is a header, and no row below it. Expected one row per sample.")
-    return table
+    return replace(table, sha256=digest)
+
+
+def file_hash(path: str | os.PathLike[str]) -> str:
+    """SHA-256 of a file, or of the files of a folder (a bag of ROS 2) one after the other by name."""
+    path = Path(path)
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
+        digest.update(part.read_bytes())
+    return digest.hexdigest()
 
 
 def ending_of(path: Path) -> str:

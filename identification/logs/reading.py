@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .checks import LogError, check_length, warn
-from .formats import read_table
+from .formats import file_hash, read_table
 from .log import Log
 from .mapping import map_table
 from .rig_mapping import RigMapping
@@ -90,7 +88,7 @@ def read_log(
     )
     for note in table.notes if said.empty else ():  # where names are given, they were found
         warn(note)
-    digest = file_hash(path)
+    digest = table.sha256 or file_hash(path)
     about: dict[str, Any] = {**mapped.signals, **mapped.facts}
     log = Log(**about, source=table.name, sha256=digest, mapping=said, metadata=mapped.metadata)
     whole, begin = log, float(log.t[0])
@@ -119,18 +117,6 @@ def _without(log: Log, cuts: Sequence[tuple[float, float]]) -> Log:
     said = " ".join(f"--cut {start:g}:{stop:g}" for start, stop in cuts)
     check_length(f"{log.source} without the stretches that are cut out ({said})", int((~left_out).sum()))
     return replace(log.taken(~left_out), cut=tuple(cuts))
-
-
-def file_hash(path: str | os.PathLike[str]) -> str:
-    """SHA-256 of a file, or of the files of a folder (a bag of ROS 2) one after the other by name."""
-    path = Path(path)
-    if not path.is_dir():
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    digest = hashlib.sha256()
-    for part in sorted(p for p in path.rglob("*") if p.is_file()):
-        digest.update(part.read_bytes())
-    return digest.hexdigest()
 
 
 def read_logs(

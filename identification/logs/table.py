@@ -22,6 +22,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)  # as the file states them, by column
     notes: tuple[str, ...] = ()  # what a person should know of how it was read
     silent: dict[str, str] = field(default_factory=dict)  # by column, where nothing was recorded and what stands there
+    sha256: str | None = None  # of the file, as it was when it was read
 
     def where(self, row: int) -> str:
         """The place of a row as a person would look for it."""

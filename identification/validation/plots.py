@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..logs.log import Log
 from .gap import Gap
+
+Array = NDArray[np.float64]
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,10 +31,8 @@ def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int | None = None
     source = logs if isinstance(logs, Log) else logs[log]
     mine = gap.log == log
     t, error = gap.times[mine], gap.errors[mine]
-    badness = np.sum((error / gap.floor) ** 2, axis=1)
-    near = [badness[(t >= a) & (t < a + span)].sum() for a in t]
-    start = float(min(t[int(np.argmax(near))], max(t[-1] - span, t[0])))
-    shown, inside = (t >= start) & (t <= start + span), (source.t >= start) & (source.t <= start + span)
+    start, stop = worst_stretch(t, error / gap.floor, span)
+    shown, inside = (t >= start) & (t <= stop), (source.t >= start) & (source.t <= stop)
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     for a, axis in enumerate(axes):
@@ -50,6 +51,15 @@ def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int | None = None
     axes[0].legend(loc="upper right", fontsize=8)
     axes[1].set_xlabel("t [s]")
     return figure
+
+
+def worst_stretch(t: Array, error: Array, span: float) -> tuple[float, float]:
+    """Where `span` seconds with the largest errors (M, 2) at times t (M,) begin and end [s]."""
+    badness = np.concatenate([[0.0], np.cumsum(np.sum(error**2, axis=1))])
+    stop = np.searchsorted(t, t + span)
+    start = float(t[int(np.argmax(badness[stop] - badness[np.arange(len(t))]))])
+    start = max(min(start, float(t[-1]) - span), float(t[0]))
+    return start, min(start + span, float(t[-1]))
 
 
 def plot_horizons(gaps: dict[str, Gap]) -> Figure:

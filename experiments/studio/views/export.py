@@ -10,7 +10,9 @@ from pathlib import Path
 
 from nicegui import ui
 
-from controllers import DesignError, export_c, export_mjcf, export_onnx, export_policy_c, make_controller
+from controllers import DesignError, export_c, export_mjcf, export_onnx, export_policy_c
+from controllers.envelope import unlimited
+from controllers.learned import load_to_export
 from controllers.registry import designed
 from experiments.report import render
 from experiments.report.diagnosis_page import diagnosis_page
@@ -21,6 +23,7 @@ from identification.estimation.identifiability import spoken
 
 from .. import commands
 from ..frame import Frame, command_line, heading, message
+from ..remarks import heard
 from ..saved import ENDING, save_session
 from ..session import Session
 from ..written import write_mapping, write_plant
@@ -145,16 +148,18 @@ def holds(plant: Plant) -> str | None:
         return None
 
 
-def _controller(plant: Plant, path: Path) -> None:
+def _controller(plant: Plant, path: Path) -> str:
     export_c(designed(plant), path)
+    return unlimited(plant)
 
 
 def _onnx(session: Session, plant: Plant, path: Path) -> None:
     export_onnx(str(session.policy), plant, path, trust=session.trusted)
 
 
-def _policy(session: Session, plant: Plant, path: Path) -> None:
-    export_policy_c(make_controller(str(session.policy), plant, trust=session.trusted), path)  # type: ignore[arg-type]
+def _policy(session: Session, plant: Plant, path: Path) -> str:
+    export_policy_c(load_to_export(str(session.policy), plant, trust=session.trusted), path)
+    return unlimited(plant)
 
 
 async def _write(frame: Frame, name: str, writer: Writer) -> None:
@@ -170,5 +175,7 @@ async def _write(frame: Frame, name: str, writer: Writer) -> None:
 
 
 def _written(session: Session, name: str, writer: Writer) -> str:
-    said = writer(session.target(name))
-    return said if isinstance(said, str) else ""
+    with heard() as remarks:
+        said = writer(session.target(name))
+    texts = [said] if isinstance(said, str) and said else []
+    return ". ".join([*texts, *remarks])
