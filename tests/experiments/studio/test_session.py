@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import gc
+import shlex
+import shutil
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 
+from experiments.studio import commands
 from experiments.studio.remarks import heard
 from experiments.studio.saved import open_session, save_session
 from experiments.studio.session import Session, bare_name
-from identification import LogError, read_log, write_log
+from experiments.studio.written import write_mapping
+from furuta_gym.plant import TABLE_3
+from identification import LogError, LogWarning, load_mapping, read_log, read_logs, save_mapping, write_log
+from tests.commands import furuta
 
 
 def opened(folder: Path, log: Path) -> Session:
@@ -145,27 +153,129 @@ def test_a_dropped_log_takes_the_place_of_none_of_its_name(tmp_path: Path, sprin
     session.close()
 
 
-def test_remarks_are_those_of_one_thread() -> None:
+def test_remarks_are_those_of_the_reading_alone(
+    tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_beside_a_fit(*arguments: Any, **options: Any) -> Any:
+        fit = Thread(target=lambda: warnings.warn("of a fit in another tab", LogWarning, stacklevel=1))
+        fit.start()
+        fit.join()
+        warnings.warn("of this reading", LogWarning, stacklevel=1)
+        warnings.warn("of a library", UserWarning, stacklevel=1)
+        return read_logs(*arguments, **options)
+
+    monkeypatch.setattr("experiments.studio.session.read_logs", read_beside_a_fit)
+    with pytest.warns(LogWarning, match="of a fit in another tab") as told:  # it goes where it would go otherwise
+        session = opened(tmp_path, spring_log)
+    assert session.remarks == ("of this reading",)
+    assert "of this reading" not in {str(w.message) for w in told}
+
+
+def test_the_commands_shown_are_commands(tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    session = opened(tmp_path, spring_log)
+    session.accept()
+    for line in (commands.init(session),):
+        result = furuta(*shlex.split(line)[1:])
+        assert result.exit_code == 0, result.output
+    for line in (commands.identify(session), commands.diagnose(session), commands.residuals(session)):
+        assert furuta(*shlex.split(line)[1:], "--help").exit_code == 0  # its options are known before --help is seen
+        with pytest.raises(AssertionError):
+            assert furuta(*shlex.split(line)[1:], "--no-such-option").exit_code == 0
+
+
+def test_how_logs_are_read_keeps_what_the_file_before_left_out(tmp_path: Path, spring_log: Path) -> None:
+    session, path = opened(tmp_path, spring_log), tmp_path / "rig.toml"
+    assert write_mapping(session, path) == ""
+    assert write_mapping(session, path) == ""  # the same again
+    shown = load_mapping(path)
+    save_mapping(path, replace(shown, skip=1.0, cut=((2.0, 3.0),)))
+    assert write_mapping(session, path) == f"{path}: kept from the file that was replaced: --skip 1 --cut 2:3."
+    assert load_mapping(path) == replace(shown, skip=1.0, cut=((2.0, 3.0),))
+    assert "kept from the file that was here" in path.read_text(encoding="utf-8")
+    save_mapping(path, replace(shown, input_scale=0.5))
+    assert write_mapping(session, path) == f"{path}: the file that was replaced said otherwise: --input-scale 0.5."
+    path.write_text("no rig file")
+    assert write_mapping(session, path) == ""
+    assert load_mapping(path) == shown
+
+
+def test_a_moved_plant_has_a_command_line_where_a_file_holds_it(tmp_path: Path, spring_log: Path) -> None:
+    session, moved = opened(tmp_path, spring_log), TABLE_3.replace(theta=1.1 * TABLE_3.theta)
+    assert commands.what_if(session, moved) == ""
+    session.kept = moved
+    assert commands.what_if(session, TABLE_3) == ""
+    assert commands.what_if(session, moved).startswith("furuta validate what_if.json ")
+
+
+def test_the_studio_computes_by_what_others_may_import_too() -> None:
+    import ast
+
+    import experiments.studio
+
+    for path in Path(experiments.studio.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                names = [*(node.module or "").split("."), *(alias.name for alias in node.names)]
+                assert not [name for name in names if name.startswith("_") and name != "__future__"], path
+
+
+@pytest.mark.parametrize("name", ["fits.jsonl", "paper.csv"])
+def test_a_dropped_policy_takes_the_place_of_nothing(name: str, tmp_path: Path, spring_log: Path) -> None:
+    session = Session(tmp_path)
+    session.drop("paper.csv", spring_log.read_bytes())
+    session.journal.write_text("a fit")
+    session.take_policy(name, b"no policy")
+    assert session.journal.read_text() == "a fit"
+    assert session.paths[0].read_bytes() == spring_log.read_bytes()
+    assert session.policy is not None
+    assert session.policy.read_bytes() == b"no policy"
+    assert not session.was_dropped(tmp_path / "paper.csv")
+    assert session.was_dropped(session.paths[0])
+
+
+def test_a_log_that_changes_or_vanishes_while_it_is_open_stays_what_was_read(tmp_path: Path, spring_log: Path) -> None:
+    mine = tmp_path / "mine.csv"
+    shutil.copy(spring_log, mine)
+    session = opened(tmp_path, mine)
+    digest = session.logs[0].sha256
+    with open(mine, "a") as file:
+        file.write("\n")
+    session.turn("q2")
+    session.turn("q2")
+    assert session.logs[0].sha256 == digest == read_log(spring_log).sha256
+    with pytest.raises(ValueError, match="has changed since it was opened"):
+        save_session(session, tmp_path / "s.furuta")
+    assert not (tmp_path / "s.furuta").exists()
+    mine.unlink()
+    session.turn("q2")  # needs no file
+    assert len(session.logs) == 1
+
+
+def test_what_is_heard_is_of_one_thread() -> None:
     def another() -> None:
         other = Thread(target=lambda: warnings.warn("another tab's", stacklevel=1))
         other.start()
         other.join()
 
-    with heard() as remarks:
-        warnings.warn("mine", stacklevel=1)
-        warnings.warn("mine", stacklevel=1)
-        with pytest.warns(UserWarning, match="another tab"):
+    def both() -> dict[str, None]:
+        with heard() as remarks:
+            warnings.warn("mine", stacklevel=1)
+            warnings.warn("mine", stacklevel=1)
             another()
-    assert list(remarks) == ["mine"]
+        return remarks
+
+    with pytest.warns(UserWarning, match="another tab"):
+        assert list(both()) == ["mine"]
 
 
 def test_what_an_export_warns_of_is_said_on_the_page(tmp_path: Path) -> None:
+    from experiments.studio.views.export import _written
+
     def writer(path: Path) -> str:
         path.write_text("x")
         warnings.warn("was trained without input_delay", stacklevel=1)
         return "The plant has no limits"
-
-    from experiments.studio.views.export import _written
 
     said = _written(Session(tmp_path), "policy.h", writer)
     assert said == "The plant has no limits. was trained without input_delay"
