@@ -11,6 +11,7 @@ _REGULAR, _UNEVEN = 1.5, 2.5
 _COARSE = 0.05  # of a spacing; a finer rounding does no harm
 _FEWEST_LONGER = 10  # spacings of each of two kinds
 _NOTHING = 1e-3  # of a digit: rounding of stamps that are kept in binary
+_LOST = 0.1  # share of double spacings, below which samples are lost at regular intervals
 _ONE_DIGIT = 1.05  # which rounded stamps scatter about a line at most
 _SCATTERS = 5.0  # robust standard deviations of a spacing, beyond which it is no late sample
 
@@ -45,6 +46,8 @@ def evened(t: NDArray[np.float64]) -> NDArray[np.float64]:
     longer = (steps - low) / digit
     whole = np.round(longer)
     if np.abs(longer - whole).max() > _NOTHING or not _FEWEST_LONGER <= whole.sum() <= whole.size - _FEWEST_LONGER:
+        return t
+    if digit > low * (1.0 - _NOTHING) and whole.mean() < _LOST:  # a logger that pauses for a sample now and then
         return t
     k = np.arange(t.size)
     slope, start = np.polyfit(k, t, 1)

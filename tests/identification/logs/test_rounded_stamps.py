@@ -35,6 +35,15 @@ def test_a_clock_that_lost_samples_keeps_its_stamps(lost: int) -> None:
     assert 0 < gaps(t).sum() <= lost
 
 
+@pytest.mark.parametrize("every", [20, 128, 512])
+def test_a_logger_that_pauses_regularly_loses_samples(every: int) -> None:
+    """As one that writes a block to a card: nothing is rounded there."""
+    k = np.arange(8000)
+    t = 0.001 * k[k % every != every - 1]
+    assert evened(t) is t
+    assert gaps(t).sum() == pytest.approx(8000 / every, abs=1)
+
+
 def test_other_clocks_are_left_alone() -> None:
     even = 0.002 * np.arange(500)
     assert evened(even) is even
