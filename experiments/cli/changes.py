@@ -68,6 +68,8 @@ def _row(d: Difference) -> tuple[str, ...]:
 def _remarks(plant: Plant) -> list[str]:
     """What makes the error bars of a plant file doubtful."""
     found = [str(why)] if (why := plant.checks.get("error_bars")) else []
+    if plant.checks.get("converged") is False:
+        found.append("its fit did not converge, and its numbers are not an optimum")
     if plant.moved_by_hand:
         found.append("was moved by hand after the fit; its error bars are those of the fit")
     return found

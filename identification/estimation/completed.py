@@ -48,7 +48,9 @@ def with_plant(
         provenance=_provenance(estimate, logs, start, u_max, guessed),
         checks=body.to_dict()
         | {"identifiability": estimate.identifiability.to_dict()}
-        | ({"error_bars": estimate.error_bars} if estimate.error_bars else {}),
+        | ({"error_bars": estimate.error_bars} if estimate.error_bars else {})
+        | ({"at_bound": list(estimate.at_bound)} if estimate.at_bound else {})
+        | ({} if estimate.converged else {"converged": False}),
     )
     largest = max(float(np.abs(log.u).max()) for log in logs)
     warnings = estimate.warnings

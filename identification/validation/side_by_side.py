@@ -57,7 +57,7 @@ class Estimated:
 
     @classmethod
     def of_estimate(cls, estimate: Estimate) -> Estimated:
-        lost = {*estimate.identifiability.unidentified, *_rough(estimate.plant)}
+        lost = {*estimate.identifiability.unidentified, *estimate.at_bound, *_rough(estimate.plant)}
         return cls(estimate.names, estimate.values, estimate.covariance, frozenset(lost))
 
     @classmethod
@@ -75,7 +75,9 @@ class Estimated:
         # a single r stands in the row of the arm's
         p, rows = plant.packed().p, [plant.layout.row("r1" if name == "r" else name) for name in names]
         of_a_day = {f"{effect}.{name}" for effect, own in _OF_A_DAY.items() for name in own}
-        lost = {*plant.not_identified, *_rough(plant), *SHARPNESS_NAMES, *of_a_day}
+        at_bound = plant.checks.get("at_bound")
+        stuck = map(str, at_bound) if isinstance(at_bound, list | tuple) else ()
+        lost = {*plant.not_identified, *stuck, *_rough(plant), *SHARPNESS_NAMES, *of_a_day}
         return cls(names, p[rows], covariance.matrix, frozenset(lost & {*names}))
 
     def value(self, name: str) -> float:

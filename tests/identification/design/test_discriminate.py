@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from furuta_gym.plant import TABLE_3, Effect
+from controllers import make_controller
+from furuta_gym.plant import QUBE, TABLE_3, Effect
+from identification.design import discriminate
 from identification.design.d_optimal import design
-from identification.design.discriminate import Separation, between
-from identification.design.setup import Setup
+from identification.design.discriminate import Separation, Trial, between
+from identification.design.next_experiment import excite
+from identification.design.setup import Limits, Setup
 from identification.estimation.identify import identify
 from identification.logs.log import Log
 from tests.factories import PaperPolicy
@@ -114,3 +118,28 @@ def test_a_plant_that_a_diagnosis_wrote_brings_its_own_suspect() -> None:
     found = between(TABLE_3.with_effects(lag), ("actuator_lag", "input_delay"), duration=2.0)
     given = between(TABLE_3, (lag, "input_delay"), duration=2.0)
     assert found.nats == pytest.approx(given.nats)
+
+
+@pytest.mark.parametrize("policy", [None, "lqr"])
+def test_a_limit_of_the_pendulum_is_about_where_the_rig_rests(
+    monkeypatch: pytest.MonkeyPatch, policy: str | None
+) -> None:
+    """Hanging without a controller, where it was once forgotten; upright with one."""
+    seen: list[tuple[float, float]] = []
+
+    def refuse(setup: Any, signal: Any, allowed: Limits, seed: int, most: float) -> Any:
+        seen.append((allowed.q1, allowed.q2))
+        raise ValueError("not tried")
+
+    monkeypatch.setattr(discriminate, "within_limits", refuse)
+    monkeypatch.setattr(discriminate, "_separations", lambda s, entry, *_: Trial(entry, s, None, {}, "not tried"))
+    with pytest.raises(ValueError, match="no experiment can be run"):
+        excite(
+            QUBE,
+            ["arm_spring", "input_offset"],
+            None if policy is None else make_controller(policy, QUBE),
+            limits={"q2": 0.3},
+        )
+    assert {max(q2, 0.3) for _, q2 in seen} == {0.3}
+    # a limit that is not given is that of the experiment
+    assert max(q1 for q1, _ in seen) == (1.5 if policy is None else 2.0)
