@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 Say = Callable[..., None]
 
 FILES = ("rig.json", "gap.json", "diagnosis.json", "plant.json", "report.html", "parameters.png", "prediction.png",
-         "policy_without.zip", "policy_with.zip", "demo.json")  # fmt: skip
+         "comparison.json", "comparison_without.json", "policy_without.zip", "policy_with.zip",
+         "demo.json")  # fmt: skip
 """What the demo writes."""
 
 LOGS = Path(__file__).parent / "logs"
 FITTED, HELD_OUT, TRUTH = LOGS / "paper.csv", LOGS / "wide.csv", LOGS / "truth.json"
 HORIZON = 0.2  # s, of the predictions that are drawn
+CONTROLLERS = ("lqr", "lqg")
+TRIALS = 20  # of each controller and group
 
 
 def demo_rig() -> Rig:
@@ -82,6 +85,7 @@ def run_demo(
     plots.draw_parameters(fits, truth["theta"], out / "parameters.png")
     before, new = predictions(estimate.plant, held_out), predictions(after.plant, held_out)
     plots.draw_predictions(before, new, out / "prediction.png")
+    compared = _compare(estimate.plant, after.plant, out, seed, say)
     played = _play(estimate.plant, after.plant, out, seed, steps, say) if steps else None
     page = diagnosis_page(examination, extra=(rig_section(played),) if played else ())
     (out / "report.html").write_text(render(page), encoding="utf-8")
@@ -89,6 +93,7 @@ def run_demo(
         "estimate": estimate.to_dict(),
         "gap": gap,
         "diagnosis": examination.to_dict(),
+        "held": compared,
         "rig": played.to_dict() if played else None,
         "largest_error_in_std": {
             "model (5)": _off(estimate, truth["theta"]),
@@ -177,9 +182,30 @@ def predictions(plant: Plant, log: Log, horizon: float = HORIZON) -> dict[str, A
     return {"t": record.t[at], "measured": record.y[at], "predicted": record.y[at] - errors, "horizon": horizon}
 
 
+def _compare(without: Plant, with_it: Plant, out: Path, seed: int, say: Say) -> dict[str, dict[str, float]]:
+    """Controllers designed from both plants, in the same trials on the plant that has the effect. Writes
+    comparison.json of those that know the effect, and comparison_without.json. Returns the share of trials held, by
+    plant and controller."""
+    from controllers.evaluation import compare
+
+    names = " and ".join(CONTROLLERS)
+    say(f"\n5  Design {names} from the plant without and with the effect, and play them on the one that has it …")
+    held: dict[str, dict[str, float]] = {}
+    for side, design, file in (("without", without, "comparison_without"), ("with", with_it, "comparison")):
+        found = compare(
+            with_it, CONTROLLERS, design_plant=design, trials=TRIALS, duration=5.0, groups=("balance",), seed=seed
+        )
+        _write_json(out / f"{file}.json", found.to_dict())
+        held[side] = {name: rows["balance"]["success"].value for name, rows in found.scores.items()}
+        shares = [f"{name} holds {100 * share:.0f} %" for name, share in held[side].items()]
+        shares += [f"{name} is left out: {why}" for name, why in found.skipped.items()]
+        say(f"   designed {side} the effect: {', '.join(shares)} of {TRIALS} trials")
+    return held
+
+
 def _play(without: Plant, with_it: Plant, out: Path, seed: int, steps: int, say: Say) -> policies.Trial | None:
     """Policies and LQRs of both plants on the rig; None without the extra "rl"."""
-    say("\n5  Train a policy on the plant without and with the effect, and play it and an LQR on the rig itself …")
+    say("\n6  Train a policy on the plant without and with the effect, and play it and an LQR on the rig itself …")
     try:
         trial = policies.try_on_rig(without, with_it, demo_rig(), out, seed, say, steps)
     except ValueError as error:
@@ -219,6 +245,7 @@ def _conclude(out: Path, figures: dict[str, Any], trial: policies.Trial | None, 
         ("report.html", "the whole story, from the verdict to the rig; open it in a browser"),
         ("prediction.png", "the held-out log, and what the plants predicted for it, without and with the effect"),
         ("parameters.png", "the error of each estimate against the truth, with 95 % error bars"),
+        ("comparison.json", "the controllers designed with the effect, figure by figure, with 95 % intervals"),
         ("plant.json", "the plant file; try `furuta compare --plant plant.json --controllers lqr,lqg -o out`"),
         *(
             (("policy_with.zip", "the policy; `furuta export plant.json policy_with.zip -o policy.h`"),)
