@@ -15,7 +15,7 @@ from furuta_gym.plant import EFFECTS
 from identification.design.discriminate import CLEAR, Separation
 from identification.diagnosis.diagnosis_file import DesignEntry, LogUsed
 from identification.diagnosis.gap_change import GapChange
-from identification.diagnosis.locate.locate import locate
+from identification.diagnosis.locate.locate import locate, of_effects
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.one_plant import first_alone
 from identification.diagnosis.outcome import Diagnosis
@@ -158,6 +158,7 @@ def examine(
                 rest,
             )
             names = [suspect.name for suspect in diagnosis.found]
+            where = where and of_effects(where, names)
             law = tried("law", lambda: law_of(after.plant, names, moved(searched, after.zeros)))
         if diagnosis.gap is None:
             remarks["gap"] = diagnosis.gap_remark

@@ -8,7 +8,7 @@ torques, their maps and their predictability are for the eye.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from ...logs.log import Log, as_logs
 from ..policy import DecisionPolicy
 from .constancy import Constancy, constancy
 from .evidence import HORIZON, Look, evidence_of, parameters_of, suspicions_of
+from .laws import own_variables
 from .location import MissingTorque, Suspicion, Where
 from .seen import Seen
 from .structure import largest_line, predictable
@@ -124,6 +125,23 @@ def _count(looks: Sequence[Look]) -> Array:
     records = [look.plain.record for look in looks]
     quantum, variance = (np.max([getattr(r, name) for r in records], axis=0) for name in ("quantum", "variance"))
     return np.where(quantum > 0, quantum, np.sqrt(12.0 * variance))
+
+
+def of_effects(where: Where, names: Sequence[str]) -> Where:
+    """The same of a plant that lacks effects which were found, as their fit sees more than one free function does:
+    where none is believed, what their own laws go with stands for it."""
+    own = {variable for name in names for variable in own_variables(name)}
+    if where.found or not own:
+        return where
+    near = next((s for s in where.suspicions if (s.channel, s.variable) in own), None)
+    channel, variable = (_channel(near), near.variable) if near else min(own)
+    return replace(
+        where,
+        channel=channel,
+        variable=variable,
+        sentence=f"No free function of the motion, the command or time shows it for certain ({where.evidence:.1f} "
+        f"nats). By the law of what was named it goes with the {variable} ({channel}).",
+    )
 
 
 def _channel(best: Suspicion) -> str:

@@ -13,7 +13,7 @@ import pytest
 from experiments.bench import Rig
 from furuta_gym.plant import QUBE, TABLE_3
 from identification.diagnosis.locate.constancy import constancy, tail
-from identification.diagnosis.locate.locate import _count, _sentence, locate
+from identification.diagnosis.locate.locate import _count, _sentence, locate, of_effects
 from identification.diagnosis.locate.location import MissingTorque, Suspicion
 from identification.diagnosis.locate.structure import largest_line, predictable
 from identification.discrepancy.basis import Knots, Signals, families
@@ -284,3 +284,16 @@ def test_of_several_logs_it_is_said_which_one():
     assert "most at 3.20 to 4.50 s; smoothed" in _said("arm", "arm angle")
     told = _said("arm", "arm angle", ("run1.csv", "run2.csv"))
     assert "most at 3.20 to 4.50 s of run1.csv, 3.20 to 4.50 s of run2.csv; smoothed" in told
+
+
+def test_of_effects_that_were_named_the_place_is_known_where_no_function_is_believed() -> None:
+    """A faint delay: a fit sees it, and no free function does."""
+    nothing = locate(TABLE_3, [loop_log()[0]])
+    assert nothing.channel is None
+    late = of_effects(nothing, ["input_delay"])
+    assert (late.channel, late.variable) == ("input", "change of the command")
+    assert "goes with the change of the command (input)" in late.sentence
+    assert of_effects(nothing, ["base_tilt"]).channel in ("pendulum", "sensor")
+    assert of_effects(nothing, []) is nothing
+    pulled = locate(TABLE_3, [loop_log("arm_spring")[0]])
+    assert of_effects(pulled, ["input_delay"]) is pulled
