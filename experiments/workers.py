@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 from joblib import parallel_config
@@ -41,6 +42,8 @@ def workers(backend: str, jobs: int) -> Iterator[None]:
 
 @contextmanager
 def _dask(jobs: int) -> Iterator[None]:
+    if find_spec("dask") is None or find_spec("distributed") is None:
+        raise ValueError("--backend dask needs two packages: pip install dask distributed")
     from dask import config
     from distributed import Client, LocalCluster
 

@@ -39,9 +39,11 @@ def compare_command(
         str,
         typer.Option(
             help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, "
-            "map (swing-ups over delay and error), or all."
+            "map (swing-ups over delay and error), or all. Default: balance,push,parameters,delay, and swing_up where "
+            "a controller is named that swings up.",
+            show_default=False,
         ),
-    ] = "balance,push,parameters,delay",
+    ] = "",
     sample_time: Annotated[
         float | None, typer.Option(help="Of the controllers, in seconds; default: the plant's, else 0.002.")
     ] = None,
@@ -67,7 +69,7 @@ def compare_command(
 
     from .whole import whole_folder
 
-    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
+    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in (groups or _usual(names)).split(",")]
     with opt.as_typed("groups", hints={"groups": ", separated by commas, or all"}):
         check_groups(chosen)
     if gif:
@@ -153,3 +155,15 @@ def _old_films(folder: Path) -> list[str]:
         return _film_names(list(Comparison.load(folder / "comparison.json").scores))
     except (OSError, ValueError):  # none is there, or none that can be read
         return []
+
+
+def _usual(names: Sequence[str]) -> str:
+    """The groups that are played where none is named."""
+    from controllers.policy_file import read_record
+
+    def swings_up(name: str) -> bool:
+        if not name.endswith(".zip"):
+            return name in ("swing-up", "planned")
+        return Path(name).is_file() and (read_record(name).get("env") or {}).get("task") == "swing_up"
+
+    return "balance,push,parameters,delay" + (",swing_up" if any(map(swings_up, names)) else "")

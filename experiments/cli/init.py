@@ -52,11 +52,13 @@ def init_command(
 
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
-    proposal = propose(tables, reading.said)
+    given = reading.file is not None and str(reading.file) != "none"
+    known = reading.said.over(load_mapping(reading.file)) if given else reading.said
+    proposal = propose(tables, known)
     kept = kept_mapping(target, proposal) if yes and target.exists() else RigMapping()
     if not kept.empty:
         typer.echo(f"Kept from {target}: {kept.options()}", err=True)
-        proposal = propose(tables, reading.said.over(kept))
+        proposal = propose(tables, known.over(kept))
     talks = not as_json and not yes and _talks()
     if not as_json:
         show(proposal)

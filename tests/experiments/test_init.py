@@ -83,6 +83,17 @@ def test_every_command_that_reads_logs_takes_a_mapping() -> None:
     assert all({"mapping", "columns", "as_given"} <= takes[name] for name in reading)
 
 
+def test_init_starts_from_a_mapping_that_is_given(tmp_path: Path) -> None:
+    table = {"t": rows()["t"], "arm": rows()["q1"], "pend": rows()["q2"], "volt": rows()["u"]}
+    log = write(tmp_path / "log.csv", table, "# input_unit: V")
+    said = tmp_path / "said.toml"
+    save_mapping(said, RigMapping(q1="arm", q2="pend", u="volt", encoder_counts=(2048.0, 2048.0)))
+    result = furuta("init", log, "--mapping", said, "--yes", "--json")
+    assert result.exit_code == 0, result.output
+    assert load_mapping(tmp_path / "rig.toml").encoder_counts == (2048.0, 2048.0)
+    refused(furuta("init", log, "--mapping", tmp_path / "none.toml", "--yes"), "none.toml")
+
+
 def test_a_free_decay_is_validated_with_a_warning(tmp_path: Path) -> None:
     run = simulate(QUBE, open_loop(), 4.0, 0.004, Sensors(2048), x0=(0, 2.5, 0, 0))
     table = {"t": run.t.round(6), "q1": run.measured[:, 0], "q2": run.measured[:, 1], "u": 0.0 * run.command}
