@@ -154,8 +154,9 @@ def test_every_number_of_nats_says_what_it_counts(examined, page):
     """Those of the bars are net gains on the searched logs, one is of the next readings of held-out data; no others."""
     ranked = {f"{s.net:+.0f}".replace("-", "−") for step in examined.diagnosis.naming.rankings for s in step}
     text = text_of(page)
-    for said in re.findall(r"([+−]\d+) nats", text):
-        assert said in ranked
+    told = re.findall(r"([+−]\d+) nats", text)
+    assert told
+    assert set(told) <= ranked
     likelier = f"One reading ahead, the addition makes held-out data likelier by {examined.gap.likelier:.0f} nats"
     assert likelier in text
     assert "nats" not in text_of(page[page.index("<h1>") : page.index("</header>")])

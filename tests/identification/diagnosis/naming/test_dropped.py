@@ -50,7 +50,7 @@ def test_an_effect_that_nothing_imitates_leaves_the_rest_as_it_is() -> None:
     alone = fit(rig, START_NOISE, [Record.from_log(log)], anchor=TABLE_3, effort="full")
     rest = dropped(alone, "arm_spring")
     assert not rest.plant.effects
-    assert rest.plant.theta == pytest.approx(alone.plant.theta, rel=0.5)
+    assert rest.plant.theta == pytest.approx(alone.plant.theta, rel=0.02)
 
 
 def test_a_fit_without_coordinates_keeps_the_rest() -> None:

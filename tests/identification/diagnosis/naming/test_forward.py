@@ -24,11 +24,19 @@ SUSPECTS = ("arm_spring", "input_offset", "actuator_lag", "input_delay", "arm_st
 @pytest.mark.parametrize("name", list(EFFECTS))
 def test_every_effect_has_probes_that_are_possible(name: str) -> None:
     found = cells(EFFECTS[name], TABLE_3, (0.0, 20.0), np.array([1.0, 2.0]))
-    assert found
-    for cell in found:
-        assert len(cell.probes) == len(cell.sizes)
+    starts = [cell.start(np.full(len(cell.probes), 0.7)) for cell in found]
+    assert any(start is not None for start in starts)
+    assert all(start is None or start.name == name for start in starts)
+    assert all(len(cell.probes) == len(cell.sizes) for cell in found)
+
+
+@pytest.mark.parametrize("name", ["input_delay", "actuator_lag", "input_dead_zone", "arm_backlash"])
+def test_a_start_has_the_share_of_its_probe_that_the_data_ask_for(name: str) -> None:
+    size = next(p for p in EFFECTS[name].parameters if p.role == "size")
+    for cell in cells(EFFECTS[name], TABLE_3, (0.0, 20.0), np.array([1.0, 2.0])):
         start = cell.start(np.full(len(cell.probes), 0.7))
-        assert start is None or start.name == name
+        assert start is not None
+        assert start.parameters[size.name] == pytest.approx(0.7 * cell.probes[0][size.name])
 
 
 def _signal(name: str, values: dict[str, float], rng: np.random.Generator) -> np.ndarray:
