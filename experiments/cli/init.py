@@ -52,8 +52,8 @@ def init_command(
 
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
-    given = reading.file is not None and str(reading.file) != "none"
-    known = reading.said.over(load_mapping(reading.file)) if given else reading.said
+    file = None if str(reading.file) == "none" else reading.file
+    known = reading.said if file is None else reading.said.over(load_mapping(file))
     proposal = propose(tables, known)
     kept = kept_mapping(target, proposal) if yes and target.exists() else RigMapping()
     if not kept.empty:

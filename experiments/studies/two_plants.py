@@ -98,7 +98,7 @@ def asked(kind: str, number: int, duration: float = 12.0) -> list[dict[str, Any]
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Markdown: how often a change was told, and which parameters it was seen in."""
-    lines = ["| changed | told as a change | in half of the rigs or more by |", "|---|---|---|"]
+    lines = ["| changed | called a change | in half of the rigs or more by |", "|---|---|---|"]
     for name in CHANGES:
         mine = [row for row in rows if row["changed"] == name]
         if not mine:
