@@ -40,6 +40,8 @@ PRESENT = (
     "61",
     "65",
     "65b",
+    "66",
+    "68",
 )
 PRESENT_COMPOSITE = (
     "41_composite",
@@ -50,6 +52,7 @@ PRESENT_COMPOSITE = (
     "56_composite",
     "59_composite",
     "62_composite",
+    "66_composite",
 )
 
 names = st.from_regex(r"[a-zφω][a-z0-9_φω]{0,12}", fullmatch=True)
@@ -124,6 +127,9 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
         ("61", "research-log/diagnosis_runs.md"),
         ("65", "research-log/diagnosis_runs.md"),
         ("65b", "research-log/diagnosis_runs.md"),
+        ("66", "research-log/diagnosis_runs.md"),
+        ("66_composite", "research-log/diagnosis_runs.md"),
+        ("68", "research-log/diagnosis_runs.md"),
         ("60", "research-log/diagnosis_runs.md"),
         ("59", "research-log/diagnosis_runs.md"),
         ("58", "research-log/diagnosis_runs.md"),
