@@ -266,7 +266,7 @@ CAVEATS = (
     "This rig was chosen because the effect matters for its control. Where it matters less, controllers made with it "
     "and without it hardly differ.",
     "u_max in plant.json is the largest command in the log, with a margin. Set it to your amplifier's limit. The "
-    "policies and LQRs of step 5 know the rig's own.",
+    "policies and LQRs of step 6 know the rig's own.",
     "Each policy was trained once, for a short time. Another seed gives another policy, and the difference may exceed "
     "that of ten runs.",
 )
