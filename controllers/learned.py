@@ -223,17 +223,20 @@ def load_to_export(
     Raises ValueError as there, and for a sample_time [s] that is not that period. Warns of what the plant has and no
     episode of the training had."""
     controller = load_policy(path, plant, trust=trust)
-    if missing := never_met(read_record(path), plant):
-        warnings.warn(
-            f"{path} was trained without {', '.join(missing)}. Play it on this plant before the rig does: "
-            "furuta compare --plant PLANT --controllers POLICY",
-            stacklevel=2,
-        )
+    if missing := not_trained_for(path, plant):
+        warnings.warn(missing, stacklevel=2)
     period = controller.every * controller.sample_time
     if sample_time is not None and not same_clock(period_of(sample_time), period):
         fault = f"expected {period:g} s, at which this policy acts, or no sample time"
         raise ArgumentError("sample_time", f"{sample_time:g}", fault)
     return controller
+
+
+def not_trained_for(path: str | os.PathLike[str], plant: Plant) -> str:
+    """What a plant has and no episode of a policy's training had, in a sentence; "" where that is nothing."""
+    missing = ", ".join(never_met(read_record(path), plant))
+    advice = "Play it on this plant before the rig does: furuta compare --plant PLANT --controllers POLICY"
+    return f"{path} was trained without {missing}. {advice}" if missing else ""
 
 
 def _check_actions(path: Path, largest: float, normalized: bool | None, u_max: float) -> None:

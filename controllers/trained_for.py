@@ -33,6 +33,8 @@ def never_met(record: Mapping[str, Any], plant: Plant) -> list[str]:
         own = plant.supply if name == "supply" else plant.limit(name, math.inf)
         if own < (1.0 - _SAME) * float(trained):
             said = f"{float(trained):g}" if math.isfinite(float(trained)) else "no limit"
+            if name == "supply" and "supply" not in (plant.limits or {}):
+                name = "u_max"
             found.append(f"{name} of {own:g} ({said} there)")
     return found
 

@@ -35,7 +35,7 @@ def changes_command(
         try:
             Estimated.of_plant(plants[-1])
         except ValueError as error:
-            raise ValueError(f"{path} {error}") from None
+            raise ValueError(f"{path}: {error}") from None
     found = plant_change(*plants)
     for path, plant in zip((before, after), plants, strict=True):
         for remark in _remarks(plant):
@@ -45,22 +45,26 @@ def changes_command(
         return
     table = Table("", "before", "after", "change", "deviations", "shows from")
     for d in found.differences:
-        table.add_row(*map(escape, _row(d)))
+        table.add_row(*map(escape, _row(d, found.changed is not None)))
     console = Console()
     (console if console.is_terminal else Console(width=110)).print(table)
-    typer.echo("deviations: the change over its standard deviation (! above 3). shows from: the least change above 3.")
+    typer.echo("deviations: the change over its standard deviation (! above 3)")
+    typer.echo("shows from: the least change that would be above 3")
     if found.unjudged:
-        typer.echo(f"Not compared (r never is, others where a plant does not show them): {spoken(found.unjudged)}.")
+        typer.echo(
+            f"Not compared: {spoken(found.unjudged)}. r never is, nor what counts from the zero or the clock of a log, "
+            "stands at its bound, or is shown by one plant alone."
+        )
     typer.echo(str(found))
 
 
-def _row(d: Difference) -> tuple[str, ...]:
+def _row(d: Difference, comparable: bool) -> tuple[str, ...]:
     from identification.estimation.estimate import rounded
     from identification.estimation.identifiability import spoken
 
     change = "" if d.percent is None else f"{d.percent[0]:+.1f} %"
     least = "" if d.shows_from is None else f"{d.shows_from:.2g} %"
-    mark = " !" if d.certain else ""
+    mark = " !" if d.certain and comparable else ""
     name = f"{spoken([d.name])} [{d.unit}]" if d.unit else spoken([d.name])
     return (name, rounded(*d.before), rounded(*d.after), change, f"{d.sure:+.1f}{mark}", least)
 

@@ -172,6 +172,8 @@ def _fitted(samples: int, method: str, every_sample: bool) -> int:
 def _next(gap: Gap | None, fitted: str, output: Path, again: str) -> str:
     from identification.validation.adequacy import Adequacy
 
+    if gap is not None and gap.says_little:
+        return "record a log in which both angles move all along, and identify that"
     if gap is None or gap.judgement.adequacy is Adequacy.ADEQUATE:
         return f"furuta validate {shlex.quote(str(output))} LOG{again}   (a log that was not fitted)"
     what = f"furuta diagnose {fitted}{again} --held-out LOG -o diagnosis"
@@ -196,7 +198,7 @@ def _one_by_one(estimate: Estimate, gap: Gap | None, logs: Sequence[Log], known:
     from identification.validation.adequacy import Adequacy
     from identification.validation.one_rig import one_by_one
 
-    if gap is None or len(logs) < 2 or gap.judgement.adequacy is not Adequacy.INADEQUATE:
+    if gap is None or len(logs) < 2 or gap.by_size.adequacy is not Adequacy.INADEQUATE:
         return None
     with busy("fitting every log alone, as one plant does not explain them …"):
         return one_by_one(estimate, gap, logs, **known)

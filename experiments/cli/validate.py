@@ -110,7 +110,7 @@ def validate_command(
         typer.echo(f"  {explained[:1].upper()}{explained[1:]}.")
     if parts is not None:
         typer.echo(str(parts))
-    if result.judgement.adequacy is not Adequacy.ADEQUATE:
+    if result.judgement.adequacy is not Adequacy.ADEQUATE and not result.says_little:  # the verdict says what to do
         typer.echo(f"Next: {look}{remark}")
     if plots is not None:
         typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")

@@ -197,9 +197,9 @@ def _compare(without: Plant, with_it: Plant, out: Path, seed: int, say: Say) -> 
         )
         _write_json(out / f"{file}.json", found.to_dict())
         held[side] = {name: rows["balance"]["success"].value for name, rows in found.scores.items()}
-        shares = [f"{name} holds {100 * share:.0f} %" for name, share in held[side].items()]
+        shares = [f"{name} holds {100 * share:.0f} % of {TRIALS} trials" for name, share in held[side].items()]
         shares += [f"{name} is left out: {why}" for name, why in found.skipped.items()]
-        say(f"   designed {side} the effect: {', '.join(shares)} of {TRIALS} trials")
+        say(f"   designed {side} the effect: {', '.join(shares)}")
     return held
 
 

@@ -158,7 +158,8 @@ def examine(
                 rest,
             )
             names = [suspect.name for suspect in diagnosis.found]
-            where = where and of_effects(where, names)
+            if diagnosis.verdict in ("named", "ambiguous"):
+                where = where and of_effects(where, [suspect.name for suspect in diagnosis.named])
             law = tried("law", lambda: law_of(after.plant, names, moved(searched, after.zeros)))
         if diagnosis.gap is None:
             remarks["gap"] = diagnosis.gap_remark

@@ -79,7 +79,8 @@ def asked(kind: str, number: int, duration: float = 12.0) -> list[dict[str, Any]
         warnings.simplefilter("ignore", UserWarning)  # advice for a person
         before = fitted(constants, 2 * number, duration)
         for name, change in CHANGES.items():
-            found = plant_change(before, fitted(change(constants), 2 * number + 1, duration))
+            after = fitted(change(constants), 2 * number + 1, duration)
+            found = plant_change(before, after)
             certain = [d.name for d in found.certain]
             rows.append(
                 {
@@ -90,6 +91,8 @@ def asked(kind: str, number: int, duration: float = 12.0) -> list[dict[str, Any]
                     "certain": " ".join(certain),
                     "p": found.p,
                     "one_factor": found.one_factor,
+                    "r_before": before.friction_sharpness,
+                    "r_after": after.friction_sharpness,
                     "largest_θ_deviation": max(abs(d.sure) for d in found.differences if d.name in THETA_NAMES),
                 }
             )

@@ -15,7 +15,8 @@ reading = RLock()
 @contextmanager
 def heard(category: type[Warning] = UserWarning) -> Iterator[dict[str, None]]:
     """Texts of this thread's warnings of a category, each once, as keys in their order. What other threads warn of goes
-    where it went before."""
+    where it went before. A computation in another tab that catches warnings meanwhile may take some away: what must not
+    be missed is returned, and not warned of."""
     remarks: dict[str, None] = {}
     mine = get_ident()
 

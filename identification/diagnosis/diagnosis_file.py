@@ -187,7 +187,7 @@ class LearnedEntry(Struct):
 
 
 class SuspicionEntry(Struct):
-    channel: Annotated[str, Meta(description="arm, pendulum, input, sensor or parameters")]
+    channel: Annotated[str, Meta(description="arm, pendulum, input or sensor")]
     variable: Annotated[str, Meta(description="What the torque depends on")]
     gain: Annotated[Number, Meta(description="Nats gained by such torques beyond other values of θ")]
     net: Annotated[Number, Meta(description="The same less the price of their parameters")]
@@ -213,8 +213,8 @@ class WhereEntry(Struct, kw_only=True):
     channel: Annotated[
         str | None,
         Meta(
-            description="Where the likeliest missing torque acts: arm, pendulum, input, sensor or parameters; null if "
-            "none is left"
+            description="Where the likeliest missing torque acts: arm, pendulum, input or sensor; null if none is "
+            "left. Of `where`, with found false: where the named effects act"
         ),
     ]
     intervals_s: Annotated[

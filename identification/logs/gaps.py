@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 _REGULAR, _UNEVEN = 1.5, 2.5
 _COARSE = 0.05  # of a spacing; a finer rounding does no harm
 _FEWEST_LONGER = 10  # spacings of each of two kinds
+_MOST_LOST = 0.1  # share of spacings in which samples are lost; with more, no line can be told
 _NOTHING = 1e-3  # of a digit: rounding of stamps that are kept in binary
 _LOST = 0.1  # share of double spacings, below which samples are lost at regular intervals
 _ONE_DIGIT = 1.05  # which rounded stamps scatter about a line at most
@@ -34,24 +35,38 @@ def evened(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Stamps t [s] of an even clock that were rounded coarsely, as those of a loop at 800 Hz to milliseconds, without
     the rounding; any other stamps as they are.
 
-    Rounded stamps lie within half a digit of a line, and have two spacings that differ by a digit. An even clock that
-    lost some samples has two spacings as well, and does not keep to a line.
+    Rounded stamps lie within half a digit of a line, and have two spacings that differ by a digit. Where samples were
+    lost between them, each part lies on a line of the same slope. An even clock that lost samples has two spacings as
+    well, and its parts have one.
     """
     steps = np.diff(t)
     if steps.size < 2 * _FEWEST_LONGER or not np.all(steps > 0.0):
         return t
-    low, digit = float(steps.min()), float(np.ptp(steps))
-    if not _COARSE * low < digit < low * (1.0 + _NOTHING):
+    low = float(steps.min())
+    longer = steps[steps > low * (1.0 + _COARSE)]
+    digit = float(longer.min()) - low if longer.size else 0.0
+    if not 0.0 < digit < low * (1.0 + _NOTHING):
         return t
-    longer = (steps - low) / digit
-    whole = np.round(longer)
-    if np.abs(longer - whole).max() > _NOTHING or not _FEWEST_LONGER <= whole.sum() <= whole.size - _FEWEST_LONGER:
+    whole = np.round((steps - low) / digit)
+    if np.abs(steps - low - whole * digit).max() > _NOTHING * digit:
         return t
-    if digit > low * (1.0 - _NOTHING) and whole.mean() < _LOST:  # a logger that pauses for a sample now and then
+    rounded, share = whole < 2, float(np.mean(whole == 1))
+    if not _FEWEST_LONGER <= np.sum(whole == 1) <= steps.size - _FEWEST_LONGER or np.mean(~rounded) > _MOST_LOST:
         return t
-    k = np.arange(t.size)
-    slope, start = np.polyfit(k, t, 1)
-    return start + slope * k if np.ptp(t - slope * k) < _ONE_DIGIT * digit else t
+    if digit > low * (1.0 - _NOTHING) and share < _LOST:  # a logger that pauses for a sample now and then
+        return t
+    part = np.concatenate([[0], np.cumsum(~rounded)])
+    number = np.bincount(part)
+    first = np.concatenate([[0], np.cumsum(number)[:-1]])
+    k = np.arange(t.size) - first[part]
+    mean_k, mean_t = np.bincount(part, k) / number, np.bincount(part, t) / number
+    from_mean = k - mean_k[part]
+    slope = float(from_mean @ (t - mean_t[part]) / (from_mean @ from_mean))
+    even = mean_t[part] + slope * from_mean
+    # each part's own scatter about the common slope
+    off = t - even
+    scatter = np.maximum.reduceat(off, first) - np.minimum.reduceat(off, first)
+    return even if scatter.max() < _ONE_DIGIT * digit else t
 
 
 def gaps(t: ArrayLike) -> NDArray[np.bool_]:

@@ -95,9 +95,11 @@ def map_table(
     t = (raw["t"] - first) * factor
     log_checks.check_clock(name, t, table.where)
     if (even := evened(t)) is not t:
+        off, period = 1e3 * float(np.abs(t - even).max()), 1e3 * float(np.median(np.diff(even)))
         log_checks.warn(
-            f"{name}: {names['t']} is rounded to {1e3 * float(np.ptp(np.diff(t))):.3g} ms. Within that it is an even "
-            f"clock of {1e3 * float(even[1] - even[0]):.6g} ms, which is taken. Write the stamps with more digits."
+            f"{name}: {names['t']} is rounded, by up to {off:.2g} ms. Without that it is an even clock of {period:.6g} "
+            "ms, which is taken. Write the stamps with more digits. If your logger drops samples regularly instead, "
+            "mend that: this clock is wrong then."
         )
         t = even
     log_checks.check_length(name, len(t))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _TURNS = (2.0 * np.pi, 360.0, 1.0)  # in the usual units
+_ROUNDED = 1e-3  # of a turn, by which decimals may widen it
 _WHOLE_TURN = 0.9  # of a turn, spanned by an angle that was wrapped
 
 
@@ -21,7 +22,7 @@ def continuous(values: Array, counts: tuple[float, ...] = ()) -> Array:
     if not np.any(steps > 0.5 * span):
         return values
     for turn in (*_TURNS, *counts):
-        if _WHOLE_TURN * turn < span <= turn * (1.0 + 1e-6):
+        if _WHOLE_TURN * turn < span <= turn * (1.0 + _ROUNDED):
             unwrapped = np.asarray(np.unwrap(values, period=turn))
             if np.max(np.abs(np.diff(unwrapped))) < turn / 4.0:
                 return unwrapped

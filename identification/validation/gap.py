@@ -190,17 +190,19 @@ class Gap:
     @property
     def judgement(self) -> Judgement:
         """Whether the plant is adequate on these logs."""
-        judged = self._by_size
+        judged = self.by_size
         return replace(judged, adequacy=Adequacy.UNKNOWN) if self.says_little else judged
 
     @property
     def at_the_floor(self) -> bool:
         """Whether the error is that of an adequate plant, also where an angle rests and the floor is not to be
         trusted."""
-        return self._by_size.adequacy is Adequacy.ADEQUATE
+        return self.by_size.adequacy is Adequacy.ADEQUATE
 
     @property
-    def _by_size(self) -> Judgement:
+    def by_size(self) -> Judgement:
+        """The same as `judgement`, but also where an angle rests: a floor that is not to be trusted hides no large
+        error."""
         return Judgement.of(self.ratio_to_floor, float(self.torque_share.max()))
 
     @property

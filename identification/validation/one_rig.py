@@ -63,7 +63,7 @@ def one_by_one(estimate: Estimate, gap: Gap, logs: Sequence[Log], **options: Any
     estimate: of all logs together, gap: its error on them. options: of `identify`. None where the logs have a plant in
     common, or a log alone is not explained either, or cannot be fitted.
     """
-    if len(logs) < 2 or gap.judgement.adequacy is not Adequacy.INADEQUATE:
+    if len(logs) < 2 or gap.by_size.adequacy is not Adequacy.INADEQUATE:
         return None
     return apart(
         [(log.source, (log,)) for log in logs],

@@ -27,7 +27,7 @@ class PlantChange:
     differences: of what both estimate and their logs show. unjudged: r, what counts from the zero or the clock of a
     log, and names that one of the plants does not show or estimate. one_factor: by which all θ differ, if they do by
     one. chi2, degrees: of all differences together. only_before, only_after: effects that one of the plants has alone.
-    held: what neither estimates and both have with other values. shared_logs: logs that both were fitted to.
+    held: what a fit held at another value than the other plant has. shared_logs: logs that both were fitted to.
     """
 
     differences: tuple[Difference, ...]
@@ -94,7 +94,7 @@ class PlantChange:
             )
         if self.held:
             lines.append(
-                f"These plants cannot be compared: they have other values of {spoken(self.held)}, which no fit moved, "
+                f"These plants cannot be compared: they have other values of {spoken(self.held)}, which a fit held, "
                 "and every other parameter depends on that. Fit both with the same values"
             )
         if self.shared_logs:
@@ -138,18 +138,23 @@ def plant_change(before: Plant, after: Plant) -> PlantChange:
         gained.rank if gained else 0,
         tuple(sorted(names[0] - names[1])),
         tuple(sorted(names[1] - names[0])),
-        _held(before, after, {*a.names, *b.names}),
+        _held(before, after, a, b),
         _shared_logs(before, after),
     )
 
 
-def _held(before: Plant, after: Plant, estimated: set[str]) -> tuple[str, ...]:
-    """Parameters of both plants that no fit moved, and that differ."""
+def _held(before: Plant, after: Plant, a: Estimated, b: Estimated) -> tuple[str, ...]:
+    """Parameters of both plants that one fit at least did not move, and that differ: where the other one estimated
+    them, by more than chance. r is left out, as it is everywhere."""
     p, q = before.packed().p, after.packed().p
-    of_r = {"r1", "r2"} if estimated & {*SHARPNESS_NAMES} else set()
-    both = [n for n in before.layout.names if n in after.layout.names and n not in {*estimated, *of_r}]
-    values = ((p[before.layout.row(n)], q[after.layout.row(n)]) for n in both)
-    return tuple(n for n, (x, y) in zip(both, values, strict=True) if not math.isclose(x, y))
+    both = [n for n in before.layout.names if n in after.layout.names and n not in SHARPNESS_NAMES]
+    found = []
+    for name in both:
+        errors = [e.std(name) for e in (a, b) if name in e.names]
+        x, y = p[before.layout.row(name)], q[after.layout.row(name)]
+        if len(errors) < 2 and abs(y - x) > max(CERTAIN * sum(errors), 1e-9 * max(abs(x), abs(y))):
+            found.append(name)
+    return tuple(found)
 
 
 def _shared_logs(before: Plant, after: Plant) -> tuple[str, ...]:

@@ -68,7 +68,9 @@ class Estimated:
         many times its standard deviation.
         """
         if plant.covariance is None:
-            raise ValueError("has no error bars; expected a plant file as `furuta identify LOG -o rig.json` writes it")
+            raise ValueError(
+                "a plant has no error bars; expected a plant file as `furuta identify LOG -o rig.json` writes it"
+            )
         known = {*plant.layout.names, "r"}  # an effect may have been taken out of the file since
         covariance = plant.covariance.without(*(name for name in plant.covariance.names if name not in known))
         names = covariance.names

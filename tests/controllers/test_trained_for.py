@@ -45,7 +45,7 @@ def test_a_narrower_limit_counts() -> None:
     ("trained", "rig", "said"),
     [
         (QUBE, QUBE.replace(limits={"slew": 20.0}), ["slew of 20 (no limit there)"]),
-        (QUBE, QUBE.replace(u_max=5.0), ["supply of 5 (10 there)"]),
+        (QUBE, QUBE.replace(u_max=5.0), ["u_max of 5 (10 there)"]),
         (QUBE.replace(limits={"supply": 20.0}), QUBE.replace(limits={"supply": 15.0}), []),  # both motors get 10
     ],
 )

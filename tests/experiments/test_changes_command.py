@@ -56,5 +56,5 @@ def test_a_plant_moved_by_hand_and_one_without_error_bars(files: tuple[Path, Pat
     assert "its fit did not converge" in told.stderr
     assert "theta6" in json.loads(told.stdout)["not_judged"]
     bare = TABLE_3.save(tmp_path / "bare.json")
-    refused(furuta("changes", files[1], bare), "bare.json has no error bars; expected a plant file as")
+    refused(furuta("changes", files[1], bare), "bare.json: a plant has no error bars; expected a plant file as")
     refused(furuta("changes", files[1], tmp_path / "none.json"), "no plant file at")

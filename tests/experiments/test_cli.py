@@ -286,7 +286,9 @@ def test_the_demo_tells_its_story_and_ends_well(
     )
     written = {path.name for path in tmp_path.iterdir()}
     files = {"rig.json", "plant.json", "diagnosis.json", "report.html", "gap.json", "demo.json"}
-    assert files | {"prediction.png", "parameters.png", "policy_without.zip", "policy_with.zip"} <= written
+    files |= {"prediction.png", "parameters.png", "policy_without.zip", "policy_with.zip"}
+    assert files | {"comparison.json", "comparison_without.json"} <= written
+    assert figures["held"]["with"] == {"lqr": 1.0, "lqg": 1.0}
     # what the bench hides is found, θ with it is right within its error bars, and the held-out gap closes
     assert [effect["name"] for effect in figures["diagnosis"]["effects"]] == ["input_delay"]
     assert figures["largest_error_in_std"]["effect added"] < 4

@@ -12,7 +12,7 @@ from nicegui import ui
 
 from controllers import DesignError, export_c, export_mjcf, export_onnx, export_policy_c
 from controllers.envelope import unlimited
-from controllers.learned import load_to_export
+from controllers.learned import load_to_export, not_trained_for
 from controllers.registry import designed
 from experiments.report import render
 from experiments.report.diagnosis_page import diagnosis_page
@@ -153,13 +153,14 @@ def _controller(plant: Plant, path: Path) -> str:
     return unlimited(plant)
 
 
-def _onnx(session: Session, plant: Plant, path: Path) -> None:
+def _onnx(session: Session, plant: Plant, path: Path) -> str:
     export_onnx(str(session.policy), plant, path, trust=session.trusted)
+    return not_trained_for(str(session.policy), plant)
 
 
 def _policy(session: Session, plant: Plant, path: Path) -> str:
     export_policy_c(load_to_export(str(session.policy), plant, trust=session.trusted), path)
-    return unlimited(plant)
+    return ". ".join(filter(None, (unlimited(plant), not_trained_for(str(session.policy), plant))))
 
 
 async def _write(frame: Frame, name: str, writer: Writer) -> None:
@@ -177,5 +178,5 @@ async def _write(frame: Frame, name: str, writer: Writer) -> None:
 def _written(session: Session, name: str, writer: Writer) -> str:
     with heard() as remarks:
         said = writer(session.target(name))
-    texts = [said] if isinstance(said, str) and said else []
-    return ". ".join([*texts, *remarks])
+    texts = said if isinstance(said, str) else ""
+    return ". ".join(filter(None, (texts, *(remark for remark in remarks if remark not in texts))))

@@ -128,19 +128,19 @@ def _count(looks: Sequence[Look]) -> Array:
 
 
 def of_effects(where: Where, names: Sequence[str]) -> Where:
-    """The same of a plant that lacks effects which were found, as their fit sees more than one free function does:
-    where none is believed, what their own laws go with stands for it."""
+    """The same of a plant that lacks effects which were named, as their fit sees more than one free function does:
+    where none is believed, the likeliest of those that go with their own variables stands for it."""
     own = {variable for name in names for variable in own_variables(name)}
-    if where.found or not own:
-        return where
     near = next((s for s in where.suspicions if (s.channel, s.variable) in own), None)
-    channel, variable = (_channel(near), near.variable) if near else min(own)
+    if where.found or near is None:
+        return where
+    channel, variable = _channel(near), near.variable
     return replace(
         where,
         channel=channel,
         variable=variable,
-        sentence=f"No free function of the motion, the command or time shows it for certain ({where.evidence:.1f} "
-        f"nats). By the law of what was named it goes with the {variable} ({channel}).",
+        sentence="No free function of the motion, the command or time shows the missing torque for certain "
+        f"({where.evidence:.1f} nats). By the law of what was named it goes with the {variable} ({channel}).",
     )
 
 

@@ -51,9 +51,9 @@ class Where:
     in counts of their encoders; negligible: so little that nobody would miss it. changing: whether parameters are not
     the same all along the longest stretch; drift_counts (2,): what that changes of such predictions, in counts.
     suspicions: families, the simplest of those that are nearly as likely as the best first. channel, variable:
-    of the likeliest (None if nothing is left). intervals_s: per stretch between gaps, as `torques`, when the torque
-    stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on each row; line (2,): Fisher's
-    g and frequencies (2,) [Hz] of its periodogram.
+    of the likeliest (None if nothing is left; see also `locate.of_effects`). intervals_s: per stretch between gaps, as
+    `torques`, when the torque stands out of its band. predictable (2,): cross-validated R² of the smoothed torque on
+    each row; line (2,): Fisher's g and frequencies (2,) [Hz] of its periodogram.
     """
 
     found: bool

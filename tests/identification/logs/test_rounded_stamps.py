@@ -27,6 +27,18 @@ def test_milliseconds_of_an_even_clock_are_evened(rate: float, floor: bool) -> N
     assert not gaps(found).any()
 
 
+@pytest.mark.parametrize("lost", [1, 10, 60])
+def test_rounded_stamps_of_a_clock_that_lost_samples_are_evened_part_by_part(lost: int) -> None:
+    rng = np.random.default_rng(lost)
+    true = np.delete(np.arange(6000) / 400.0, rng.choice(np.arange(20, 5980, 20), lost, replace=False))
+    stamps = np.round(1e3 * true) / 1e3
+    found = evened(stamps)
+    assert found is not stamps
+    assert np.abs(found - true - np.mean(found - true)).max() < 6e-4
+    assert gaps(found).sum() == lost
+    assert (np.diff(found) > 0.0).all()
+
+
 @pytest.mark.parametrize("lost", [1, 5, 12, 40, 300])
 def test_a_clock_that_lost_samples_keeps_its_stamps(lost: int) -> None:
     rng = np.random.default_rng(lost)
@@ -58,7 +70,7 @@ def test_a_log_stamped_in_milliseconds_at_800_hz_is_read(tmp_path) -> None:
     file = tmp_path / "log.csv"
     rows = np.c_[np.floor(1e3 * log.t) / 1e3, log.q1, log.q2, log.u]
     np.savetxt(file, rows, delimiter=",", header="t,q1,q2,u", comments="", fmt="%.6f")
-    with pytest.warns(LogWarning, match=r"rounded to 1 ms. Within that it is an even clock of 1\.25 ms"):
+    with pytest.warns(LogWarning, match=r"is rounded, by up to .* ms. Without that it is an even clock of 1\.25 ms"):
         found = read_log(file, encoder_counts=4096)
     assert found.sample_time == pytest.approx(1.25e-3, rel=1e-4)
     assert not gaps(found.t).any()
@@ -73,7 +85,10 @@ def test_columns_that_are_read_are_those_that_are_checked() -> None:
     source = table(log, timestamp=1.7e12 + 1e3 * log.t, theta=np.rad2deg(log.q1), alpha=np.rad2deg(log.q2))
     found = propose([source], RigMapping(), assumed=True)
     assert not found.fatal
-    assert found.mapping.columns.get("t", "t") == "t"
+    assert not found.problems
+    assert {ours: found.mapping.columns[ours] for ours in ("t", "q1", "q2", "u")} == {
+        c: c for c in ("t", "q1", "q2", "u")
+    }
     arguments = RigMapping().arguments()
     del arguments["skip"], arguments["cut"]
     mapped = map_table(source, **arguments, device=None, controller_gain=None, constant_command="error")

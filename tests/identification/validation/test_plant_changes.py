@@ -200,8 +200,14 @@ def test_values_that_were_held_must_be_the_same() -> None:
 
     found = plant_change(held(1.0), held(1.02))
     assert found.changed is None
-    assert "other values of θ4, which no fit moved" in str(found)
+    assert "other values of θ4, which a fit held" in str(found)
     assert plant_change(held(1.0), held(1.0)).changed is False
+    # held in one, estimated in the other: by more than chance, or not
+    free = estimated(TABLE_3.theta)
+    assert plant_change(free, held(1.1)).held == ("theta4",)
+    within = plant_change(free, held(1.01))
+    assert within.changed is False
+    assert within.unjudged == ("theta4",)
 
 
 def test_ripples_of_another_number_a_turn_are_not_compared() -> None:
