@@ -36,14 +36,13 @@ def compare_command(
     ] = 100,
     duration: Annotated[float, typer.Option(help="Length of a trial in seconds; of a swing-up 15 at least.")] = 10.0,
     groups: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Kinds of trials: balance, push, parameters, delay, quantisation, effects, swing_up, "
             "map (swing-ups over delay and error), or all. Default: balance,push,parameters,delay, and swing_up where "
             "a controller is named that swings up.",
-            show_default=False,
         ),
-    ] = "",
+    ] = None,
     sample_time: Annotated[
         float | None, typer.Option(help="Of the controllers, in seconds; default: the plant's, else 0.002.")
     ] = None,
@@ -69,7 +68,8 @@ def compare_command(
 
     from .whole import whole_folder
 
-    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in (groups or _usual(names)).split(",")]
+    groups = _usual(names) if groups is None else groups
+    chosen = GROUPS if groups.strip() == "all" else [g.strip() for g in groups.split(",")]
     with opt.as_typed("groups", hints={"groups": ", separated by commas, or all"}):
         check_groups(chosen)
     if gif:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cli.compare import _film_names
+from experiments.cli.compare import _film_names, _usual
 from tests.commands import furuta
 
 
@@ -47,3 +47,11 @@ def test_films_of_an_earlier_comparison_do_not_stay(tmp_path: Path) -> None:
 
 def test_controllers_of_one_name_have_films_of_their_own() -> None:
     assert _film_names(["a/my lqr.zip", "dlqr", "b/my lqr.zip"]) == ["my-lqr.gif", "dlqr.gif", "my-lqr-2.gif"]
+
+
+def test_swing_ups_are_played_where_a_controller_swings_up() -> None:
+    policy = Path(__file__).parents[2] / "controllers" / "policies"
+    usual = "balance,push,parameters,delay"
+    assert _usual(["lqr", "lqg", str(policy / "balance-qube.zip"), "none.zip"]) == usual
+    for name in ("swing-up", "planned", str(policy / "swing-up-qube.zip")):
+        assert _usual(["lqr", name]) == f"{usual},swing_up"
