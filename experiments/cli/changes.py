@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from identification.validation.side_by_side import Difference
 
 
+_MANY = 100.0  # %, from which a smaller change is not given: the parameter is hardly known
+
+
 def changes_command(
     before: Annotated[Path, typer.Argument(help="The older plant file.", metavar="BEFORE")],
     after: Annotated[Path, typer.Argument(help="The newer plant file, of other logs.", metavar="AFTER")],
@@ -63,7 +66,7 @@ def _row(d: Difference, comparable: bool) -> tuple[str, ...]:
     from identification.estimation.identifiability import spoken
 
     change = "" if d.percent is None else f"{d.percent[0]:+.1f} %"
-    least = "" if d.shows_from is None else f"{d.shows_from:.2g} %"
+    least = "" if d.shows_from is None else f"{d.shows_from:.2g} %" if d.shows_from < _MANY else f"above {_MANY:g} %"
     mark = " !" if d.certain and comparable else ""
     name = f"{spoken([d.name])} [{d.unit}]" if d.unit else spoken([d.name])
     return (name, rounded(*d.before), rounded(*d.after), change, f"{d.sure:+.1f}{mark}", least)

@@ -114,7 +114,11 @@ class PlantChange:
         elif not lines and self.p < _BY_CHANCE:
             lines.append(f"No single parameter differs for certain, but all together do: {odds}")
         elif not lines:
-            lines.append(f"No change shows: no parameter differs by {CERTAIN:g} standard deviations; {odds}")
+            blind = [name for name in THETA_NAMES if name in self.unjudged]
+            seen = f" in {spoken(d.name for d in self.differences)}" if blind else ""
+            lines.append(f"No change shows{seen}: no parameter differs by {CERTAIN:g} standard deviations; {odds}")
+            if blind:
+                lines.append(f"Of {spoken(blind)} these logs say nothing: a change of them would not show")
         return "\n".join(f"{line}." for line in lines)
 
 

@@ -114,6 +114,9 @@ def test_what_a_log_did_not_show_is_not_judged() -> None:
     found = plant_change(estimated(TABLE_3.theta), estimated(TABLE_3.theta * 1.2, checks=blind))
     assert found.unjudged == ("theta9",)
     assert "theta9" not in {d.name for d in found.differences}
+    same = str(plant_change(estimated(TABLE_3.theta), estimated(TABLE_3.theta, checks=blind)))
+    assert "No change shows in θ1, θ2, θ3" in same
+    assert "Of θ9 these logs say nothing" in same
 
 
 def test_a_value_that_changes_its_sign_has_no_factor() -> None:
