@@ -13,7 +13,7 @@ from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical, worst
-from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
+from .trials import ARM_TRAVEL, Outcome, Starts, balance_starts, run_trials, swing_up_starts
 from .variations import built_later, built_name, later, noisier, other_plants, possible, weaker
 
 USUAL_GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")
@@ -97,13 +97,14 @@ class Condition:
         """How its trials begin; the same for every policy."""
         rng = np.random.default_rng([seed, 1])
         one = self.plants if isinstance(self.plants, Plant) else self.plants[0]
+        travel = one.limit("arm_travel", ARM_TRAVEL) if self.arm_travel is None else self.arm_travel
         if self.kind == "swing_up":
-            starts = swing_up_starts(self.trials, rng)
+            starts = swing_up_starts(self.trials, rng, travel)
             if not self.tap:
                 return starts
             size = self.tap * pendulum_frequency(one.theta) * rng.choice([-1.0, 1.0], self.trials)
             return replace(starts, push=size, push_time=self.duration * rng.uniform(1 / 3, 1 / 2, self.trials))
-        return balance_starts(one, self.trials, self.duration, rng)
+        return balance_starts(one, self.trials, self.duration, rng, travel=travel)
 
     def _largest_push(self, policy: Any, sample_time: float, seed: int) -> NDArray[np.float64]:
         """The largest survived push (trials,) [rad/s] up to 3 √(θ5/θ4), by bisection in all trials side by side."""

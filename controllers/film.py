@@ -12,9 +12,11 @@ from furuta_gym.extras import install
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
+from .trials import start_angle
+
 PICTURES = 20  # per second
 SIZE = (480, 320)  # pixels
-LEAN = (0.5, 0.1, 0.0, 0.0)  # q1, q2, q̇1, q̇2; where a balancing film starts
+LEAN = 0.1  # rad; of the pendulum where a balancing film starts
 
 
 def require_film() -> None:
@@ -57,7 +59,8 @@ def film(
     player = copy.deepcopy(policy)
     if hasattr(player, "reset"):
         player.reset()
-    _, info = env.reset(seed=seed, options={"state": LEAN} if task == "balance" else None)
+    lean = (start_angle(env.setup.arm_limit), LEAN, 0.0, 0.0)
+    _, info = env.reset(seed=seed, options={"state": lean} if task == "balance" else None)
     pictures = []
     for k in range(round(seconds / sample_time) + 1):
         if k * sample_time * PICTURES >= len(pictures):

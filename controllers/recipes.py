@@ -168,6 +168,6 @@ def discount(period: float) -> float:
 def observation_scale(plant: Plant, history: int, observe_command: bool) -> list[float]:
     """Factors that bring every entry of the observation to about one: speeds are counted in the pendulum's
     frequency."""
-    w = pendulum_frequency(plant.theta)
+    w = pendulum_frequency(plant.theta) or 1.0  # without weight there is none
     frame = [1.0, 1.0, 1.0, 1.0 / w, 1.0 / w] + [1.0] * observe_command
     return frame * history

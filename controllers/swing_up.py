@@ -164,7 +164,7 @@ def rehearsed(plant: Plant, sample_time: float, sensors: Sensors, weights: Weigh
         played = run_trials(
             rigs,
             rehearsal,
-            swing_up_starts(len(WAYS) * starts, np.random.default_rng(0)),
+            swing_up_starts(len(WAYS) * starts, np.random.default_rng(0), rehearsal.travel),
             swings * swing,
             sample_time,
             sensors,

@@ -19,7 +19,7 @@ def never_met(record: Mapping[str, Any], plant: Plant) -> list[str]:
     rig, env = record.get("plant") or {}, record.get("env") or {}
     if not rig.get("theta"):
         return []
-    drawn = _drawn(env)
+    drawn = _drawn(env, rig)
     had = drawn | {str(effect.get("name")) for effect in rig.get("effects") or []}
     found = [effect.name for effect in plant.effects if effect.name not in had]
     limits = rig.get("limits") or {}
@@ -39,8 +39,8 @@ def never_met(record: Mapping[str, Any], plant: Plant) -> list[str]:
     return found
 
 
-def _drawn(env: Mapping[str, Any]) -> set[str]:
-    """Names of what the episodes drew."""
+def _drawn(env: Mapping[str, Any], rig: Mapping[str, Any]) -> set[str]:
+    """Names of what the episodes drew. `randomize` True means what the plant file says."""
     given = env.get("randomize")
-    ranges = {} if isinstance(given, bool) or given is None else as_mapping(given)
+    ranges = as_mapping((rig.get("randomize") if given is True else given) or {})
     return {name.partition(".")[0] for name in (*ranges, *(env.get("effect_probabilities") or {}))}

@@ -20,7 +20,7 @@ from .policy_file import from_stable_baselines3, read_learning, read_record, ref
 from .resuming import Progress, check_output, check_same, progress_of
 from .running_state import put_running_state, running_state
 from .sb3_files import algorithm_class, load_sb3
-from .seeds import FINAL_SEED, OTHER_SEED, RESUMED_SEED
+from .seeds import FINAL_SEED, OTHER_SEED, RESUMED_SEED, judging
 from .spent import Clock
 from .training_model import learning_env, learning_rigs, make_model
 from .training_record import TRIALS, evaluate, record_of, write_record
@@ -161,7 +161,9 @@ class _Run:
         candidate = write_policy(self.folder / path.name, network, record)
         record["evaluation"] = evaluate(candidate, self.training)
         if self.training.setup.random.active:
-            record["drawn_rigs"] = on_drawn_rigs(network, self.training.judges(TRIALS), self.training.seed + FINAL_SEED)
+            record["drawn_rigs"] = on_drawn_rigs(
+                network, self.training.judges(TRIALS), judging(FINAL_SEED, self.training.seed)
+            )
         write_policy(path, network, record, parameters_of(self.model))
         write_record(path.with_suffix(".json"), record)
         remove_checkpoints(self.folder)

@@ -1,6 +1,7 @@
 """What is to be learned, and on what: everything that a training run must know before it starts."""
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -65,6 +66,8 @@ class Training:
         given = RECIPES[name].of(plant)
         if said.get("algorithm") == RECURRENT:  # it remembers by itself what a history would show
             given |= {"history": 1, "observe_command": True}
+        limit = said.get("arm_limit") or plant.limit("arm_travel", math.inf)
+        given["arm_margin"] = min(given["arm_margin"], 0.5 * limit)
         weights = {**given["reward_weights"], **(said.pop("reward_weights", None) or {})}
         given |= {key: x for key, x in said.items() if x is not None}
         given["reward_weights"] = weights
@@ -145,11 +148,8 @@ class Training:
         """A `VecEnv` of so many rigs to learn on, with episodes of `recipe.episode` seconds."""
         from furuta_gym.envs.sb3 import FurutaVecEnv
 
-        return FurutaVecEnv(envs, plant=self.plant, max_episode_steps=self._steps(self.recipe.episode), **self.env)
+        return FurutaVecEnv(envs, plant=self.plant, time_limit=self.recipe.episode, **self.env)
 
     def judges(self, envs: int) -> FurutaVectorEnv:
         """The same rigs to be judged on for `recipes.EPISODE` seconds, with Gymnasium's own interface."""
-        return FurutaVectorEnv(envs, plant=self.plant, max_episode_steps=self._steps(EPISODE), **self.env)
-
-    def _steps(self, duration: float) -> int:
-        return round(duration / self.setup.sample_time)
+        return FurutaVectorEnv(envs, plant=self.plant, time_limit=EPISODE, **self.env)

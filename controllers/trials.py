@@ -18,7 +18,7 @@ from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step
 
 from .base import Controller
-from .seeds import BUILT_SEED
+from .seeds import BUILT_SEED, judging
 
 HORIZONTAL = np.pi / 2  # rad from upright; from below it only a swing-up brings the pendulum back
 ARM_TRAVEL = 2 * np.pi  # rad to either side, where the plant's limits have none; a cable allows no more
@@ -48,23 +48,34 @@ class Starts:
         return self.x0.shape[1]
 
 
+def start_angle(travel: float) -> float:
+    """Largest |q1| [rad] at which a trial begins, where the arm may turn by `travel` [rad] to either side."""
+    return min(0.5, 0.5 * travel)
+
+
 def balance_starts(
-    plant: Plant, n: int, duration: float, rng: np.random.Generator, push: float | NDArray[np.float64] | None = None
+    plant: Plant,
+    n: int,
+    duration: float,
+    rng: np.random.Generator,
+    push: float | NDArray[np.float64] | None = None,
+    travel: float = ARM_TRAVEL,
 ) -> Starts:
     """n starts near upright, and a push to a random side at 40 to 60 % of the duration.
 
-    |q1| ≤ 0.5 rad, |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 ω; push [rad/s], by default 0.2 ω. ω is the pendulum's
-    frequency, which makes speeds comparable between rigs.
+    |q1| ≤ 0.5 rad (at most half of `travel` [rad]), |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 ω; push [rad/s], by default
+    0.2 ω. ω is the pendulum's frequency, which makes speeds comparable between rigs.
     """
     w = pendulum_frequency(plant.theta)
-    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[0.5], [0.1], [0.1 * w], [0.1 * w]])
+    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[start_angle(travel)], [0.1], [0.1 * w], [0.1 * w]])
     size = 0.2 * w if push is None else push
     return Starts(x0, size * rng.choice([-1.0, 1.0], n), duration * rng.uniform(0.4, 0.6, n))
 
 
-def swing_up_starts(n: int, rng: np.random.Generator) -> Starts:
-    """n starts that hang: |q1| ≤ 0.5, |q2 − π| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.1 rad/s, no push."""
-    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[0.5], [0.1], [0.1], [0.1]])
+def swing_up_starts(n: int, rng: np.random.Generator, travel: float = ARM_TRAVEL) -> Starts:
+    """n starts that hang: |q1| ≤ 0.5 (at most half of `travel` [rad]), |q2 − π| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.1 rad/s,
+    no push."""
+    x0 = rng.uniform(-1, 1, (4, n)) * np.array([[start_angle(travel)], [0.1], [0.1], [0.1]])
     x0[1] += np.pi
     return Starts(x0, np.zeros(n), np.zeros(n))
 
@@ -132,7 +143,7 @@ def built_plants(share: float, plant: Plant, n: int, seed: int) -> list[Plant]:
     """n rigs that could be built: masses, lengths, inertias, frictions and gain each off by up to `share`."""
     # of the env's own clock: what is drawn does not depend on it, and a plant may be sampled faster than an env can be
     batch = FurutaVectorEnv(n, plant, "swing_up", sample_time=SAMPLE_TIME, randomize={"theta": f"physical:{share:g}"})
-    batch.reset(seed=seed + BUILT_SEED)
+    batch.reset(seed=judging(BUILT_SEED, seed))
     return batch.plants()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -164,6 +164,7 @@ def _usual(names: Sequence[str]) -> str:
     def swings_up(name: str) -> bool:
         if not name.endswith(".zip"):
             return name in ("swing-up", "planned")
-        return Path(name).is_file() and (read_record(name).get("env") or {}).get("task") == "swing_up"
+        env = read_record(name).get("env") if Path(name).is_file() else None
+        return isinstance(env, Mapping) and env.get("task") == "swing_up"
 
     return "balance,push,parameters,delay" + (",swing_up" if any(map(swings_up, names)) else "")

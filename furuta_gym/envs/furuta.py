@@ -97,8 +97,8 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         parameters that `randomize` draws. Works without `randomize` too.
     sample_time (the plant's, else 0.01 s): period T at which the encoders are read.
     action_time (T): how long an action is held [s], rounded up to whole samples; readings and velocities go on at T.
-    time_limit (none): length of an episode [s]. In `FurutaID-v0` it only shortens the 1000 actions: one beyond them is
-        refused at reset, and `max_episode_steps` takes its place.
+    time_limit (none): length of an episode [s]. In `FurutaID-v0` it only shortens the 1000 actions: a batch refuses one
+        beyond them at reset, and a single env warns after 1000 actions. Give `max_episode_steps` then.
     jitter (0): every period is T (1 + jitter · uniform(−1, 1)), at most 0.3. The velocity filter goes on assuming T.
     delay (the plant's): seconds from a sample to its command's effect, fractions of a sample included. It takes the
         place of the plant's own `input_delay`, also where that is drawn from the covariance.

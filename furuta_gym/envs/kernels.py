@@ -22,8 +22,9 @@ from .streams import normal_pair, uniform
 
 # Rows of a block before X.
 TIME, STEPS, SPAN, COMMAND, READING1, READING2, SPEED1, SPEED2, REWARD, TERMINATED, DONE, BEFORE, WANTED = range(13)
+SENT = 13  # what the rig's computer sends; a weaker supply than it knows of gives less: COMMAND
 # What may differ from episode to episode beside the plant: `ranges.RIG` names them in this order.
-NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(13, 22)
+NOISE1, NOISE2, OFFSET1, OFFSET2, SUPPLY, JITTER, PUSH, PUSH_RATE, N_FIXED = range(14, 23)
 
 # Entries of `sizes`.
 (STATE_ROWS, PARAMETER_ROWS, SUBSTEPS, PAST_COMMANDS, STRETCHES, HISTORY, FRAME, SAMPLES, N_SIZES) = range(9)
@@ -191,7 +192,7 @@ def _frame(lanes, k, first, sizes, numbers):
     lanes[first + 3, k] = _clip(lanes[SPEED1, k], speed) * numbers[SPEED_SHARE]
     lanes[first + 4, k] = _clip(lanes[SPEED2, k], speed) * numbers[SPEED_SHARE]
     if sizes[FRAME] > 5:
-        lanes[first + 5, k] = lanes[COMMAND, k] / numbers[U_MAX]
+        lanes[first + 5, k] = lanes[SENT, k] / numbers[U_MAX]
 
 
 @compiled(forceinline=True)
@@ -247,7 +248,7 @@ def _judge(lanes, sizes, numbers):
         for k in range(L):
             change = (lanes[COMMAND, k] - lanes[BEFORE, k]) / u_max
             lanes[REWARD, k] *= extra_factors_of(lanes[N_FIXED, k], change, numbers)
-    if numbers[GENTLE] > 0.0 or numbers[ARM_MARGIN] > 0.0 or numbers[SLEW] < math.inf:
+    if numbers[GENTLE] > 0.0 or numbers[ARM_MARGIN] > 0.0:
         for k in range(L):
             lanes[BEFORE, k] = lanes[COMMAND, k]
     for k in range(L):
@@ -324,26 +325,26 @@ def reset_lane(lanes, k, streams, codes, sizes, numbers, table, root, switches, 
 
 @compiled
 def _slew(lanes, most):
-    """Bring every COMMAND nearer to what is WANTED, by at most `most`."""
+    """Bring what is SENT nearer to what is WANTED, by at most `most`."""
     for k in range(lanes.shape[1]):
-        lanes[COMMAND, k] += min(max(lanes[WANTED, k] - lanes[COMMAND, k], -most), most)
+        lanes[SENT, k] += min(max(lanes[WANTED, k] - lanes[SENT, k], -most), most)
 
 
 @compiled(inline="always")
 def step_lanes(lanes, streams, codes, sizes, numbers, work):
     """One action of every lane of a block, standing in row COMMAND, held for SAMPLES samples."""
     period, scale = numbers[SAMPLE_TIME], numbers[ACTION_SCALE]
+    known = numbers[RIG + SUPPLY - NOISE1]
     for k in range(lanes.shape[1]):
-        most = lanes[SUPPLY, k]
-        lanes[COMMAND, k] = min(max(lanes[COMMAND, k] * scale, -most), most)
-    if numbers[SLEW] < math.inf:
-        for k in range(lanes.shape[1]):
-            lanes[WANTED, k] = lanes[COMMAND, k]
-            lanes[COMMAND, k] = lanes[BEFORE, k]
+        lanes[WANTED, k] = min(max(lanes[COMMAND, k] * scale, -known), known)
+        if numbers[SLEW] == math.inf:
+            lanes[SENT, k] = lanes[WANTED, k]
     for _ in range(sizes[SAMPLES]):
         if numbers[SLEW] < math.inf:
             _slew(lanes, numbers[SLEW] * period)
         for k in range(lanes.shape[1]):
+            most = lanes[SUPPLY, k]
+            lanes[COMMAND, k] = min(max(lanes[SENT, k], -most), most)
             lanes[SPAN, k] = period
         if numbers[JITTERY] > 0.0:
             for k in range(lanes.shape[1]):

@@ -80,6 +80,8 @@ class Options:
         return cls(**given)
 
     def __post_init__(self) -> None:
+        if isinstance(self.randomize, Mapping):  # a plant's own cannot be copied
+            object.__setattr__(self, "randomize", dict(self.randomize))
         if self.task not in TASKS:
             raise ValueError(f"task must be one of {', '.join(TASKS)}, got {self.task!r}")
         for name in ("observe_command", "normalize_action", "scale_observation"):
@@ -134,11 +136,10 @@ def _check(name: str, value: Any, low: float, high: float, unit: str) -> None:
 
 def _check_once(options: Options, drawn: Draws) -> None:
     """Refuse what is said by an option and drawn by `randomize` as well. Raises ArgumentError."""
-    drawn_always = {
-        name for name, made in drawn.ranges.items() if made.chance == 1.0
-    }  # else the option is kept at times
+    # with a chance, the option is kept at times; of an effect, at times there is none
+    drawn_always = {name for name, made in drawn.ranges.items() if made.chance == 1.0}
     twice = {
-        "delay": options.delay is not None and "input_delay.d" in drawn_always,
+        "delay": options.delay is not None and "input_delay.d" in drawn.ranges,
         "noise_std": options.noise_std is not None and "noise_std" in drawn_always,
         "encoder_offset": options.encoder_offset is not None and "encoder_offset" in drawn_always,
         "jitter": options.jitter > 0.0 and "jitter" in drawn_always,
@@ -279,7 +280,8 @@ class Setup:
         numbers[k.SPEED_SCALE] = _own_speed(plant)
         numbers[k.START_Q2] = 0.0 if balance else math.pi
         spread = k.START_BALANCE if balance else k.START_SWING_UP
-        numbers[k.START_SPREAD : k.START_SPREAD + 4] = spread if o.start_spread is None else o.start_spread
+        within = (min(spread[0], 0.5 * self.arm_limit), *spread[1:])
+        numbers[k.START_SPREAD : k.START_SPREAD + 4] = within if o.start_spread is None else o.start_spread
         numbers[k.TOLERANT] = o.reward == "tolerant"
         numbers[k.CENTRED : k.GENTLE + 1] = list((REWARD_WEIGHTS | dict(o.reward_weights)).values())
         numbers[k.ARM_MARGIN], numbers[k.REWARD_SCALE] = o.arm_margin, o.reward_scale

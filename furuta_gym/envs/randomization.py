@@ -136,12 +136,16 @@ class Randomization:
 
         rig (8,): the rig's own values, `numbers[kernels.RIG:]`. 0 draws the plant itself (or the end of a range that
         is next to it), 1 what was asked for. Chances of effects and of ranges and the covariance's standard deviations
-        are multiplied by `level`. Raises ValueError for a level outside [0, 1].
+        are multiplied by `level`; of an effect that the plant carries, the chance to be without it is. Raises
+        ValueError for a level outside [0, 1].
         """
         if not 0.0 <= level <= 1.0:
             raise ValueError(f"level must lie in [0, 1], got {level!r}")
         ranges, switches = self.ranges.copy(), self.switches.copy()
-        switches[:, 2] *= level
+        for switch in switches:
+            first, count, chance = int(switch[0]), int(switch[1]), switch[2]
+            carried = np.isnan(self.table[TO, first : first + count]).all()
+            switch[2] = 1.0 - level * (1.0 - chance) if carried else level * chance
         for row in ranges:
             if row[KIND] == rg.PHYSICAL:
                 row[A] *= level

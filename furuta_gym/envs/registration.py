@@ -97,7 +97,8 @@ def _plainly(value: Any, plant: type) -> Any:
         return value.value
     if isinstance(value, Mapping):
         told = {name: _plainly(part, plant) for name, part in value.items()}
-        return told if any(told[name] is not part for name, part in value.items()) else value
+        plain = type(value) is dict and all(told[name] is part for name, part in value.items())
+        return value if plain else told
     if hasattr(value, "tolist"):  # an array or a number of NumPy, which registering the ids does not import
         return value.tolist()
     return os.fspath(value) if isinstance(value, os.PathLike) else value

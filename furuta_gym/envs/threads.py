@@ -109,6 +109,7 @@ class _Helper:
             job, self._job = self._job, None
             if job is not None:
                 job()
+            job = None  # it holds the arrays of its batch
 
 
 _helpers: list[_Helper] = []
@@ -133,6 +134,8 @@ def share(work: Callable[[int], None], board: Any, n: int, threads: int) -> None
         _helpers.append(_Helper())
     for helper in _helpers[: threads - 1]:
         helper.give(lambda: work(PATIENCE))
-    work(0)
-    while not all_done(board, n):
-        time.sleep(0.0)
+    try:
+        work(0)
+    finally:  # also where Ctrl-C came between two blocks: the next step must not count the blocks of this one
+        while not all_done(board, n):
+            time.sleep(0.0)

@@ -76,7 +76,7 @@ class FurutaVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArra
             raise ValueError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = _mode(autoreset_mode)
         self.setup = setup = Setup(Options.of({"plant": plant, "task": task} | options))
         self.metadata = type(self).metadata | {
             "autoreset_mode": self.autoreset_mode,
@@ -311,3 +311,13 @@ def _masked(values: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
             info[key] = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, 0.0)
         info[f"_{key}"] = mask.copy()
     return info
+
+
+def _mode(given: AutoresetMode | str) -> AutoresetMode:
+    """An autoreset mode, or its name or value as text. Raises ValueError for anything else."""
+    modes = {**AutoresetMode.__members__, **{mode.value: mode for mode in AutoresetMode}}
+    if isinstance(given, AutoresetMode):
+        return given
+    if given not in modes:
+        raise ValueError(f"autoreset_mode must be one of {', '.join(AutoresetMode.__members__)}, got {given!r}")
+    return modes[given]

@@ -173,8 +173,13 @@ class HeldOut:
 
     def hears(self, fits: Sequence[Fit]) -> None:
         """Measures the gaps of several fits at once; those that cannot be had are none when they are asked for."""
+        fresh = {id(fitted.plant): fitted for fitted in fits if id(fitted.plant) not in self._known}
+        pool = shared_pool() if len(fresh) > 1 else None  # a single one uses the threads by itself
+        list(mapped(pool, self._heard, fresh.values()))  # each once: two threads would measure the same
+
+    def _heard(self, fitted: Fit) -> None:
         with suppress(ValueError):
-            self.gaps(*map(_asked, fits))
+            self.gap(*_asked(fitted))
 
     def far(self, fitted: Fit) -> bool:
         """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""

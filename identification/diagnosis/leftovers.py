@@ -34,10 +34,11 @@ class Leftovers:
     _seen: dict[int, tuple[Fit, Seen]] = field(default_factory=dict, repr=False)
 
     def left(self, fitted: Fit) -> float:
-        """Evidence [nats] of torques that a fit does not explain; 0 of what changes no prediction."""
+        """Evidence [nats] of torques that a fit does not explain; 0 of what changes no prediction, or is none."""
         if id(fitted) not in self._left:
             found = left_of(self._of(fitted), self.policy)
-            self._left[id(fitted)] = fitted, 0.0 if found.negligible(self.policy) else found.evidence
+            nothing = found.negligible(self.policy) or found.evidence < self.policy.left
+            self._left[id(fitted)] = fitted, 0.0 if nothing else found.evidence
         return self._left[id(fitted)][1]
 
     def another_law(self, fitted: Fit, name: str) -> float:

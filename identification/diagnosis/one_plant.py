@@ -62,7 +62,7 @@ def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
 def _held_out(diagnosis: Diagnosis, before: Estimate, after: Estimate, held: HeldOut) -> OneByOne | None:
     """The same, with what the search has fitted to the searched logs: most are not explained, which takes no fit."""
     gap, far = diagnosis.gap, held.policy.far
-    if not held.whole or gap is None or gap.after_over_floor <= far:
+    if not held.whole or gap is None or gap.after_over_floor <= far or diagnosis.uncertain:  # one plant explains all
         return None
     parts = [("the searched logs", held.logs), ("the held-out logs", held.whole)]
     for searched in (before, after) if diagnosis.added else (after,):

@@ -131,6 +131,12 @@ class DecisionPolicy:
     strained: float = _rule(
         2.0, "a fit is asked again without the search's prior if this much is promised to it", COST, "nats"
     )
+    no_friction: float = _rule(
+        0.1,
+        "a hysteresis has taken the place of Coulomb friction if θ8 is at most this share of both: then an arm that "
+        "gives before it slides starts from it as well",
+        "three rigs of seeds 65, 66 and 68",
+    )
     special: float = _rule(
         1.0, "a fit that is better than its special case by less than this starts from its grid as well", DEV, "nats"
     )

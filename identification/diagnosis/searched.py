@@ -32,7 +32,7 @@ from .naming.certain import without_uncertain
 from .naming.fits import Fit, Fitter, fit
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
-from .naming.suspects import price
+from .naming.suspects import price_in
 from .naming.upheld import preferred, upheld
 from .origin import with_origin
 from .outcome import Diagnosis
@@ -153,7 +153,7 @@ def _settled(
     if not rest.matters and _verdict(naming, rest, search.policy)[0] != "unknown":
         return naming, after, rest
     search.progress("fitting every effect from other starts, as structure is left")
-    best = naming.rankings[0][0].fit if naming.rankings else naming.nominal
+    best = naming.alone or naming.nominal
     fresh = other(best)
     first = min(fresh, key=lambda name: cost(fresh[name]), default=None)
     if first is None or cost(fresh[first]) > cost(best) - search.policy.believed:
@@ -222,7 +222,7 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdi
         remains = [sentences.refused(naming.refused.name, naming.refused.gain)]
     if not names:
         return ("unknown", remains[0]) if remains else ("none", sentences.nothing(rest))
-    cost = sum(price(suspect.name, naming.final.samples) for suspect in naming.accepted)
+    cost = sum(price_in(naming.final, suspect.name) for suspect in naming.accepted)
     if rest.matters and rest.evidence > naming.nominal.value - naming.final.value - cost:
         return "unknown", f"{remains[0]} {sentences.nearest(names)}"
     own = {suspect.name for suspect in naming.own}

@@ -29,6 +29,8 @@ def test_an_effect_counts_unless_the_plant_had_it_or_episodes_drew_it() -> None:
     assert never_met(record(randomize="input_delay=uniform:0,0.03"), LATE) == []
     assert never_met(record(effect_probabilities={"input_delay": 0.5}), LATE) == []
     assert never_met(record(randomize=True), QUBE) == []
+    own = LATE.replace(effects=(), randomize={"input_delay": "uniform:0,0.03"})
+    assert never_met(record(own, randomize=True), LATE) == [], "what the plant file draws"
     assert never_met({}, LATE) == [], "a record that names no plant says nothing"
 
 
@@ -73,6 +75,27 @@ def test_what_an_env_takes_may_stand_in_a_record() -> None:
     env = {"arm_limit": setup.arm_limit, "velocity_cutoff": setup.sensors.velocity_cutoff}
     assert env == {"arm_limit": 2000.0, "velocity_cutoff": 1e7}
     _settings(POLICY, record(rig, **env))
+
+
+@pytest.mark.parametrize(
+    ("plant", "env"),
+    [
+        ({"limits": [1]}, {}),
+        ({"limits": {"slew": "x"}}, {}),
+        ({"effects": [1]}, {}),
+        ({"effects": {"input_delay": 1}}, {}),
+        ({}, {"effect_probabilities": 3}),
+    ],
+)
+def test_a_record_with_values_of_another_kind_is_refused(plant: dict[str, Any], env: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="values that no env has"):
+        _settings(POLICY, {"plant": {**QUBE.to_dict(), **plant}, "env": env})
+
+
+def test_neighbouring_seeds_have_no_rig_in_common() -> None:
+    rigs = [{p.theta.tobytes() for p in built_plants(0.2, QUBE, 20, seed)} for seed in (0, 1)]
+    assert rigs[0].isdisjoint(rigs[1])
+    assert len(rigs[0]) == len(rigs[1]) == 20
 
 
 def test_rigs_are_drawn_for_a_plant_that_is_sampled_faster_than_an_env() -> None:

@@ -28,6 +28,32 @@ def test_levels_follow_success() -> None:
     assert checked(past[0].to_dict(), Evaluation) == past[0]
 
 
+def test_a_load_arrives_within_the_episode() -> None:
+    from controllers.training import Training
+
+    training = Training(QUBE, effect_probabilities={"payload_step": 1.0})
+    for batch in (training.batch(4).batch, training.judges(4)):
+        end = batch.setup.longest * batch.setup.action_period
+        batch.reset(seed=0)
+        times = [p.effect("payload_step").parameters["t0"] for p in batch.plants()]  # type: ignore[union-attr]
+        assert max(times) <= end <= 15.0
+
+
+def test_a_recipe_fits_a_narrow_travel() -> None:
+    from controllers.training_setup import Training
+
+    narrow = QUBE.replace(limits={"arm_travel": 0.8})
+    assert Training.of_recipe(narrow, "robust").arm_margin == 0.4
+    assert Training.of_recipe(QUBE, "robust").arm_margin == 1.0
+
+
+def test_a_plant_without_weight_has_a_scale() -> None:
+    from controllers.recipes import observation_scale
+
+    weightless = QUBE.replace(theta=[*QUBE.theta[:4], 0.0, *QUBE.theta[5:]])
+    assert observation_scale(weightless, 1, False) == [1.0] * 5
+
+
 def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:
     """One episode for each rig: of balancers those that stay, of swing-ups those that end upright."""
     from controllers.curriculum import play

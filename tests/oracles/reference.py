@@ -4,8 +4,8 @@ Written from the paper's equations (5) to (13), the errata (C11 carries q̇2) an
 effects. An effect is a name and a dict of parameters: `{"arm_spring": {"k": 0.3, "q1n": -0.5}}`.
 
 State of the motion: (q1, q2, v1, v2). Effects with memory add
-* `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 − σ0 |v1| z / θ8,
-  relaxing at 1000 1/s at most (by definition of the model: faster cannot be told from settled);
+* `arm_presliding`: z, the bristle's deflection; F = σ0 z stands for θ8 tanh(r v1), ż = v1 (1 − sgn(v1) σ0 z / θ8)^i,
+  settling at a rate of 1000 1/s at most (by definition of the model: faster cannot be told from settled);
 * `arm_hysteresis`: z and z2, the deflections of two stops in parallel; ż = v1 inward, (1 − ρ |z|/d) v1 outward, and 0
   where |z| = d and v1 drives outward; relaxed at q1 = 0, from where the arm has come to its first angle in one stroke;
 * `arm_backlash`: s = rotor angle − arm angle and w = ṡ; the rotor has the inertia ρ θ1;
@@ -225,7 +225,9 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
         sigma0 = effects["arm_presliding"]["σ0"]
         coulomb1 = sigma0 * z
         settled = copysign(th8 / sigma0, v1)
-        memory_rates.append(min(sigma0 * abs(v1) / th8, FASTEST_BRISTLE) * (settled - z))
+        to_go = max(1.0 - z / settled, 1e-9)
+        rate = sigma0 * abs(v1) / th8 * to_go ** (effects["arm_presliding"].get("i", 1.0) - 1.0)
+        memory_rates.append(min(rate, FASTEST_BRISTLE) * (settled - z))
 
     rotor, into_arm = 0.0, tau
     if s is not None:

@@ -123,6 +123,7 @@ def test_reference_keeps_the_energy_of_conservative_effects(effects):
 
 DISSIPATIVE = {
     "arm_presliding": {"arm_presliding": {"σ0": 30.0}},
+    "abrupt bristle": {"arm_presliding": {"σ0": 30.0, "i": 0.4}},
     "arm_backlash": {"arm_backlash": {"b": 0.02}},
     "arm_hysteresis": {"arm_hysteresis": {"κ": 1.0, "d": 0.05, "κ2": 0.3, "d2": 0.2}},
     "gradual": {"arm_hysteresis": {"κ": 1.0, "d": 0.05, "κ2": 0.3, "d2": 0.2, "ρ": 0.7}},

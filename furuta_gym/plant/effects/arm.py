@@ -2,9 +2,10 @@
 play. Cables with other laws are in `cable`."""
 
 import math
+from collections.abc import Mapping
 
 from ..compiled import compiled
-from ..elementary import sincos, tanh
+from ..elementary import exp, log, sincos, tanh
 from .declaration import EffectType, Parameter
 from .stribeck import other_exponent, stribeck_level, stribeck_parameters
 from .words import Quantity, by_direction, either, near_standstill, percent
@@ -59,14 +60,31 @@ def _presliding(v1, theta8, r1, σ0, z):
 # The bristle settles at σ0 |q̇1| / θ8. Faster than this [1/s] it is at its end value within any step
 # that the step rule allows, and following it exactly would make Runge–Kutta unstable (2.8 / h).
 _FASTEST_BRISTLE = 1000.0
+_LEAST_TO_GO = 1e-9  # of the bristle's end value, where an exponent below 1 has no finite rate
 
 
-def _presliding_rate(v1, theta8, σ0, z):
+def _presliding_rate(v1, theta8, σ0, i, z):
     if math.isinf(σ0):
         return 0.0
     settled = theta8 / σ0 if v1 > 0.0 else -theta8 / σ0
-    rate = min(σ0 * abs(v1) / theta8, _FASTEST_BRISTLE) if theta8 > 0.0 else _FASTEST_BRISTLE
-    return rate * (settled - z)
+    if theta8 <= 0.0:
+        return _FASTEST_BRISTLE * (settled - z)
+    rate = σ0 * abs(v1) / theta8
+    if i != 1.0:
+        to_go = 1.0 - z / settled
+        rate *= exp((i - 1.0) * log(to_go if to_go > _LEAST_TO_GO else _LEAST_TO_GO))
+    return min(rate, _FASTEST_BRISTLE) * (settled - z)
+
+
+def _bristle_of_stops(stops: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+    """The level at which stop elements slip, and a bristle that yields nearly as abruptly as they do."""
+    level = stops["κ"] * stops["d"] + stops["κ2"] * stops["d2"]
+    return level, {"σ0": stops["κ"] + stops["κ2"], "i": 0.5}
+
+
+def _other_shape(own: Mapping[str, float]) -> tuple[dict[str, float], ...]:
+    """A bristle that yields later, and more abruptly; and one that yields from the start and never quite slips."""
+    return () if own["i"] != 1.0 else ({**own, "i": 0.5}, {**own, "i": 1.5})
 
 
 # The stop that the rotor hits: a stiff damped contact. Rotor and arm swing against each other in it at 200 rad/s where
@@ -211,8 +229,8 @@ ARM_EFFECTS = (
         title="an arm that gives before it slides",
         place="arm",
         equation=(
-            "arm: θ8 tanh(r q̇1) replaced by σ0 z, ż = q̇1 − σ0 |q̇1| z / θ8 "
-            "(Dahl; σ0 |q̇1| / θ8 is kept to at most 1000 1/s)"
+            "arm: θ8 tanh(r q̇1) replaced by σ0 z, ż = q̇1 (1 − sgn(q̇1) σ0 z / θ8)ⁱ "
+            "(Dahl; the rate at which z settles is kept to at most 1000 1/s)"
         ),
         symptom="near standstill the arm springs back a little instead of stopping dead",
         says=lambda σ0: f"Before it slides, the arm gives like a spring of {σ0}",
@@ -228,9 +246,21 @@ ARM_EFFECTS = (
                 grid=(10.0, 30.0, 100.0, 300.0),
                 abrupt=True,
             ),
+            Parameter(
+                "i",
+                "1",
+                "how gradually the bristle yields: 1 from the start, 0 as a stop",
+                1.0,
+                lower=0.0,
+                upper=2.0,
+                role="shape",
+                optional="i",
+            ),
         ),
         kernels={"torque": _presliding, "rate": _presliding_rate},
         memory=("z",),
+        friction_of={"arm_hysteresis": _bristle_of_stops},
+        wider=_other_shape,
         mistaken_for=("arm_stribeck", "friction_sharpness", "actuator_lag", "arm_hysteresis"),
     ),
     EffectType(

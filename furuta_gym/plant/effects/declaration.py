@@ -103,6 +103,9 @@ class EffectType:
     parameters, by name: the coefficients of fixed functions of the motion of which the effect is the sum while the
     shapes that have a grid and no span stay as they are. `includes` says which other effects are special cases of this
     one: a function of the other's parameters and of this one's gives this one's parameters that do what both did.
+    `friction_of`, on a law in place of the arm's Coulomb friction, says which other effects are this one where no
+    Coulomb friction is left beside them: a function of the other's parameters gives the level θ8 and parameters of this
+    one that do nearly the same.
     `wider` gives starts of a wider law of the same cause, in which the optional parameters play a part, from the
     parameters of the plain one. `learned` marks what is no name: no search proposes it, and no descent moves its
     parameters.
@@ -123,6 +126,9 @@ class EffectType:
     learned: bool = False
     linear: Callable[..., tuple[float, ...]] | None = None
     includes: Mapping[str, Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]] = field(
+        default_factory=dict
+    )
+    friction_of: Mapping[str, Callable[[Mapping[str, float]], tuple[float, dict[str, float]]]] = field(
         default_factory=dict
     )
     wider: Callable[[Mapping[str, float]], tuple[dict[str, float], ...]] | None = None

@@ -20,7 +20,7 @@ from .discrete import grid_of
 from .fits import Fit, added
 from .multistart import Start, best_of, catches_up, multi_start, one_round
 from .search import Search
-from .suspects import price
+from .suspects import price_in
 
 
 def afresh(
@@ -74,4 +74,4 @@ def _start_at(fitted: Fit, nominal: Fit) -> Start:
 
 def cost(fitted: Fit) -> float:
     """V of a fit and the price of its effects [nats]: the smaller, the better the names explain the logs."""
-    return fitted.value + sum(price(e.name, fitted.samples) for e in fitted.plant.effects)
+    return fitted.value + sum(price_in(fitted, e.name) for e in fitted.plant.effects)

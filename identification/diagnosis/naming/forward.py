@@ -39,7 +39,7 @@ class Naming:
     told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw. uncertain:
     what makes these logs likelier, though its size may be zero. same: of the equals, those that predict the same, so
     that nobody need tell them apart. laws: which of the effects found only describes another law of which. went: of an
-    effect found, those found before in whose place it came.
+    effect found, those found before in whose place it came. alone: the model with the best single effect.
     """
 
     nominal: Fit = field(repr=False)
@@ -54,6 +54,7 @@ class Naming:
     same: tuple[tuple[str, ...], ...] = ()
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
+    alone: Fit | None = field(default=None, repr=False)
 
     def follows(self, name: str) -> str | None:
         """The effect found from which another one follows, as a wrong zero of an encoder may; None for any other."""
@@ -97,6 +98,7 @@ class _Grown:
     refused: Suspect | None = None
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
+    alone: Fit | None = None
 
 
 def name_effects(
@@ -118,7 +120,8 @@ def name_effects(
     judge = Judge(search.policy, rest, witness)
     grown = _grow(search, _Grown(nominal, nominal), most, judge, joined)
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
-        grown = _grow(search, _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed), most, judge)
+        pair = _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed, alone=grown.alone)
+        grown = _grow(search, pair, most, judge)
     policy = search.policy
     accepted = tuple(ranking[0] for ranking in grown.found)
     taken = {suspect.name for suspect in accepted}  # what acts beside an effect is not in its place
@@ -136,6 +139,7 @@ def name_effects(
         grown.refused,
         laws=grown.laws,
         went=grown.went,
+        alone=grown.alone,
     )
 
 
@@ -146,7 +150,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     are missing, it may be right, and only the next ones show it. In the end they must leave less than it explains,
     or, if it is small, data that no fit saw must ask for it. What only describes another law of an effect found stays
     where such data ask for it."""
-    nominal, current, absorbed = so_far.nominal, so_far.current, so_far.absorbed
+    nominal, current, absorbed, alone = so_far.nominal, so_far.current, so_far.absorbed, so_far.alone
     found, last, refused = list(so_far.found), (), None
     laws, went = so_far.laws, dict(so_far.went)
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
@@ -162,7 +166,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         current, last = tried.current, tried.ranking
         if step == 0:
             absorbed = {name: s.absorbed for name, s in tried.table.items()}
-            nominal = current
+            nominal, alone = current, last[0].fit if last else None
         if not last or last[0].net < search.policy.believed:
             break
         if not tried.worth(last[0].gain):
@@ -175,7 +179,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
             refused = last[0]
             break
         if newest.in_doubt:
-            so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], newest.laws, dict(went))
+            so_far = _Grown(nominal, current, tuple(found), last, absorbed, last[0], laws, dict(went), alone)
             doubts.append((so_far, newest.small))
         laws, together = newest.laws, newest.together
         went |= _went(found, together)
@@ -186,7 +190,7 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
         explained = not small and judge.rest.left(current) <= before.last[0].net
         if not (explained or judge.confirmed(before.current, current)):
             return before
-    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went)
+    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went, alone)
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class FitJournal:
         self._known, self._torn = ({}, False) if path is None else _read(path)
         self._lock = threading.Lock()
         self._running: dict[str, threading.Lock] = {}
+        self._fits: dict[str, Fit] = {}
         self._digests: dict[tuple[int, ...], tuple[Sequence[Record], str]] = {}
 
     def __len__(self) -> int:
@@ -65,14 +66,17 @@ class FitJournal:
         with self._lock:
             one_at_a_time = self._running.setdefault(key, threading.Lock())
         with one_at_a_time:  # two starts of a search may be the same
-            optimum = self._known.get(key)
-            if optimum is not None and (known := known_fit(optimum, plant, noise, records, **asked)) is not None:
+            optimum, fitted = self._known.get(key), self._fits.get(key)
+            if fitted is None and optimum is not None:
+                fitted = known_fit(optimum, plant, noise, records, **asked)
+            if fitted is not None:
                 with self._lock:
                     self.used += 1
-                return known
-            found = self.fitter(plant, noise, records, iterations=iterations, **asked)
-            self._keep(key, found.optimum)
-        return found
+            else:
+                fitted = self.fitter(plant, noise, records, iterations=iterations, **asked)
+                self._keep(key, fitted.optimum)
+            self._fits[key] = fitted  # the same one again: what was found out about it is kept under it
+        return fitted
 
     def _key(
         self,

@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price, repeats, slight_beside
+from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price_in, repeats, slight_beside
 
 
 class Rest(Protocol):
@@ -138,7 +138,7 @@ class Judge:
     def asked_for(self, without: Fit, fitted: Fit, beside: Sequence[str]) -> bool:
         """Whether an effect found stays that is slight beside some of the others."""
         name = added(fitted, without).name
-        net = without.value - fitted.value - price(name, fitted.samples)
+        net = without.value - fitted.value - price_in(fitted, name)
         return self.foreign(net, without, fitted, beside) or self.confirmed(without, fitted)
 
     def much_left(self, found: Sequence[Ranking], suspect: Suspect) -> bool:

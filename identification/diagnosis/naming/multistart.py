@@ -22,7 +22,7 @@ from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
 from .fits import Fit, Fitter, added, without
-from .related import angles_of, nearest, related
+from .related import angles_of, in_place_of_friction, nearest, related
 from .suspects import alike
 
 
@@ -156,7 +156,8 @@ def from_best(
 ) -> dict[str, Fit]:
     """Fits, better where rivals started from the best one's θ, which is near the truth if its name is nearly right:
     there the others soon find their own optimum. One of them may be the best then. rivals: where each starts; those
-    whose law is related to the best one's start from what does nearly the same, too."""
+    whose law is related to the best one's, or that are it where no Coulomb friction is left, start from what does
+    nearly the same, too."""
     noise = between(fits[best], current)
     plant = without(fits[best], current)
     zeros = fits[best].zeros
@@ -166,6 +167,8 @@ def from_best(
         if related(best, name):
             near = nearest(added(fits[best], current), effect, angles_of(current.records, zeros))
             starts.append(Start((name,), plant.with_effects(near), fits[best].noise, zeros))
+        if (same := in_place_of_friction(fits[best].plant, best, name, setting.policy)) is not None:
+            starts.append(Start((name,), same, fits[best].noise, zeros))
         tried = [
             effect,
             *(at_grid_points(effect, plant, (), clock) if _degenerate(name, fits, setting.policy) else ()),

@@ -44,11 +44,13 @@ def next_effect(
     if leaves_more and judge.minor(found, ranking[0]):
         return None
     together = search.reconsidered([*found, ranking], judge.asked_for)
+    if together[-1][0].net < search.policy.believed:  # beside what took the place of another
+        return None
+    laws = _of_successors(laws, found, together)
     small = judge.slight(together, ranking[0], current)
     exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
     before = search.reduced(together[-1][0].fit, newest) if exchanged and len(together) > 1 else current
     law_of = judge.law_of(together, before)
-    laws = dict(laws)
     if law_of is not None and judge.confirmed(before, together[-1][0].fit):
         laws = with_law(laws, newest, law_of)
     elif law_of is not None or (small and judge.minor(together[:-1], together[-1][0])):
@@ -60,6 +62,14 @@ def next_effect(
     if (law_of := judge.law_of_ripple(together)) is not None:
         laws = with_law(laws, RIPPLE, law_of)
     return NextEffect(tuple(together), laws, leaves_more, small)
+
+
+def _of_successors(laws: Mapping[str, str], found: Sequence[Ranking], together: Sequence[Ranking]) -> dict[str, str]:
+    """The laws, each with what took the place of an effect found in that effect's place."""
+    now = {ranking[0].name for ranking in together}
+    gone = {ranking[0].name for ranking in found} - now
+    taken = {s.name: ranking[0].name for ranking in together[:-1] for s in ranking[1:] if s.name in gone}
+    return {taken.get(name, name): taken.get(of, of) for name, of in laws.items()}
 
 
 def with_law(laws: Mapping[str, str], name: str, of: str) -> dict[str, str]:

@@ -13,7 +13,7 @@ from ..policy import DecisionPolicy
 from .fits import Fit, added, without
 from .multistart import Start, between, multi_start
 from .search import Search
-from .suspects import Ranking, Suspect, alike, price, slight_beside
+from .suspects import Ranking, Suspect, alike, price_in, slight_beside
 
 
 def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking, ...] | None:
@@ -37,8 +37,9 @@ def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking
     if fits[best].value > one.fit.value + policy.reach:
         return None
     both = search.fitted(fits[best].plant, fits[best])
-    cost = sum(price(name, nominal.samples) for name in best.effects)
-    if nominal.value - both.value - cost < one.net + policy.believed:
+    cost = sum(price_in(both, name) for name in best.effects)
+    net = nominal.value - one.fit.value - price_in(one.fit, one.name)  # with a wider law, if it has one
+    if nominal.value - both.value - cost < net + policy.believed:
         return None
     return _each(search, both)
 

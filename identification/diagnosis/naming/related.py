@@ -1,5 +1,6 @@
 """Where an effect starts whose law is nearly that of one that has been fitted: a spring is a cable that does not
-stiffen. A descent from other parameters may end far from there."""
+stiffen, and a hysteresis without Coulomb friction beside it is an arm that gives before it slides. A descent from other
+parameters may end far from there."""
 
 from __future__ import annotations
 
@@ -9,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from furuta_gym.plant import EFFECTS, Effect, EffectType
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, EffectType, Plant
 
 from ...kalman.coordinates import Zeros
 from ...kalman.record import Record
+from ..policy import DecisionPolicy
 
 _ANGLES = 60  # at which two laws are compared
+_COULOMB = THETA_NAMES.index("theta8")
 _FLAT = 1e-9  # of a torque's size: a smaller deviation is rounding
 Array = NDArray[np.float64]
 
@@ -52,6 +55,23 @@ def nearest(effect: Effect, start: Effect, angles: Array) -> Effect:
     ]
     best = min(tried, key=lambda found: found.cost)
     return Effect(start.name, dict(zip(names, map(float, best.x), strict=True)))
+
+
+def in_place_of_friction(plant: Plant, name: str, other: str, policy: DecisionPolicy) -> Plant | None:
+    """The plant with `other` in place of one of its effects, `name`, where that one has taken the place of the arm's
+    Coulomb friction and is the other one then; None elsewhere."""
+    effect, same = plant.effect(name), EFFECTS[other].friction_of.get(name)
+    if effect is None or same is None:
+        return None
+    level, values = same(effect.parameters)
+    θ8 = float(plant.theta[_COULOMB])
+    if θ8 > policy.no_friction * (θ8 + level):
+        return None
+    theta = plant.theta.copy()
+    theta[_COULOMB] += level
+    kept = [e for e in plant.effects if e.name not in (name, other)]
+    taken = Effect(other, {**EFFECTS[other].neutral(), **values})
+    return plant.replace(theta=theta, effects=(*kept, taken))
 
 
 def angles_of(records: Sequence[Record], zeros: Zeros) -> Array:

@@ -24,7 +24,7 @@ from .dropped import Rest, dropped
 from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, plainer, price, shortlist, slight_beside
+from .suspects import Ranking, Suspect, plainer, price, price_in, shortlist, slight_beside
 
 Scorer = Callable[..., dict[str, Score]]
 
@@ -105,9 +105,7 @@ class Search:
         else:
             fits = dict(joined) or self._started(current, suggested, thorough)
         comparison = Comparison(fits, suggested, table, current, held, effort, resized=set(joined))
-        hopeless = nothing_left and all(
-            current.value - f.value < price(name, current.samples) for name, f in fits.items()
-        )
+        hopeless = nothing_left and all(current.value - f.value < price_in(f, name) for name, f in fits.items())
         if not hopeless:
             self._compare(comparison)
         if not hopeless and worth(current.value - comparison.best.value):
@@ -163,7 +161,7 @@ class Search:
         policy, current = self.policy, comparison.current
         self._step_look_alikes(comparison)
         best = comparison.best.value
-        least = {n: price(n, current.samples) + policy.believed - policy.reach for n in comparison.fits}
+        least = {n: price_in(f, n) + policy.believed - policy.reach for n, f in comparison.fits.items()}
         hopeful = [n for n in comparison.fits if current.value - comparison.fits[n].value > least[n]]
         ranked = sorted(hopeful, key=lambda name: comparison.fits[name].value)[: policy.finalists]
         near = [name for name in ranked if comparison.fits[name].value < best + policy.reach]
@@ -221,6 +219,10 @@ class Search:
             effort=effort,
         )
 
+    def to_the_end(self, rough: Fit) -> Fit:
+        """A fit that was only compared with a better one, as the model from here on."""
+        return rough if rough.optimum.converged else self.fitted(rough.plant, rough, "full")
+
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Fitted without one of its effects; the others take its part over where they can."""
         return self._rival(dropped(fitted, name), fitted, fitted)
@@ -256,10 +258,8 @@ class Search:
                 current, changed = self.fitted(nearest.plant, nearest), True
             gain = reduced.value - current.value
             beside = slight_beside(name, gain, others, policy)
-            if gain - price(name, current.samples) < policy.believed or (
-                beside and not asked_for(reduced, current, beside)
-            ):
-                found, current, changed = others, reduced, True
+            if gain - price_in(current, name) < policy.believed or (beside and not asked_for(reduced, current, beside)):
+                found, current, changed = others, self.to_the_end(reduced), True
             elif rivals := _contesting(ranking, reduced, policy):
                 table = {s.name: Score(s.name, s.score, s.fit.plant.effect(s.name), 0.0) for s in rivals}
                 _, again = self.refits(reduced, list(table), table, held=current, effort="full")
@@ -268,9 +268,11 @@ class Search:
                 found = [again if r is ranking else r for r in found]
         if changed:
             name = found[-1][0].name
+            last = found[-1][0]
             gain = self.reduced(current, name).value - current.value
-            last = replace(found[-1][0], gain=gain, net=gain - price(name, current.samples))
-            found[-1] = (last, *found[-1][1:])
+            more = gain - price_in(current, name) - last.net
+            # what the model without it leaves has changed for its rivals as well
+            found[-1] = tuple(replace(s, gain=s.gain + gain - last.gain, net=s.net + more) for s in found[-1])
         found[-1] = (replace(found[-1][0], fit=current), *found[-1][1:])
         return found
 
@@ -281,7 +283,7 @@ def _ranking(comparison: Comparison, current: Fit) -> Ranking:
     for name, fitted in comparison.fits.items():
         gain = current.value - fitted.value
         score = comparison.table[name].gain if name in comparison.table else 0.0
-        suspects.append(Suspect(name, gain, gain - price(name, fitted.samples), fitted, score))
+        suspects.append(Suspect(name, gain, gain - price_in(fitted, name), fitted, score))
     return tuple(sorted(suspects, key=lambda s: -s.net))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,13 +34,20 @@ Ranking = tuple[Suspect, ...]
 """Suspects of one step, the best first."""
 
 
-def price(name: str, samples: int) -> float:
+def price(name: str, samples: int, values: Mapping[str, float] | None = None) -> float:
     """What an effect's parameters cost [nats]: half ln N each (the Bayesian information criterion), but 3/2 ln N for a
     frequency and ln N for an instant, which N samples determine so well that more of them can be told apart (Djurić
-    1998, "Asymptotic MAP criteria for model selection")."""
-    priced = [p for p in EFFECTS[name].parameters if not p.optional]
+    1998, "Asymptotic MAP criteria for model selection"). values: of a wider law (default: the plain one)."""
+    kind = EFFECTS[name]
+    priced = kind.in_play(kind.neutral() if values is None else values)
     powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in priced]
     return sum(powers) * math.log(samples)
+
+
+def price_in(fitted: Fit, name: str) -> float:
+    """What an effect of a fit costs [nats], of a wider law with its further parameters."""
+    effect = fitted.plant.effect(name)
+    return price(name, fitted.samples, None if effect is None else effect.parameters)
 
 
 def alike(one: str, other: str) -> bool:

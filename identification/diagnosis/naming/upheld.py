@@ -13,7 +13,7 @@ from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, follows_a_law, follows_clock, of_the_angle, price
+from .suspects import Suspect, alike, follows_a_law, follows_clock, of_the_angle, price_in
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -26,7 +26,8 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
         names = [suspect.name for suspect in naming.accepted]
         reduced = list(mapped(shared_pool(), partial(search.reduced, final), names))
         asked = _asked(final, reduced, names, search, witness)
-        witness.hears([final, *reduced, *(fitted for pair in asked for fitted in pair if fitted is not final)])
+        timed = [not witness.same_clock and follows_clock(name) for name in names]  # of these other logs say nothing
+        witness.hears([fitted for pair, alone in zip(asked, timed, strict=True) if not alone for fitted in pair])
         idle = [
             i
             for i, fitted in enumerate(reduced)
@@ -37,7 +38,8 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
             comparable = asked[gone][1] is final  # a look-alike would be judged beside what follows the clock
             in_place = None if idle or not comparable else _exchanged(naming, gone, reduced[gone], search, witness)
             if in_place or idle or not witness.excuses(*asked[gone]):
-                naming = in_place or without(naming, gone, reduced[gone], taken_back=not idle)
+                rest = search.to_the_end(reduced[gone])
+                naming = in_place or without(naming, gone, rest, taken_back=not idle)
                 break
         else:
             break
@@ -54,8 +56,8 @@ def _asked(
     clocked = [name for name in names if follows_clock(name)]
     if witness.same_clock or not clocked or len(clocked) == len(names):
         return [(fitted, final) for fitted in reduced]
-    timeless = final
-    for name in clocked:
+    timeless = reduced[names.index(clocked[0])]
+    for name in clocked[1:]:
         timeless = search.reduced(timeless, name)
     others = [name for name in names if name not in clocked]
     without = dict(zip(others, mapped(shared_pool(), partial(search.reduced, timeless), others), strict=True))
@@ -79,7 +81,7 @@ def without(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -
 
 def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) -> bool:
     """Whether a name has become superfluous beside those found after it."""
-    return reduced.value - final.value - price(suspect.name, final.samples) < search.policy.believed
+    return reduced.value - final.value - price_in(final, suspect.name) < search.policy.believed
 
 
 def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -101,7 +103,7 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
             if witness.prefers(before, fitted):
                 loss = fitted.value - before.value
                 gain = accepted[i].gain - loss
-                found = replace(s, gain=gain, net=gain - price(s.name, fitted.samples), fit=fitted)
+                found = replace(s, gain=gain, net=gain - price_in(fitted, s.name), fit=fitted)
                 naming = _in_place(naming, i, found)
                 break
         else:
@@ -133,7 +135,7 @@ def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness:
         search.progress(f"trying {s.name} in place of {false.name}")
         fitted = _fitted_in_place(false, s, reduced, search)
         gain = reduced.value - fitted.value
-        found = Suspect(s.name, gain, gain - price(s.name, fitted.samples), fitted, s.score)
+        found = Suspect(s.name, gain, gain - price_in(fitted, s.name), fitted, s.score)
         if found.net > search.policy.believed and not witness.denies(reduced, fitted):
             return replace(_in_place(naming, gone, found), taken_back=(*naming.taken_back, false))
     return None

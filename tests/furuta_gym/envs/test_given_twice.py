@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import pickle
 import warnings
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 
 from furuta_gym.envs.sb3 import FurutaVecEnv
 from furuta_gym.envs.vector import FurutaVectorEnv
-from furuta_gym.plant import QUBE
+from furuta_gym.plant import QUBE, Effect
 
 ID = "FurutaID-v0"
 
@@ -20,6 +22,7 @@ ID = "FurutaID-v0"
     ("options", "words"),
     [
         ({"delay": 0.02, "randomize": "input_delay=uniform:0,0.001"}, "randomize draws it"),
+        ({"delay": 0.01, "randomize": "input_delay=chance:0.5:uniform:0.02,0.03"}, "randomize draws it"),
         ({"noise_std": 0.05, "randomize": "noise_std=0.0"}, "randomize draws it"),
         ({"jitter": 0.1, "randomize": "jitter=uniform:0,0.2"}, "randomize draws it"),
         (
@@ -73,6 +76,51 @@ def test_a_spec_with_arrays_has_a_json():
     env = gymnasium.make(ID, start_spread=np.full(4, 0.1), history=np.int64(3), randomize={"noise_std": np.float64(0)})
     env.unwrapped.spec.to_json()
     assert json.loads(env.unwrapped.spec.to_json())["kwargs"]["start_spread"] == [0.1] * 4
+
+
+def test_an_env_that_draws_what_its_plant_says_has_a_spec_and_can_be_copied():
+    plant = QUBE.replace(randomize={"theta": "physical:0.1"})
+    env = gymnasium.make(ID, plant=plant, randomize=plant.randomize)
+    assert json.loads(env.unwrapped.spec.to_json())["kwargs"]["randomize"] == {"theta": "physical:0.1"}
+    again = gymnasium.make(env.spec)
+    twin = pickle.loads(pickle.dumps(env.unwrapped))  # noqa: S301  (our own)
+    seen = [e.reset(seed=3)[0].tolist() for e in (env, again, twin)]
+    assert seen[0] == seen[1] == seen[2]
+
+
+@pytest.mark.parametrize("mode", ["SAME_STEP", "SameStep", AutoresetMode.SAME_STEP])
+def test_an_autoreset_mode_by_its_name(mode: AutoresetMode | str):
+    assert FurutaVectorEnv(2, autoreset_mode=mode).autoreset_mode is AutoresetMode.SAME_STEP
+    with pytest.raises(ValueError, match="NEXT_STEP, SAME_STEP, DISABLED"):
+        FurutaVectorEnv(2, autoreset_mode="sometimes")
+
+
+def test_an_observed_command_is_what_the_computer_sends():
+    """No computer knows that its supply is weak: 10 V were sent, 4 V arrived."""
+    for limits in ({}, {"slew": 2500.0}):
+        plant = QUBE.replace(limits=limits, sample_time=0.004)
+        env = gymnasium.make(ID, plant=plant, observe_command=True, randomize="u_max=4.0")
+        env.reset(seed=0)
+        seen, _, _, _, info = env.step(np.full(1, 10.0, np.float32))
+        assert seen[5] == 1.0
+        assert info["command"] == 4.0
+
+
+def test_a_curriculum_begins_with_what_the_plant_itself_has():
+    late = QUBE.with_effects(Effect("input_delay", {"d": 0.012}))
+    for plant, at_zero in ((late, 0.012), (QUBE, 0.0)):
+        env = gymnasium.make(ID, plant=plant, effect_probabilities={"input_delay": 0.5}).unwrapped
+        env.set_level(0.0)
+        drawn = {env.reset(seed=i)[1]["plant"]["effects"]["input_delay"]["d"] for i in range(8)}
+        assert drawn == {at_zero}
+        env.set_level(1.0)
+        assert len({env.reset(seed=i)[1]["plant"]["effects"]["input_delay"]["d"] for i in range(20)}) > 1
+
+
+def test_an_arm_that_may_hardly_turn_starts_within_its_limit():
+    env = gymnasium.make(ID, arm_limit=0.1)
+    starts = [env.reset(seed=i)[1]["state"][0] for i in range(50)]
+    assert 0.03 < np.abs(starts).max() <= 0.05
 
 
 def test_a_plant_that_its_log_did_not_show_is_told():

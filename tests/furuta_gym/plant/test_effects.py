@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Effect, Plant
 from furuta_gym.plant.effects.dispatch import map_command, modify_theta
@@ -35,6 +36,7 @@ INSIDE = {
     "input_saturation": {"knee": 0.4},
     "arm_hysteresis": {"κ2": 0.5, "d2": 0.03, "ρ": 0.4},
     "input_gain_drift": {"s": 0.3},
+    "arm_presliding": {"i": 0.6},
     "pendulum_quadratic_drag": {"λ": 0.6},
     "pendulum_stribeck": {"ΔF": 0.04, "δ": 1.3},  # at its default size the exponent moves hardly anything
 }
@@ -56,7 +58,7 @@ CONTRACT = {
     "arm_hysteresis": ("κ", "d", "κ2", "d2", "ρ"),  # ρ: ours; 0, its default, is the contract's stop
     "arm_ripple": ("A", "n", "φ"),
     "arm_position_friction": ("a", "b"),
-    "arm_presliding": ("σ0",),
+    "arm_presliding": ("σ0", "i"),  # i: ours; 1, its default, is the contract's bristle
     "arm_friction_drift": ("a",),
     "arm_backlash": ("b", "ρ"),  # ρ: ours; 0.1, its default, is the contract's rotor
     "pendulum_quadratic_drag": ("c", "λ"),  # λ: ours; 0, its default, is the contract's law
@@ -116,7 +118,7 @@ def test_declaration_is_complete(name):
         assert p.unit.format(u="V")
         if p.optional:
             asked_for = next(q for q in effect.parameters if q.name == p.optional)
-            assert asked_for.default == EFFECTS[name].neutral()[p.optional] == {"δ": 2.0}.get(p.optional, 0.0)
+            assert asked_for.default == EFFECTS[name].neutral()[p.optional] == {"δ": 2.0, "i": 1.0}.get(p.optional, 0.0)
         if p.role == "size":
             assert p.lower <= p.neutral <= p.upper
         assert p.lower <= p.default
@@ -309,12 +311,29 @@ def test_conservative_effects_keep_energy_with_their_potential(name):
 
 @pytest.mark.parametrize("speed", [3.0, 10.0, 25.0])
 @pytest.mark.parametrize("stiffness", [1e2, 3e2, 1e3, 1e4, 1e6])
-def test_a_stiff_bristle_stays_stable_and_becomes_coulomb(stiffness, speed):
+@pytest.mark.parametrize("i", [0.0, 0.5, 1.0])
+def test_a_stiff_bristle_stays_stable_and_becomes_coulomb(i, stiffness, speed):
     """σ0 → ∞ is rigid friction; no stiffness may blow up the usual step (ż relaxes at σ0 |v1| / θ8)."""
-    plant = TABLE_3.with_effects(Effect("arm_presliding", {"σ0": stiffness * TABLE_3.theta[7]}))
+    plant = TABLE_3.with_effects(Effect("arm_presliding", {"σ0": stiffness * TABLE_3.theta[7], "i": i}))
     x0, t_u, none = [0.0, 0.1, speed, 0.0], np.arange(25) * 0.004, np.zeros(25)
     bristle = run(plant, x0, t_u, none, 0.1, 1e-3)
     np.testing.assert_allclose(bristle[:, :4], run(TABLE_3, x0, t_u, none, 0.1, 1e-3), atol=5e-3)
+
+
+@pytest.mark.parametrize("i", [0.0, 0.3, 0.5, 1.0, 1.5, 2.0])
+def test_a_bristle_yields_along_its_way_as_dahl_has_it(i):
+    """Moved one way from rest, (1 − σ0 z / θ8)^(1 − i) falls linearly with the way: an element that slips at θ8 / σ0
+    for i = 0, an exponential for i = 1."""
+    plant = LARGE_RIG.with_effects(Effect("arm_presliding", {"σ0": 20.0 * TH[7], "i": i}))
+    effect, speed, ways = plant.effects[0], 0.5, np.linspace(0.0, 0.2, 41)
+    kernel = effect.type.kernels["rate"]
+
+    def rate(t, z):
+        return kernel(v1=speed, theta8=TH[7], z=z[0], **effect.parameters)
+
+    z = solve_ivp(rate, (0.0, ways[-1] / speed), [0.0], t_eval=ways / speed, max_step=1e-3, rtol=1e-8, atol=1e-10).y[0]
+    left = np.exp(-20.0 * ways) if i == 1.0 else np.maximum(1.0 - (1.0 - i) * 20.0 * ways, 0.0) ** (1.0 / (1.0 - i))
+    np.testing.assert_allclose(20.0 * z, 1.0 - left, atol=0.02)
 
 
 @given(

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
 from identification.diagnosis.naming.multistart import from_best
-from identification.diagnosis.naming.related import angles_of, nearest, related
+from identification.diagnosis.naming.related import angles_of, in_place_of_friction, nearest, related
+from identification.diagnosis.policy import DecisionPolicy
 from tests.identification.diagnosis.fits import RECORD, a_fit, search
 
 ANGLES = np.linspace(-0.7, 0.4, 50)
@@ -117,3 +118,50 @@ def test_any_taut_cable_has_a_related_law_within_its_bounds(
     found = nearest(taut, TABLE_3.default_effect(name), np.linspace(-0.3, 0.25, 60))
     assert found.name == name
     assert all(p.lower <= found.parameters[p.name] <= p.upper for p in found.type.parameters)
+
+
+STOPS = {"κ": 2.0, "d": 0.05, "κ2": 1.0, "d2": 0.03}
+
+
+def with_stops(theta8: float, **more: float) -> Plant:
+    theta = [*TABLE_3.theta[:7], theta8, TABLE_3.theta[8]]
+    lag = Effect("actuator_lag", {"T": 0.01})
+    return TABLE_3.replace(theta=theta).with_effects(Effect("arm_hysteresis", {**STOPS, **more}), lag)
+
+
+@pytest.mark.parametrize(("theta8", "taken"), [(0.0, True), (0.01, True), (0.02, False), (0.13, False)])
+def test_a_hysteresis_without_coulomb_friction_beside_it_is_an_arm_that_gives(theta8: float, taken: bool) -> None:
+    """Its stops slip at 0.13 V together."""
+    found = in_place_of_friction(with_stops(theta8), "arm_hysteresis", "arm_presliding", DecisionPolicy())
+    assert (found is not None) == taken
+    if found is not None:
+        assert found.theta[7] == pytest.approx(theta8 + 0.13)
+        assert [e.name for e in found.effects] == ["actuator_lag", "arm_presliding"]
+        assert found.effects[1].parameters["σ0"] == 3.0
+        assert 0.0 < found.effects[1].parameters["i"] < 1.0
+
+
+def test_nothing_else_is_friction() -> None:
+    plant = with_stops(0.0)
+    others = [(a, b) for a in ("actuator_lag", "arm_hysteresis", "arm_spring") for b in EFFECTS]
+    others.remove(("arm_hysteresis", "arm_presliding"))
+    assert all(in_place_of_friction(plant, a, b, DecisionPolicy()) is None for a, b in others)
+
+
+def test_such_a_bristle_starts_from_the_best_fit() -> None:
+    """A rival that ended far away goes on from where the hysteresis, which is it, is."""
+    current = a_fit(value=1000.0)
+    stops = Effect("arm_hysteresis", STOPS)
+    best = replace(a_fit(stops, value=0.0), plant=TABLE_3.replace(theta=with_stops(0.0).theta).with_effects(stops))
+    far = Effect("arm_presliding", {"σ0": 500.0})
+
+    def stays(plant: Plant, *_: Any, **__: Any) -> Any:
+        (effect,) = plant.effects
+        there = effect.parameters["i"] < 1.0 and plant.theta[7] == pytest.approx(0.13)
+        return replace(a_fit(effect, value=-5.0 if there else 400.0), plant=plant)
+
+    fits = {"arm_hysteresis": best, "arm_presliding": a_fit(far, value=400.0)}
+    found = from_best(
+        "arm_hysteresis", {"arm_presliding": far}, fits, current, replace(search({"": 1000.0}), fitter=stays)
+    )
+    assert found["arm_presliding"].value == -5.0
