@@ -36,14 +36,14 @@ class KnownEffects:
 
     def __init__(self, plant: Plant, sensors: Sensors | None = None, friction_speed: float = 0.1) -> None:
         # what depends on the time since a log's start cannot be known on the next run
-        lasting = (e for e in plant.effects if not e.type.memory and "t" not in e.type.arguments.get("torque", ()))
+        lasting = (e for e in plant.effects if not e.type.memory and not e.type.follows_clock)
         known = tuple(e for e in lasting if e.name != SHARPNESS)  # which the friction_speed takes the place of
         self.plant = plant.replace(effects=known, friction_sharpness=1.0 / friction_speed)
         self.offset = np.array(choose_sensors(plant, sensors).offset)
         p, self._codes, self._rows = self.plant.packed()
         self._p = p[:, None]
         self._on_arm = self._codes[[e.type.place == "arm" for e in known]]
-        plain = [e.type.place == "arm" and not {"r1", "r2"} & set(e.type.arguments.get("torque", ())) for e in known]
+        plain = [e.type.place == "arm" and not e.type.dry for e in known]
         self._without_dry = self._codes[plain]
         self._touching = self._codes[["torque" in e.type.kernels and "arm" in e.type.place for e in known]]
         hooks = {hook for e in known for hook in e.type.kernels}

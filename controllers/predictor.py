@@ -21,9 +21,7 @@ _JUMP = 1.0  # rad; a reading so far from what was expected is taken as a new st
 
 def steady(plant: Plant) -> Plant:
     """The plant without the effects that follow the time since a log's start, which the next run cannot know."""
-    return plant.replace(
-        effects=tuple(e for e in plant.effects if not any("t" in a for a in e.type.arguments.values()))
-    )
+    return plant.replace(effects=tuple(e for e in plant.effects if not e.type.follows_clock))
 
 
 def _smooth(plant: Plant) -> Plant:

@@ -30,7 +30,7 @@ def changes_command(
     from furuta_gym.plant import Plant
     from identification.estimation.identifiability import spoken
     from identification.validation.plant_changes import plant_change
-    from identification.validation.side_by_side import Estimated
+    from identification.validation.side_by_side import CERTAIN, Estimated
 
     plants = []
     for path in (before, after):
@@ -51,8 +51,8 @@ def changes_command(
         table.add_row(*map(escape, _row(d, found.changed is not None)))
     console = Console()
     (console if console.is_terminal else Console(width=110)).print(table)
-    typer.echo("deviations: the change over its standard deviation (! above 3)")
-    typer.echo("shows from: the least change that would be above 3")
+    typer.echo(f"deviations: the change over its standard deviation (! above {CERTAIN:g})")
+    typer.echo(f"shows from: the least change that would be above {CERTAIN:g}")
     if found.unjudged:
         typer.echo(
             f"Not compared: {spoken(found.unjudged)}. r never is, nor what counts from the zero or the clock of a log, "

@@ -229,7 +229,7 @@ def _errors(x: Examination) -> Section:
         if gap.own_tail is not None:
             blocks += _own_tail(gap.own_tail)
     if x.where is not None:
-        table = tables.leftovers(x.where, x.where_after, x.diagnosis.policy.left)
+        table = tables.leftovers(x.where, x.where_after, x.diagnosis.policy)
         blocks.append(Details("Tests of what is left on the searched logs", (table,)))
     return Section("errors", "The error on held-out data", tuple(blocks))
 

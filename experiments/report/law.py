@@ -71,5 +71,5 @@ def law_of(plant: Plant, names: Sequence[str], logs: Sequence[Log]) -> Law | Non
     if not effects or not all(is_function_of_motion(effect.type) for effect in effects):
         return None
     signals = motion_of(plant, logs)
-    of_time = any("t" in arguments for effect in effects for arguments in effect.type.arguments.values())
+    of_time = any(effect.type.follows_clock for effect in effects)
     return Law(tuple(names), signals, added_torque(plant, names, signals), of_time)

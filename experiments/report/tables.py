@@ -14,10 +14,11 @@ from furuta_gym.plant.parameters import THETA_MEANING
 from identification.diagnosis.gap_change import AXES, GapChange, Part, rms_interval
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import SecondWitness
+from identification.diagnosis.policy import DecisionPolicy
 from identification.estimation.estimate import Estimate, unit_of
 from identification.estimation.known import value_of
 from identification.logs.log import Log
-from identification.validation.gap import Gap, printed_fits
+from identification.validation.gap import HORIZON, Gap, printed_fits
 
 from .by_part import OneLog
 from .contents import Table
@@ -191,9 +192,9 @@ def _counts(angle: float, count: float) -> str:
     return number(angle / count, 2) if count > 0 else "unknown"
 
 
-def leftovers(where: Where, after: Where | None, left: float) -> Table:
+def leftovers(where: Where, after: Where | None, policy: DecisionPolicy) -> Table:
     """Tests of what is left, each with what would speak against the model."""
-    both = [where] if after is None else [where, after]
+    both, left = [where] if after is None else [where, after], policy.left
     tests = (
         (
             "evidence for any missing torque",
@@ -212,7 +213,8 @@ def leftovers(where: Where, after: Where | None, left: float) -> Table:
         ),
         (
             "parameters constant in time",
-            f"Nyblom–Hansen, p of all; below {_P:g}: they move; and what that changes of predictions 0.3 s ahead",
+            f"Nyblom–Hansen, p of all, and what that changes of predictions {HORIZON:g} s ahead; below "
+            f"{policy.constant:g} and from {policy.negligible:g} counts on: they move",
             [_drift(w) for w in both],
         ),
         (

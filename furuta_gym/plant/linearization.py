@@ -52,7 +52,7 @@ def linearize(plant: Plant, q2: float = UPRIGHT, q1: float = 0.0, coulomb: bool 
     effects = tuple(e for e in plant.effects if not e.type.memory)
     if not coulomb:
         plant = plant.replace(theta=np.concatenate([plant.theta[:7], [0.0, 0.0]]))
-        effects = tuple(e for e in effects if not {"r1", "r2"} & set(e.type.arguments.get("torque", ())))
+        effects = tuple(e for e in effects if not e.type.dry)
     plant = plant.replace(effects=effects)
     x = np.array([q1, q2, 0.0, 0.0])
     base = state_derivative(plant, x, 0.0)

@@ -53,15 +53,17 @@ def _searched(after: Estimate, held: HeldOut) -> OneByOne | None:
     parts = [(log.source, (log,)) for log in held.logs]
     plain = [after.plant.replace(effects=())] if after.plant.effects else []
     for structure in plain if ratio <= held.policy.adequate else [*plain, after.plant]:
-        found = apart(parts, ratio, partial(identify, start=structure, polished=False, model_error=False))
+        rough = partial(identify, start=structure, polished=False, model_error=False)
+        found = apart(parts, ratio, rough, held.policy.adequate)
         if found is not None and likelier(found.estimates, after) > held.policy.believed:
-            return apart(parts, ratio, partial(identify, start=structure))  # error bars tell what differs
+            # error bars tell what differs
+            return apart(parts, ratio, partial(identify, start=structure), held.policy.adequate)
     return None
 
 
 def _held_out(diagnosis: Diagnosis, before: Estimate, after: Estimate, held: HeldOut) -> OneByOne | None:
     """The same, with what the search has fitted to the searched logs: most are not explained, which takes no fit."""
-    gap, far = diagnosis.gap, held.policy.far
+    gap, far, adequate = diagnosis.gap, held.policy.far, held.policy.adequate
     if not held.whole or gap is None or gap.after_over_floor <= far or diagnosis.uncertain:  # one plant explains all
         return None
     parts = [("the searched logs", held.logs), ("the held-out logs", held.whole)]
@@ -72,17 +74,17 @@ def _held_out(diagnosis: Diagnosis, before: Estimate, after: Estimate, held: Hel
                 return searched
             return identify(logs, searched.plant, polished=shown, model_error=shown)
 
-        found = apart(parts, gap.after_over_floor, partial(fitted, shown=False))
+        found = apart(parts, gap.after_over_floor, partial(fitted, shown=False), adequate)
         if found is None:
             continue
         joint = held.jointly(after.plant)
         if joint is None or joint[1] <= far:
             return None
         if (
-            max(found.ratios) <= explained_below(joint[1])
+            max(found.ratios) <= explained_below(joint[1], adequate)
             and likelier(found.estimates, joint[0]) > held.policy.believed
         ):
-            return apart(parts, joint[1], fitted)
+            return apart(parts, joint[1], fitted, adequate)
     return None
 
 

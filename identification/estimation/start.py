@@ -239,7 +239,7 @@ def race(
     pool: where the fits run side by side, each in one thread (None: one after the other). The Optimum is that of the
     winner (None if every fit diverged: then the first start is returned).
     """
-    clock = any("t" in names for e in starts[0].plant.effects for names in e.type.arguments.values())
+    clock = any(e.type.follows_clock for e in starts[0].plant.effects)
     coordinates = [c for c in coordinates if c.zero_of is None]  # too few seconds to tell them
     short = [reduced(r, _REDUCED[0] / max(1.0, len(records) / 2), clock=clock) for r in records]
 

@@ -278,7 +278,7 @@ def tells_the_zero(plant: Plant) -> bool:
 
 def placed(plant: Plant) -> bool:
     """Whether something on the plant depends on where the arm stands."""
-    return any("q1" in names for effect in plant.effects for names in effect.type.arguments.values())
+    return any(effect.type.of_arm_angle for effect in plant.effects)
 
 
 def _pendulum_zero(log: int, count: float) -> Coordinate:

@@ -72,19 +72,22 @@ def one_by_one(estimate: Estimate, gap: Gap, logs: Sequence[Log], **options: Any
     )
 
 
-def explained_below(ratio: float) -> float:
+def explained_below(ratio: float, adequate: float = ADEQUATE_BELOW) -> float:
     """The error over the noise floor up to which a part of the logs is explained, where one plant for all leaves
     `ratio`: half of it, or what is called adequate."""
-    return max(ADEQUATE_BELOW, min(SMALL_BELOW, 0.5 * ratio))
+    return max(adequate, min(SMALL_BELOW, 0.5 * ratio))
 
 
 def apart(
-    parts: Sequence[tuple[str, Sequence[Log]]], ratio: float, fitted: Callable[[Sequence[Log]], Estimate]
+    parts: Sequence[tuple[str, Sequence[Log]]],
+    ratio: float,
+    fitted: Callable[[Sequence[Log]], Estimate],
+    adequate: float = ADEQUATE_BELOW,
 ) -> OneByOne | None:
     """Fits of each part of the logs, if each is explained so. None where one is not, or cannot be fitted.
 
     parts: names and logs. ratio: error over the noise floor of one plant for all of them. fitted(logs) gives the
-    estimate of a part.
+    estimate of a part. adequate: see `explained_below`.
     """
     estimates: list[Estimate] = []
     ratios: list[float] = []
@@ -94,7 +97,7 @@ def apart(
             own = validate(found.plant, logs).ratio_to_floor
         except ValueError:
             return None
-        if own > explained_below(ratio):
+        if own > explained_below(ratio, adequate):
             return None
         estimates.append(found)
         ratios.append(own)

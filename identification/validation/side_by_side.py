@@ -26,21 +26,6 @@ _SHARED = 4  # parameters at least, which must share a factor
 _LARGEST = 10.0  # such factor
 ROUNDING = 1e-10
 """Of a scaled covariance, as a plant file holds it: smaller directions are not trusted."""
-_OF_A_DAY = {
-    "input_gain_drift": ("a", "s"),
-    "arm_spring": ("q1n",),
-    "arm_ripple": ("φ",),
-    "arm_position_friction": ("a", "b"),
-    "arm_friction_drift": ("a",),
-    "arm_viscous_drift": ("a",),
-    "periodic_torque": ("φ",),
-    "arm_cable": ("q1n", "q1s"),
-    "arm_taut_cable": ("q1n", "qt"),
-    "base_tilt": ("αx", "αy"),
-    "payload_step": ("m", "t0"),
-    "arm_encoder_eccentricity": ("a", "b"),
-}
-"""Parameters that count from the arm's zero or the clock's start of the first log, and so differ from day to day."""
 
 Array = NDArray[np.float64]
 
@@ -76,7 +61,7 @@ class Estimated:
         names = covariance.names
         # a single r stands in the row of the arm's
         p, rows = plant.packed().p, [plant.layout.row("r1" if name == "r" else name) for name in names]
-        of_a_day = {f"{effect}.{name}" for effect, own in _OF_A_DAY.items() for name in own}
+        of_a_day = {f"{e.name}.{p.name}" for e in plant.effects for p in e.type.parameters if p.of_a_day}
         at_bound = plant.checks.get("at_bound")
         stuck = map(str, at_bound) if isinstance(at_bound, list | tuple) else ()
         lost = {*plant.not_identified, *stuck, *_rough(plant), *SHARPNESS_NAMES, *of_a_day}

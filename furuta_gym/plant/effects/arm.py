@@ -177,7 +177,17 @@ ARM_EFFECTS = (
         says=lambda k, q1n: f"A cable pulls the arm towards {q1n}: {k}",
         parameters=(
             Parameter("k", "{u}/rad", "stiffness", 1.0, relative_to="theta5", lower=0.0),
-            Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="product"),
+            Parameter(
+                "q1n",
+                "rad",
+                "angle without torque",
+                0.3,
+                lower=-20.0,
+                upper=20.0,
+                role="shape",
+                span="product",
+                of_a_day=True,
+            ),
         ),
         kernels={"torque": _spring},
         mistaken_for=("input_offset", "base_tilt", "arm_ripple", "arm_cable", "arm_taut_cable"),
@@ -202,7 +212,17 @@ ARM_EFFECTS = (
                 integer=True,
                 grid=tuple(range(1, 31)),
             ),
-            Parameter("φ", "rad", "phase", 0.5, lower=-2 * math.pi, upper=2 * math.pi, role="shape", span="phase"),
+            Parameter(
+                "φ",
+                "rad",
+                "phase",
+                0.5,
+                lower=-2 * math.pi,
+                upper=2 * math.pi,
+                role="shape",
+                span="phase",
+                of_a_day=True,
+            ),
         ),
         kernels={"torque": _ripple},
         mistaken_for=("arm_spring", "arm_position_friction", "arm_cable", "arm_taut_cable"),
@@ -218,8 +238,8 @@ ARM_EFFECTS = (
             f"it is largest near {Quantity(math.atan2(a, b), 'rad')}"
         ),
         parameters=(
-            Parameter("a", "{u}", "sine part of the Coulomb level", 0.5, relative_to="theta8"),
-            Parameter("b", "{u}", "cosine part of the Coulomb level", 0.3, relative_to="theta8"),
+            Parameter("a", "{u}", "sine part of the Coulomb level", 0.5, relative_to="theta8", of_a_day=True),
+            Parameter("b", "{u}", "cosine part of the Coulomb level", 0.3, relative_to="theta8", of_a_day=True),
         ),
         kernels={"torque": _position_friction},
         mistaken_for=("arm_ripple",),
@@ -272,7 +292,7 @@ ARM_EFFECTS = (
         says=lambda a: (
             f"The arm's Coulomb friction {either(a, 'rises', 'falls')} by {percent(a)} a second during the run"
         ),
-        parameters=(Parameter("a", "1/s", "relative change a second", -0.02, lower=-1.0, upper=0.2),),
+        parameters=(Parameter("a", "1/s", "relative change a second", -0.02, lower=-1.0, upper=0.2, of_a_day=True),),
         kernels={"torque": _friction_drift},
         mistaken_for=("arm_viscous_drift", "payload_step"),
     ),
@@ -285,7 +305,7 @@ ARM_EFFECTS = (
         says=lambda a: (
             f"The arm's viscous friction {either(a, 'rises', 'falls')} by {percent(a)} a second during the run"
         ),
-        parameters=(Parameter("a", "1/s", "relative change a second", 0.2, lower=-1.0, upper=5.0),),
+        parameters=(Parameter("a", "1/s", "relative change a second", 0.2, lower=-1.0, upper=5.0, of_a_day=True),),
         kernels={"torque": _viscous_drift},
         mistaken_for=("arm_friction_drift",),
     ),
@@ -338,7 +358,15 @@ ARM_EFFECTS = (
             Parameter("A", "{u}", "amplitude", 0.5, relative_to="theta8", lower=0.0),
             Parameter("f", "Hz", "frequency", 3.3, lower=0.02, upper=100.0, role="shape", grid="frequencies"),
             Parameter(
-                "φ", "rad", "phase at t = 0", 0.0, lower=-2 * math.pi, upper=2 * math.pi, role="shape", span="phase"
+                "φ",
+                "rad",
+                "phase at t = 0",
+                0.0,
+                lower=-2 * math.pi,
+                upper=2 * math.pi,
+                role="shape",
+                span="phase",
+                of_a_day=True,
             ),
         ),
         kernels={"torque": _periodic},

@@ -89,7 +89,17 @@ CABLE_EFFECTS = (
         says=lambda k, q1n, q1s: f"A cable pulls the arm towards {q1n}: {k} where it is softest, at {q1s}",
         parameters=(
             Parameter("k", "{u}/rad", "stiffness where the cable is softest, at q1s", 0.5, "theta5", lower=0.0),
-            Parameter("q1n", "rad", "angle without torque", 0.3, lower=-20.0, upper=20.0, role="shape", span="linear"),
+            Parameter(
+                "q1n",
+                "rad",
+                "angle without torque",
+                0.3,
+                lower=-20.0,
+                upper=20.0,
+                role="shape",
+                span="linear",
+                of_a_day=True,
+            ),
             Parameter("k3", "{u}/rad³", "stiffening: 3 k3 (q1 − q1s)² is added to k", 0.5, "theta5", lower=0.0),
             Parameter(
                 "q1s",
@@ -100,6 +110,7 @@ CABLE_EFFECTS = (
                 upper=20.0,
                 role="shape",
                 span="linear",
+                of_a_day=True,
             ),
         ),
         kernels={"torque": _cable},
@@ -117,7 +128,17 @@ CABLE_EFFECTS = (
         parameters=(
             Parameter("k1", "{u}/rad", "stiffness below qt (0: slack)", 0.3, "theta5", lower=0.0),
             Parameter("k2", "{u}/rad", "stiffness above qt (0: slack)", 1.5, "theta5", lower=0.0),
-            Parameter("q1n", "rad", "angle without torque", 0.1, lower=-20.0, upper=20.0, role="shape", span="linear"),
+            Parameter(
+                "q1n",
+                "rad",
+                "angle without torque",
+                0.1,
+                lower=-20.0,
+                upper=20.0,
+                role="shape",
+                span="linear",
+                of_a_day=True,
+            ),
             Parameter(
                 "qt",
                 "rad",
@@ -127,6 +148,7 @@ CABLE_EFFECTS = (
                 upper=20.0,
                 role="shape",
                 grid=(-1.5, -0.8, -0.3, 0.0, 0.3, 0.8, 1.5),
+                of_a_day=True,
             ),
         ),
         kernels={"torque": _taut},

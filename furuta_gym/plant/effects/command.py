@@ -189,8 +189,17 @@ COMMAND_EFFECTS = (
             f"{'at first, and less later' if s > 0.0 else 'during the run'}"
         ),
         parameters=(
-            Parameter("a", "1/s", "relative change a second, at first", -0.005, lower=-1.0, upper=1.0),
-            Parameter("s", "1/s", "rate at which it settles; 0: it does not", 0.0, lower=0.0, upper=5.0, optional="s"),
+            Parameter("a", "1/s", "relative change a second, at first", -0.005, lower=-1.0, upper=1.0, of_a_day=True),
+            Parameter(
+                "s",
+                "1/s",
+                "rate at which it settles; 0: it does not",
+                0.0,
+                lower=0.0,
+                upper=5.0,
+                optional="s",
+                of_a_day=True,
+            ),
         ),
         kernels={"torque": _gain_drift},
         wider=_drift_that_settles,

@@ -45,6 +45,7 @@ class Parameter:
     zero of the shape itself; `rough` says that small
     changes make what follows different throughout (a stop is hit or just missed), so that only trying leads to the best
     value; `abrupt` that there is no small size, so that what the data answer to one says nothing, and only a fit does;
+    `of_a_day` that it counts from the arm's zero or the start of the log's clock, so that it is another on another day;
     `jumps` that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so
     that derivatives need a longer step; `travel` that it is a way of the arm [rad], and that a law with a longer one
     than the arm goes is none of this effect.
@@ -68,6 +69,7 @@ class Parameter:
     abrupt: bool = False
     jumps: bool = False
     travel: bool = False
+    of_a_day: bool = False
 
     @property
     def positive(self) -> bool:
@@ -164,6 +166,21 @@ class EffectType:
         """What the effect does to a rig at the parameters `values`, in words; unit: of the command."""
         spoken = {p.name: Quantity(values[p.name], p.unit.format(u=unit)) for p in self.parameters}
         return self.says(**{name: spoken[name] for name in inspect.signature(self.says).parameters})
+
+    @property
+    def follows_clock(self) -> bool:
+        """Whether it goes by the time since its log began, which another run does not share."""
+        return any("t" in asked for asked in self.arguments.values())
+
+    @property
+    def of_arm_angle(self) -> bool:
+        """Whether it depends on where the arm stands."""
+        return any("q1" in asked for asked in self.arguments.values())
+
+    @property
+    def dry(self) -> bool:
+        """Whether its torque turns over with a direction of motion, as dry friction does."""
+        return bool({"r1", "r2"} & set(self.arguments.get("torque", ())))
 
     def in_play(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
         """The parameters that the law has at `values`: all but those whose optional size is neutral."""

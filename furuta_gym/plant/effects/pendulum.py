@@ -124,8 +124,17 @@ PENDULUM_EFFECTS = (
                 0.015,
                 lower=-0.5,
                 upper=0.5,
+                of_a_day=True,
             ),
-            Parameter("αy", "rad", "the same towards the arm's direction at q1 = 90°", 0.01, lower=-0.5, upper=0.5),
+            Parameter(
+                "αy",
+                "rad",
+                "the same towards the arm's direction at q1 = 90°",
+                0.01,
+                lower=-0.5,
+                upper=0.5,
+                of_a_day=True,
+            ),
             Parameter(
                 "G1",
                 "{u}",
@@ -182,8 +191,10 @@ PENDULUM_EFFECTS = (
         symptom="the pendulum is heavier from some moment on, or lighter (m < 0)",
         says=lambda m, t0: f"From {t0} on, the pendulum is {percent(m)} {either(m, 'heavier', 'lighter')}",
         parameters=(
-            Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0),
-            Parameter("t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times", jumps=True),
+            Parameter("m", "1", "added mass over the pendulum's mass", 0.04, lower=-0.9, upper=10.0, of_a_day=True),
+            Parameter(
+                "t0", "s", "time of the change", 8.0, lower=0.0, role="shape", grid="times", jumps=True, of_a_day=True
+            ),
         ),
         kernels={"theta": _payload},
         changes=("theta1", "theta2", "theta3", "theta4", "theta5"),

@@ -19,10 +19,11 @@ def _arm_eccentricity(q1, a, b):
     return a * s + b * (c - 1.0), 0.0
 
 
-def _eccentricity_parameters() -> tuple[Parameter, ...]:
+def _eccentricity_parameters(of_a_day: bool) -> tuple[Parameter, ...]:
+    sine, cosine = "sine part of the reading error", "cosine part of the reading error"
     return (
-        Parameter("a", "rad", "sine part of the reading error", 0.03, lower=-0.5, upper=0.5),
-        Parameter("b", "rad", "cosine part of the reading error", 0.03, lower=-0.5, upper=0.5),
+        Parameter("a", "rad", sine, 0.03, lower=-0.5, upper=0.5, of_a_day=of_a_day),
+        Parameter("b", "rad", cosine, 0.03, lower=-0.5, upper=0.5, of_a_day=of_a_day),
     )
 
 
@@ -45,7 +46,7 @@ SENSOR_EFFECTS = (
         equation="y2 = q2 + a sin q2 + b (cos q2 − 1)",
         symptom="the pendulum's reading runs ahead and behind once a turn",
         says=lambda a, b: off_centre("pendulum", a, b),
-        parameters=_eccentricity_parameters(),
+        parameters=_eccentricity_parameters(of_a_day=False),
         kernels={"sensor": _pendulum_eccentricity},
         mistaken_for=("pendulum_encoder_offset",),
     ),
@@ -56,7 +57,7 @@ SENSOR_EFFECTS = (
         equation="y1 = q1 + a sin q1 + b (cos q1 − 1)",
         symptom="the arm's reading runs ahead and behind once a turn",
         says=lambda a, b: off_centre("arm", a, b),
-        parameters=_eccentricity_parameters(),
+        parameters=_eccentricity_parameters(of_a_day=True),  # the arm's zero is where it stood at power-on
         kernels={"sensor": _arm_eccentricity},
         mistaken_for=("arm_position_friction",),
     ),

@@ -57,7 +57,7 @@ def alike(one: str, other: str) -> bool:
 
 def follows_clock(name: str) -> bool:
     """Whether an effect goes by the clock of its log, and so cannot be looked for in another."""
-    return any("t" in arguments for arguments in EFFECTS[name].arguments.values())
+    return EFFECTS[name].follows_clock
 
 
 def repeats_by_clock(name: str) -> bool:

@@ -83,7 +83,7 @@ def test_an_env_that_draws_what_its_plant_says_has_a_spec_and_can_be_copied():
     env = gymnasium.make(ID, plant=plant, randomize=plant.randomize)
     assert json.loads(env.unwrapped.spec.to_json())["kwargs"]["randomize"] == {"theta": "physical:0.1"}
     again = gymnasium.make(env.spec)
-    twin = pickle.loads(pickle.dumps(env.unwrapped))  # noqa: S301  (our own)
+    twin = pickle.loads(pickle.dumps(env.unwrapped))
     seen = [e.reset(seed=3)[0].tolist() for e in (env, again, twin)]
     assert seen[0] == seen[1] == seen[2]
 

@@ -12,7 +12,6 @@ from furuta_gym.plant import EFFECTS, TABLE_3, THETA_NAMES, Effect, Plant
 from furuta_gym.plant.covariance import Covariance
 from identification.estimation.identify import identify
 from identification.validation.plant_changes import plant_change
-from identification.validation.side_by_side import _OF_A_DAY
 from tests.factories import noisy_log
 
 RELATIVE = 0.01
@@ -189,10 +188,9 @@ def test_what_counts_from_the_zero_or_the_clock_of_a_log_is_not_judged() -> None
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_arm_s_angle_or_of_time_has_parameters_of_a_day(name: str) -> None:
-    arguments = {a for own in EFFECTS[name].arguments.values() for a in own}
-    of_a_day = (arguments & {"q1", "t"}) and not EFFECTS[name].memory
-    assert bool(of_a_day) == (name in _OF_A_DAY)
-    assert set(_OF_A_DAY.get(name, ())) <= set(EFFECTS[name].parameter_names)
+    kind = EFFECTS[name]
+    passing = (kind.of_arm_angle or kind.follows_clock) and not kind.memory
+    assert passing == any(p.of_a_day for p in kind.parameters)
 
 
 def test_values_that_were_held_must_be_the_same() -> None:
