@@ -111,7 +111,7 @@ class Estimate:
 
     @property
     def std(self) -> NDArray[np.float64]:
-        """Standard deviations (n,) of `values`; infinite for a `rough` parameter.
+        """Standard deviations (n,) of `values`; infinite for those of a `rough` effect.
 
         The likelihood of a play's width has an optimum every fraction of a per cent, a dozen nats deep: its curvature
         in one of them says nothing of the error.
@@ -147,7 +147,7 @@ class Estimate:
 
     @property
     def _rough(self) -> NDArray[np.bool_]:
-        rough = {f"{e.name}.{p.name}" for e in self.plant.effects for p in e.type.parameters if p.rough}
+        rough = {f"{e.name}.{p.name}" for e in self.plant.effects for p in e.type.parameters if e.type.rough}
         return np.array([name in rough for name in self.names])
 
     @property

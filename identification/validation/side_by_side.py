@@ -165,7 +165,7 @@ def one_factor_told(of: str, factor: float) -> str:
 
 def _rough(plant: Plant) -> set[str]:
     """Parameters whose likelihood is too rough for an error bar (see `Estimate.std`)."""
-    return {f"{e.name}.{p.name}" for e in plant.effects for p in e.type.parameters if p.rough}
+    return {f"{e.name}.{p.name}" for e in plant.effects for p in e.type.parameters if e.type.rough}
 
 
 def difference(a: Estimated, b: Estimated, name: str, unit: str = "") -> Difference:

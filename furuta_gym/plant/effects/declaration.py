@@ -182,6 +182,12 @@ class EffectType:
         """Whether its torque turns over with a direction of motion, as dry friction does."""
         return bool({"r1", "r2"} & set(self.arguments.get("torque", ())))
 
+    @property
+    def rough(self) -> bool:
+        """Whether the likelihood of one of its parameters is too rough for an error bar, and so that of the others,
+        which go with it."""
+        return any(p.rough for p in self.parameters)
+
     def in_play(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
         """The parameters that the law has at `values`: all but those whose optional size is neutral."""
         absent = self.neutral()

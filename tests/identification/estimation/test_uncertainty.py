@@ -123,6 +123,7 @@ def test_a_play_has_no_error_bar() -> None:
     (play,) = estimate.plant.effects
     assert "b" not in play.std
     assert np.isinf(estimate.std[estimate.names.index("arm_backlash.b")])
+    assert np.isinf(estimate.std[estimate.names.index("arm_backlash.ρ")]), "it goes with the width"
     assert np.isfinite(estimate.std[:9]).all()
     assert np.isfinite(estimate.correlation).all()
     assert estimate.to_dict()["parameters"]["arm_backlash.b"]["std"] is None
