@@ -54,6 +54,17 @@ class KnownEffects:
             self.command_map = self._tabulate(plant.supply)
             self.torque_limits = float(self.command_map[0][0]), float(self.command_map[0][-1])
 
+    def limits_about(self, torque: float, name: str) -> tuple[float, float]:
+        """`torque_limits` less the torque that holds the arm at zero. Raises DesignError, with the name of the
+        controller, where that is more than the motor gives."""
+        low, high = self.torque_limits
+        if not low < torque < high:
+            raise DesignError(
+                f"{name}: holding the arm at zero takes {torque:.4g} {self.plant.unit}, more than the motor gives "
+                f"({low:.4g} to {high:.4g}); check the plant's effects and u_max"
+            )
+        return low - torque, high - torque
+
     def _tabulate(self, u_max: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         u = np.linspace(-u_max, u_max, _TABLE)
         middle = _TABLE // 2

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors, difference_gain
 
-from .base import Controller, DesignError, Reference
+from .base import Controller, Reference
 from .design import DesignModel, choose_sensors, design_model
 from .known_effects import KnownEffects
 
@@ -98,13 +98,7 @@ class LinearController(Controller):
         self.known = KnownEffects(plant, self.sensors)
         self.q2e, self.holding_torque = model.q2e, model.torque
         self.friction_share = friction_share
-        low, high = self.known.torque_limits
-        self.limits = low - self.holding_torque, high - self.holding_torque
-        if not self.limits[0] < 0 < self.limits[1]:
-            raise DesignError(
-                f"{name}: holding the arm at zero takes {self.holding_torque:.4g} {plant.unit}, more than the motor "
-                f"gives ({low:.4g} to {high:.4g}); check the plant's effects and u_max"
-            )
+        self.limits = self.known.limits_about(self.holding_torque, name)
         self._matrix = np.block([[law.A, law.B], [law.C[None], law.D[None]], [law.E, law.F]])
         self._start()
 

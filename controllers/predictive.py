@@ -9,7 +9,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
 
-from .base import Controller, DesignError, Reference
+from .base import Controller, Reference
 from .design import Weights, design_model
 from .lqr import dlqr_gain
 from .predictor import Predictor, feedback_state, lagged_torque_row, without_delay
@@ -50,13 +50,7 @@ class PredictiveBalancer(Controller):
         steps = np.unique(np.geomspace(1, 10.0 / (self.pace * sample_time) + 2, 20).astype(int))
         self._way = np.array([np.linalg.matrix_power(loop, n)[0, :4] for n in steps])
         self.q2e, self.holding_torque = self._model.q2e, self._model.torque
-        low, high = self.known.torque_limits
-        self.limits = low - self.holding_torque, high - self.holding_torque
-        if not self.limits[0] < 0 < self.limits[1]:
-            raise DesignError(
-                f"{name}: holding the arm at zero takes {self.holding_torque:.4g} {plant.unit}, more than the motor "
-                f"gives ({low:.4g} to {high:.4g}); check the plant's effects and u_max"
-            )
+        self.limits = self.known.limits_about(self.holding_torque, name)
         self._start()
 
     def start_from(self, state: NDArray[np.float64]) -> None:

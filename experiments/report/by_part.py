@@ -13,7 +13,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.words import number
 from identification.logs.kind import kind_of
 from identification.logs.log import Log
-from identification.validation.gap import Gap, validate
+from identification.validation.gap import Gap, over_floor, validate
 
 _SAID = {"hanging": "hanging logs", "upright": "upright logs", "whole turns": "logs with whole turns"}
 
@@ -78,4 +78,4 @@ def _one(gap: Gap, by_kind: Mapping[str, Gap], i: int, log: Log) -> OneLog:
     if not len(errors):
         return OneLog(log.source, kind, None, None)
     rms, floor = np.sqrt(np.mean(errors**2, axis=0)), by_kind.get(kind, gap).floor
-    return OneLog(log.source, kind, rms, float(np.sqrt(np.mean((rms / floor) ** 2))))
+    return OneLog(log.source, kind, rms, over_floor(rms, floor))

@@ -214,11 +214,6 @@ def paper_signal(phases: Sequence[float] = (0.0, 0.0, 0.0), scale: float = 1.0) 
     )
 
 
-def paper_excitation(t: Any, phases: Sequence[float] = (0.0, 0.0, 0.0)) -> Any:
-    """d(t) of (24) at time(s) t [s]."""
-    return paper_signal(phases)(t)
-
-
 def _random_phases(seed: int) -> tuple[float, ...]:
     return tuple(np.random.default_rng(seed).uniform(size=3)) if seed else (0.0, 0.0, 0.0)
 

@@ -14,7 +14,7 @@ from furuta_gym.declared import written
 from ..logs.kind import kind_of
 from ..logs.log import Log
 from ..validation.closed_fraction import FEWEST_BLOCKS, ClosedFraction, closed_fraction, time_blocks
-from ..validation.gap import Gap
+from ..validation.gap import Gap, over_floor
 from .diagnosis_file import Errors, Floors, GapEntry, PartEntry
 from .policy import DecisionPolicy
 
@@ -103,7 +103,7 @@ class GapChange:
 
     def over_floor(self, side: Gap) -> float:
         """Root mean square over the axes of a side's error over the floor that both share."""
-        return float(np.sqrt(np.mean((side.rms / self.floor) ** 2)))
+        return over_floor(side.rms, self.floor)
 
     @property
     def by_log(self) -> tuple[Part, ...]:
@@ -123,7 +123,7 @@ class GapChange:
         sides = [_of_logs(side, which) for side in (self.before, self.after)]
         shared = np.minimum(sides[0].floor, sides[1].floor)
         sides = [replace(side, floor=shared) for side in sides]
-        ratios = [float(np.sqrt(np.mean((side.rms / side.floor) ** 2))) for side in sides]
+        ratios = [side.ratio_to_floor for side in sides]
         closed = closed_fraction(sides[0], sides[1]) if self.changed else self.closed
         return Part(name, len(which), sides[0].rms, sides[1].rms, (ratios[0], ratios[1]), closed)
 

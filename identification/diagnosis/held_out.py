@@ -27,7 +27,7 @@ from ..kalman.noise_model import Noise
 from ..logs.checks import LogWarning
 from ..logs.log import Log
 from ..validation.closed_fraction import ClosedFraction, closed_fraction
-from ..validation.gap import Gap, fit_percent, validate
+from ..validation.gap import Gap, fit_percent, over_floor, validate
 from .gap_change import GapChange, closes, speaks_against
 from .naming.fits import Fit, added, further
 from .naming.suspects import follows_clock, repeats_by_clock
@@ -120,7 +120,7 @@ class HeldOut:
         with suppress(ValueError):
             free = validate(self._free(plant, noise, zeros).plant, self.whole)
             floor = np.minimum(gap.floor, free.floor)  # a wrong plant has a higher one of its own
-            return min(gap, free, key=lambda one: float(np.mean((one.rms / floor) ** 2)))
+            return min(gap, free, key=lambda one: over_floor(one.rms, floor))
         return gap
 
     def _free(self, plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:

@@ -3,7 +3,6 @@ found is kept, as a search asks for the same fit again."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -14,13 +13,7 @@ from .locate.seen import Seen
 from .naming.fits import Fit
 from .policy import DecisionPolicy
 
-_WHILE = 0.1  # s, over which torque noise is added up to a torque
 _KEPT = 2  # fits whose paths stay in memory: the model so far, and the one that is compared with it
-
-
-def unexplained_torque(intensity: float) -> float:
-    """Rms torque [{u}] that a torque noise [{u}² s] stands for, over a tenth of a second."""
-    return math.sqrt(intensity / _WHILE)
 
 
 @dataclass

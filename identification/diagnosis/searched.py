@@ -17,13 +17,14 @@ from ..estimation.memories import MEMORIES, Remembering, remembering
 from ..estimation.prediction_error import quietest
 from ..estimation.start import Start, candidates
 from ..estimation.zeros import moved
+from ..kalman.noise_model import unexplained_torque
 from ..kalman.record import stretches
 from ..logs.log import Log
 from . import sentences
 from .diagnosis_file import Verdict
 from .equals import interchangeable
 from .held_out import HeldOut
-from .leftovers import Leftovers, unexplained_torque
+from .leftovers import Leftovers
 from .locate.locate import locate
 from .locate.location import Where
 from .locate.seen import long_enough

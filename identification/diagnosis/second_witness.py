@@ -45,6 +45,8 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         summary += " The plant written is that of multiple shooting, which predicts held-out data better for certain."
         if plant.effects:
             summary += f" In it: {'; '.join(str(effect) for effect in plant.effects)}."
+        if not shot.converged:
+            summary += " That fit stopped before its optimum."
     return replace(diagnosis, second=second, summary=summary)
 
 

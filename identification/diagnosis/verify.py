@@ -13,10 +13,10 @@ from ..estimation.estimate import Estimate
 from ..estimation.identify import identify
 from ..estimation.zeros import moved
 from ..kalman.noise import LostLog
+from ..kalman.noise_model import unexplained_torque
 from . import sentences
 from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
-from .leftovers import unexplained_torque
 from .locate.locate import locate
 from .naming.certain import may_be_absent
 from .naming.suspects import follows_clock

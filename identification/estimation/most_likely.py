@@ -21,8 +21,8 @@ from ..kalman.coordinates import (
     plant_coordinates,
     zero_coordinates,
 )
-from ..kalman.noise_model import Noise
-from ..kalman.record import Record, stretches
+from ..kalman.noise_model import STRONG, Noise, unexplained_torque
+from ..kalman.record import SHOWN, Record, stretches
 from ..logs.log import Log
 from ..logs.signs import motion_signs
 from .estimate import Estimate, NoiseReport
@@ -41,6 +41,7 @@ from .uncertainty import fit_covariance, inverse_information, recommended
 from .zeros import bounded_zeros
 
 _COARSER = 2.0  # times the integration step, for a first look
+_TWICE = 2.0  # times the noise that counts and smoothness say
 _R_RANGE = (3.0, 2000.0)  # s/rad
 _R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
 
@@ -231,17 +232,16 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
     for source, found in signs:
         if wrong := found.wrong:
             yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
-    # what the torque noise adds up to over a tenth of a second, against the command's size
-    missing = math.sqrt(noise.torque[0] / 0.1)
+    missing = unexplained_torque(noise.torque[0])
     command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
-    if missing > 0.1 * command:
+    if missing > STRONG * command:
         share = f"{missing:.2g} {plant.unit} ({100 * missing / command:.0f} % of the command)"
         if missing > command:
             advice = "more than the command itself: check its sign first (--flip u), then run `furuta diagnose`"
         else:
             advice = "something acts that model (5) does not hold; run `furuta diagnose`"
         yield f"the model misses torques of about {share}: {advice}"
-    # of readings without counts the factor counts from a quarter of what the log shows (`kalman.record`)
-    shown = 0.25 if not any(any(log.encoder_steps) or any(log.encoder_counts or ()) for log in logs) else 1.0
-    if max(noise.reading_factor) * shown > 4.0:
+    # of readings without counts the factor counts from a share of what the log shows
+    shown = SHOWN if not any(any(log.encoder_steps) or any(log.encoder_counts or ()) for log in logs) else 1.0
+    if max(noise.reading_factor) * shown > _TWICE**2:
         yield "the readings are at least twice as noisy as their counts and smoothness say; check the encoder counts"

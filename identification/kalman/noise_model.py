@@ -6,6 +6,7 @@ two mean is said where a kernel is called.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,9 @@ NOISE_NAMES = ("torque_noise1", "torque_noise2", "reading_noise1", "reading_nois
 """Of the four packed numbers."""
 TORQUE, READING = slice(0, 2), slice(2, 4)
 """Where they stand."""
+STRONG = 0.1
+"""Of the command's rms: unexplained torque of more is told, and sought from other starts."""
+_WHILE = 0.1  # s, over which torque noise is added up to a torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,3 +87,8 @@ def _pair(name: str, given: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name} must be two numbers, for the arm and the pendulum, got shape {values.shape}")
     values.setflags(write=False)
     return values
+
+
+def unexplained_torque(intensity: float) -> float:
+    """Rms torque [{u}] that a torque noise [{u}² s] stands for, over a tenth of a second."""
+    return math.sqrt(intensity / _WHILE)

@@ -17,6 +17,8 @@ from ..logs.encoders import FEWEST_STEPS
 from ..logs.log import Log
 from .arguments import Readings
 
+SHOWN = 0.25
+"""Of the variance that a log's readings show: what is taken as noise at least."""
 SHORTEST = 20
 """Samples between two gaps below which a stretch is not used."""
 
@@ -191,7 +193,7 @@ def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np
         declared = [2 * math.pi / c if c > 0 else 0.0 for c in log.encoder_counts or (0.0, 0.0)]
         quantum = np.array([_step(seen, step) for seen, step in zip(log.encoder_steps, declared, strict=True)])
         measured = np.asarray(log.noise_std)
-        known.append((quantum, np.maximum(np.maximum(quantum**2 / 12.0, 0.25 * measured**2), _LEAST)))
+        known.append((quantum, np.maximum(np.maximum(quantum**2 / 12.0, SHOWN * measured**2), _LEAST)))
         changes = np.count_nonzero(np.diff(log.angles, axis=0), axis=0)
         silent.append((quantum == 0.0) & (changes < FEWEST_STEPS))
     told = [(i, a) for a in range(2) for i in range(len(logs)) if not silent[i][a]]

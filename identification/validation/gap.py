@@ -47,6 +47,12 @@ def printed_fits(percent: Array) -> tuple[str, str]:
     return arm, pendulum
 
 
+def over_floor(rms: Array, floor: Array) -> float:
+    """Root mean square over the axes of errors over the noise floor, both (2,) [rad]: 1 is as good as the noise
+    allows."""
+    return float(np.sqrt(np.mean((rms / floor) ** 2)))
+
+
 @dataclass(frozen=True)
 class Gap:
     """Prediction errors of a plant on one log or several.
@@ -91,7 +97,7 @@ class Gap:
     @property
     def ratio_to_floor(self) -> float:
         """Root mean square over the axes of rms / floor: 1 is as good as the noise allows."""
-        return float(np.sqrt(np.mean((self.rms / self.floor) ** 2)))
+        return over_floor(self.rms, self.floor)
 
     @property
     def torque_share(self) -> Array:

@@ -21,7 +21,7 @@ from ..kalman.path import FilterPath, follow
 from ..kalman.record import Record
 from ..logs.log import Log
 from .free_run import Windows, free_run
-from .gap import HORIZON
+from .gap import HORIZON, over_floor
 from .noise_floor import Floor, noise_floor
 from .predicted import SETTLE
 
@@ -139,7 +139,7 @@ class PredictionWindow:
             return WindowPrediction(picture.angles, starts, np.full(2, np.inf), np.inf, -np.inf, picture.settled)
         errors = free_run(path, self._windows)[:, -1]
         rms = np.sqrt(np.mean(errors**2, axis=0))
-        ratio = float(np.sqrt(np.mean((rms / self.floor) ** 2)))
+        ratio = over_floor(rms, self.floor)
         likelihood = -innovation_cost(path.e, path.S)
         return WindowPrediction(picture.angles, starts, rms, ratio, likelihood, picture.settled)
 

@@ -18,14 +18,12 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Constancy:
     """p (n,) of each parameter, `joint_p` of all; moved (blocks, n): first-order estimate of how far each parameter
-    lies from its mean in equal stretches of time, and shift (blocks, n): the same in its own standard deviations
-    there."""
+    lies from its mean in equal stretches of time."""
 
     names: tuple[str, ...]
     p: Array
     joint_p: float
     moved: Array
-    shift: Array
 
 
 def constancy(answers: Array, innovations: Array, names: Sequence[str], blocks: int = 8) -> Constancy:
@@ -47,14 +45,13 @@ def constancy(answers: Array, innovations: Array, names: Sequence[str], blocks: 
     together = np.linalg.pinv(influence.T @ influence, rcond=1e-10, hermitian=True)
     joint = float(np.einsum("ki,ij,kj->", path, together, path)) / n
     rank = int(np.linalg.matrix_rank(influence.T @ influence / np.sqrt(np.outer(variance, variance)), tol=1e-8))
-    moved, shift = np.zeros((2, blocks, len(names)))
+    moved = np.zeros((blocks, len(names)))
     for b, part in enumerate(np.array_split(np.arange(n), blocks)):
         rows = answers[part].reshape(-1, answers.shape[2])
         local = np.linalg.pinv(rows.T @ rows, rcond=1e-8, hermitian=True)
         moved[b] = local @ scores[part].sum(axis=0)
-        shift[b] = moved[b] / np.sqrt(np.maximum(np.diag(local), 1e-300))
     p = np.array([tail(x, 1) for x in statistic])
-    return Constancy(tuple(names), p, tail(joint, max(rank, 1)), moved, shift)
+    return Constancy(tuple(names), p, tail(joint, max(rank, 1)), moved)
 
 
 def tail(x: float, dimension: int) -> float:

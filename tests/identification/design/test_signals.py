@@ -12,7 +12,6 @@ from identification.design.signals import (
     Prbs,
     SquareWave,
     excitation,
-    paper_excitation,
     paper_signal,
 )
 
@@ -32,7 +31,7 @@ def printed(t: float) -> float:
 def test_paper_excitation_is_the_printed_one(t):
     near = min(abs(t / p - round(t / p)) for p in (1.0, 0.25, 0.3333)), abs((t - 0.1667) % 0.3333)
     if min(near) > 1e-6:  # at the switching times rounding decides; they have a test of their own
-        assert paper_excitation(t) == printed(t)
+        assert paper_signal()(t) == printed(t)
 
 
 @pytest.mark.parametrize(
@@ -57,8 +56,8 @@ def test_rounding_of_sample_times_does_not_move_an_edge(T):
 
 def test_phase_shifts_by_fractions_of_a_period():
     t = np.linspace(0.001, 10, 777)
-    np.testing.assert_array_equal(paper_excitation(t, (0.25, 0, 0)) - paper_excitation(t), d1(t + 0.5) - d1(t))
-    np.testing.assert_array_equal(paper_excitation(t, (1, 2, 3)), paper_excitation(t))
+    np.testing.assert_array_equal(paper_signal((0.25, 0, 0))(t) - paper_signal()(t), d1(t + 0.5) - d1(t))
+    np.testing.assert_array_equal(paper_signal((1, 2, 3))(t), paper_signal()(t))
 
 
 def d1(t):
