@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from ..kalman.noise_model import STRONG
 from ..validation.adequacy import ADEQUATE_BELOW
 
 MOST_EFFECTS = 6
@@ -106,7 +105,7 @@ class DecisionPolicy:
 
     # how far a fit goes
     strong: float = _rule(
-        STRONG, "other starts are tried first if model (5) leaves more than this share of the command unexplained", DEV
+        0.1, "other starts are tried first if model (5) leaves more than this share of the command unexplained", DEV
     )
     remembered: float = _rule(
         0.7, "other starts are tried first if a memory leaves less than this share of the arm's row", DEV

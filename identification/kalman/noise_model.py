@@ -20,7 +20,7 @@ NOISE_NAMES = ("torque_noise1", "torque_noise2", "reading_noise1", "reading_nois
 TORQUE, READING = slice(0, 2), slice(2, 4)
 """Where they stand."""
 STRONG = 0.1
-"""Of the command's rms: unexplained torque of more is told, and sought from other starts."""
+"""Of the command's rms: unexplained torque of more is told. `DecisionPolicy.strong` is the same share."""
 _WHILE = 0.1  # s, over which torque noise is added up to a torque
 
 

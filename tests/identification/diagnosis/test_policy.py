@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.diagnosis.policy import DecisionPolicy
+from identification.kalman.noise_model import STRONG
 
 PAGE = Path(__file__).parents[3] / "docs" / "decision_policy.md"
 RULES = DecisionPolicy().rules()
@@ -54,6 +55,10 @@ def test_every_rule_has_a_name_of_its_own_a_reason_and_an_origin() -> None:
     for rule in RULES:
         assert rule.why
         assert rule.chosen_on
+
+
+def test_a_search_and_an_identification_call_the_same_torque_strong() -> None:
+    assert DecisionPolicy().strong == STRONG
 
 
 def test_the_page_has_the_thresholds_of_the_code() -> None:
