@@ -40,7 +40,9 @@ PRESENT = (
     "61",
     "65",
     "65b",
+    "65c",
     "66",
+    "67",
     "68",
 )
 PRESENT_COMPOSITE = (
@@ -127,7 +129,9 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
         ("61", "research-log/diagnosis_runs.md"),
         ("65", "research-log/diagnosis_runs.md"),
         ("65b", "research-log/diagnosis_runs.md"),
+        ("65c", "research-log/diagnosis_runs.md"),
         ("66", "research-log/diagnosis_runs.md"),
+        ("67", "research-log/diagnosis_runs.md"),
         ("66_composite", "research-log/diagnosis_runs.md"),
         ("68", "research-log/diagnosis_runs.md"),
         ("60", "research-log/diagnosis_runs.md"),
