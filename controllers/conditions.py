@@ -97,7 +97,9 @@ class Condition:
         """How its trials begin; the same for every policy."""
         rng = np.random.default_rng([seed, 1])
         one = self.plants if isinstance(self.plants, Plant) else self.plants[0]
-        travel = one.limit("arm_travel", ARM_TRAVEL) if self.arm_travel is None else self.arm_travel
+        plants = [self.plants] if isinstance(self.plants, Plant) else self.plants
+        least = min(plant.limit("arm_travel", ARM_TRAVEL) for plant in plants)
+        travel = least if self.arm_travel is None else self.arm_travel
         if self.kind == "swing_up":
             starts = swing_up_starts(self.trials, rng, travel)
             if not self.tap:

@@ -274,12 +274,15 @@ def _settings(path: Path, record: Mapping[str, Any]) -> tuple[Mapping[str, Any],
     if task not in TASKS:
         wrong.append(f"task = {task!r}")
     limits, effects = rig.get("limits") or {}, rig.get("effects") or []
-    if not (isinstance(limits, Mapping) and all(_within(x, (0.0, math.inf)) for x in limits.values())):
+    if not (isinstance(limits, Mapping) and all(x is None or _within(x, (0.0, math.inf)) for x in limits.values())):
         wrong.append(f"limits = {limits!r}")
     if not (isinstance(effects, list) and all(isinstance(effect, Mapping) for effect in effects)):
         wrong.append(f"effects = {effects!r}")
     if not isinstance(env.get("effect_probabilities") or {}, Mapping):
         wrong.append(f"effect_probabilities = {env['effect_probabilities']!r}")
+    for told in (env.get("randomize"), rig.get("randomize")):
+        if not isinstance(told if told is not None else False, bool | str | list | Mapping):
+            wrong.append(f"randomize = {told!r}")
     if not _within(rig.get("u_max", 1.0), (1e-300, 1e300)):
         wrong.append(f"u_max = {rig['u_max']!r}")
     if wrong:

@@ -11,5 +11,6 @@ RESUMED_SEED = 10_000_000  # of a finished policy that goes on: plus its steps, 
 
 
 def judging(first: int, seed: int) -> int:
-    """The seed of a batch that judges, so that neighbouring seeds have no rig in common. first: one of the above."""
+    """The seed of a batch that judges, so that neighbouring seeds, below 100, have no rig in common. first: one of the
+    above."""
     return first + _APART * seed

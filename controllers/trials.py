@@ -50,7 +50,7 @@ class Starts:
 
 def start_angle(travel: float) -> float:
     """Largest |q1| [rad] at which a trial begins, where the arm may turn by `travel` [rad] to either side."""
-    return min(0.5, 0.5 * travel)
+    return min(0.5, 0.25 * travel)
 
 
 def balance_starts(
@@ -63,8 +63,8 @@ def balance_starts(
 ) -> Starts:
     """n starts near upright, and a push to a random side at 40 to 60 % of the duration.
 
-    |q1| ≤ 0.5 rad (at most half of `travel` [rad]), |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 ω; push [rad/s], by default
-    0.2 ω. ω is the pendulum's frequency, which makes speeds comparable between rigs.
+    |q1| ≤ 0.5 rad (at most a quarter of `travel` [rad]), |q2| ≤ 0.1 rad, |q̇1| and |q̇2| ≤ 0.1 ω; push [rad/s], by
+    default 0.2 ω. ω is the pendulum's frequency, which makes speeds comparable between rigs.
     """
     w = pendulum_frequency(plant.theta)
     x0 = rng.uniform(-1, 1, (4, n)) * np.array([[start_angle(travel)], [0.1], [0.1 * w], [0.1 * w]])
@@ -73,7 +73,7 @@ def balance_starts(
 
 
 def swing_up_starts(n: int, rng: np.random.Generator, travel: float = ARM_TRAVEL) -> Starts:
-    """n starts that hang: |q1| ≤ 0.5 (at most half of `travel` [rad]), |q2 − π| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.1 rad/s,
+    """n starts that hang: |q1| ≤ 0.5 (at most a quarter of `travel` [rad]), |q2 − π| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.1 rad/s,
     no push."""
     x0 = rng.uniform(-1, 1, (4, n)) * np.array([[start_angle(travel)], [0.1], [0.1], [0.1]])
     x0[1] += np.pi

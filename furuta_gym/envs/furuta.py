@@ -43,7 +43,7 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     noise, and the plant's sensor effects), the velocities a causal filtered difference of the readings,
     v ← v + (1 − e^(−ωc T)) (Δy/T − v), which starts from zero at reset. Values are clipped to the space's bounds:
     |q1| ≤ 2 arm_limit, |v| ≤ 200 rad/s. With `scale_observation=True` velocities are counted in ω of the reward below,
-    which brings them to about one. With `observe_command=True` the last command / u_max is appended. With
+    which brings them to about one. With `observe_command=True` the last command as sent / u_max is appended. With
     `history=h` the last h observations follow one another, oldest first; a reset fills them all with the first one.
 
     ## Reward
@@ -72,10 +72,10 @@ class FurutaEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Ending an episode early only loses reward.
 
     ## Start
-    Uniform and independent: `balance` |q1| ≤ 0.2, |q2| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.2 rad/s; `swing_up` |q1| ≤ 0.2,
-    |q2 − π| ≤ 0.05 rad, at rest; or within ± `start_spread` of upright or hanging. Effects start with a memory of
-    zeros, which for `arm_hysteresis` is an arm that came from q1 = 0. Before the episode the command was zero.
-    `reset(options={"state": [q1, q2, v1, v2]})` starts from a given state (NaN: drawn).
+    Uniform and independent (q1 at most half of `arm_limit`): `balance` |q1| ≤ 0.2, |q2| ≤ 0.1 rad, |q̇1|, |q̇2| ≤ 0.2
+    rad/s; `swing_up` |q1| ≤ 0.2, |q2 − π| ≤ 0.05 rad, at rest; or within ± `start_spread` of upright or hanging.
+    Effects start with a memory of zeros, which for `arm_hysteresis` is an arm that came from q1 = 0. Before the episode
+    the command was zero. `reset(options={"state": [q1, q2, v1, v2]})` starts from a given state (NaN: drawn).
 
     ## End of an episode
     terminated: |q1| > arm_limit (the cable), |q̇1| > the plant file's `arm_speed` if it has one, in `balance`

@@ -145,7 +145,7 @@ class Randomization:
         for switch in switches:
             first, count, chance = int(switch[0]), int(switch[1]), switch[2]
             carried = np.isnan(self.table[TO, first : first + count]).all()
-            switch[2] = 1.0 - level * (1.0 - chance) if carried else level * chance
+            switch[2] = 1.0 - level * (1.0 - chance) if carried and chance > 0.0 else level * chance
         for row in ranges:
             if row[KIND] == rg.PHYSICAL:
                 row[A] *= level

@@ -132,10 +132,14 @@ def share(work: Callable[[int], None], board: Any, n: int, threads: int) -> None
     post(board)
     for _ in range(threads - 1 - len(_helpers)):
         _helpers.append(_Helper())
-    for helper in _helpers[: threads - 1]:
-        helper.give(lambda: work(PATIENCE))
     try:
+        for helper in _helpers[: threads - 1]:
+            helper.give(lambda: work(PATIENCE))
         work(0)
+    except BaseException:
+        while take(board, n, 0) < n:  # what nobody has taken counts as done
+            finish(board)
+        raise
     finally:  # also where Ctrl-C came between two blocks: the next step must not count the blocks of this one
         while not all_done(board, n):
             time.sleep(0.0)

@@ -26,7 +26,7 @@ from furuta_gym.sensors import Sensors
 @pytest.mark.parametrize("task", ["balance", "swing_up"])
 def test_trials_start_within_the_arms_travel(task):
     narrow = QUBE.replace(limits={"arm_travel": 0.2})
-    for plant, widest in ((QUBE, 0.5), (narrow, 0.1)):
+    for plant, widest in ((QUBE, 0.5), (narrow, 0.05)):
         starts = nominal(plant, Sensors(), task, 400, 8.0).starts(0)
         assert 0.9 * widest < np.abs(starts.x0[0]).max() <= widest
 

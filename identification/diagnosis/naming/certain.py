@@ -67,5 +67,7 @@ def without_uncertain(
     witness.hears([naming.final, *fits])
     for i, reduced in sorted(zip(places, fits, strict=True), key=lambda pair: pair[1].value):
         if not witness.confirms(reduced, naming.final):
-            return replace(without(naming, i, reduced), uncertain=(*naming.uncertain, naming.accepted[i]))
+            return replace(
+                without(naming, i, search.to_the_end(reduced)), uncertain=(*naming.uncertain, naming.accepted[i])
+            )
     return None

@@ -44,8 +44,6 @@ def next_effect(
     if leaves_more and judge.minor(found, ranking[0]):
         return None
     together = search.reconsidered([*found, ranking], judge.asked_for)
-    if together[-1][0].net < search.policy.believed:  # beside what took the place of another
-        return None
     laws = _of_successors(laws, found, together)
     small = judge.slight(together, ranking[0], current)
     exchanged = {r[0].name for r in together[:-1]} != {r[0].name for r in found}  # it took the place of another
@@ -66,10 +64,11 @@ def next_effect(
 
 def _of_successors(laws: Mapping[str, str], found: Sequence[Ranking], together: Sequence[Ranking]) -> dict[str, str]:
     """The laws, each with what took the place of an effect found in that effect's place."""
-    now = {ranking[0].name for ranking in together}
-    gone = {ranking[0].name for ranking in found} - now
-    taken = {s.name: ranking[0].name for ranking in together[:-1] for s in ranking[1:] if s.name in gone}
-    return {taken.get(name, name): taken.get(of, of) for name, of in laws.items()}
+    had, now = ({ranking[0].name for ranking in rankings} for rankings in (found, together))
+    fresh = [ranking for ranking in together[:-1] if ranking[0].name not in had]
+    taken = {s.name: ranking[0].name for ranking in fresh for s in ranking[1:] if s.name in had - now}
+    told = {taken.get(name, name): taken.get(of, of) for name, of in laws.items()}
+    return {name: of for name, of in told.items() if name != of}
 
 
 def with_law(laws: Mapping[str, str], name: str, of: str) -> dict[str, str]:

@@ -38,8 +38,7 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
             comparable = asked[gone][1] is final  # a look-alike would be judged beside what follows the clock
             in_place = None if idle or not comparable else _exchanged(naming, gone, reduced[gone], search, witness)
             if in_place or idle or not witness.excuses(*asked[gone]):
-                rest = search.to_the_end(reduced[gone])
-                naming = in_place or without(naming, gone, rest, taken_back=not idle)
+                naming = in_place or without(naming, gone, search.to_the_end(reduced[gone]), taken_back=not idle)
                 break
         else:
             break

@@ -320,6 +320,26 @@ def test_a_stiff_bristle_stays_stable_and_becomes_coulomb(i, stiffness, speed):
     np.testing.assert_allclose(bristle[:, :4], run(TABLE_3, x0, t_u, none, 0.1, 1e-3), atol=5e-3)
 
 
+@pytest.mark.parametrize("speed", [1.0, 5.0, 20.0])
+@pytest.mark.parametrize("stiffness", [100.0, 300.0, 1000.0])
+@pytest.mark.parametrize("i", [0.0, 0.5, 1.0, 1.5, 2.0])
+def test_a_bristle_comes_back_to_its_end_value(i, stiffness, speed):
+    """At the longest step that environments take, 2.5 ms, after a reversal and the overshoot of a first step."""
+    kernel = EFFECTS["arm_presliding"].kernels["rate"]
+    z, h = -1.0 / stiffness, 2.5e-3  # of θ8 = 1
+
+    def rate(z):
+        return kernel(v1=speed, theta8=1.0, σ0=stiffness, i=i, z=z)
+
+    for _ in range(400):
+        k1 = rate(z)
+        k2 = rate(z + 0.5 * h * k1)
+        k3 = rate(z + 0.5 * h * k2)
+        z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(z + h * k3))
+    assert stiffness * z <= 1.0 + 1e-6
+    assert stiffness * z > 0.9
+
+
 @pytest.mark.parametrize("i", [0.0, 0.3, 0.5, 1.0, 1.5, 2.0])
 def test_a_bristle_yields_along_its_way_as_dahl_has_it(i):
     """Moved one way from rest, (1 − σ0 z / θ8)^(1 − i) falls linearly with the way: an element that slips at θ8 / σ0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.naming.next_effect import _of_successors
 from identification.diagnosis.naming.probes import cells
 from identification.diagnosis.naming.scores import _best_start, scores
 from identification.diagnosis.naming.search import Search
@@ -235,3 +238,17 @@ def test_what_no_score_can_suspect_is_fitted_where_something_is_missing(missing:
     assert table["arm_presliding"].gain < 2.0
     assert ("arm_presliding" in names) == missing
     assert names == [] or table["arm_presliding"].start is not None
+
+
+def test_a_law_goes_with_what_takes_the_place_of_its_effect() -> None:
+    """And not with an effect that was there all along, of which the one that went was only a rival."""
+
+    def ranking(name: str, *rivals: str) -> Any:
+        return tuple(SimpleNamespace(name=n) for n in (name, *rivals))
+
+    cable, spring, drag = ranking("arm_cable", "arm_spring"), ranking("arm_spring"), ranking("arm_quadratic_drag")
+    laws = {"arm_spring": "arm_cable"}
+    assert _of_successors(laws, [cable, spring], [cable, drag]) == laws, "the spring went: nothing of another name"
+    taut = ranking("arm_taut_cable", "arm_cable")
+    assert _of_successors(laws, [cable, spring], [taut, spring, drag]) == {"arm_spring": "arm_taut_cable"}
+    assert _of_successors(laws, [cable, spring], [ranking("arm_taut_cable", "arm_cable", "arm_spring"), drag]) == {}
