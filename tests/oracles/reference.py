@@ -225,8 +225,9 @@ def rates(t, x, tau, theta, r, effects: Effects, w=(0.0, 0.0)) -> list[float]:
         sigma0 = effects["arm_presliding"]["σ0"]
         coulomb1 = sigma0 * z
         settled = copysign(th8 / sigma0, v1)
-        to_go = max(1.0 - z / settled, 1e-9)
-        rate = sigma0 * abs(v1) / th8 * to_go ** (effects["arm_presliding"].get("i", 1.0) - 1.0)
+        to_go, rate = 1.0 - z / settled, sigma0 * abs(v1) / th8
+        if to_go >= 0.0:  # no power where a step went too far
+            rate *= max(to_go, 1e-9) ** (effects["arm_presliding"].get("i", 1.0) - 1.0)
         memory_rates.append(min(rate, FASTEST_BRISTLE) * (settled - z))
 
     rotor, into_arm = 0.0, tau

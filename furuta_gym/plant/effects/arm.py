@@ -72,9 +72,8 @@ def _presliding_rate(v1, theta8, σ0, i, z):
     rate = σ0 * abs(v1) / theta8
     if i != 1.0:
         to_go = 1.0 - z / settled
-        if to_go < 0.0:  # a step went too far: with i > 1 nothing else would bring it back
-            return _FASTEST_BRISTLE * (settled - z)
-        rate *= exp((i - 1.0) * log(to_go if to_go > _LEAST_TO_GO else _LEAST_TO_GO))
+        if to_go >= 0.0:  # else a step went too far, and it comes back as for i = 1: the power has nothing to say there
+            rate *= exp((i - 1.0) * log(to_go if to_go > _LEAST_TO_GO else _LEAST_TO_GO))
     return min(rate, _FASTEST_BRISTLE) * (settled - z)
 
 

@@ -190,7 +190,9 @@ def test_unknown_is_said_after_a_search_from_other_starts_only(better: float, ve
 
 @pytest.mark.parametrize(("better", "name"), [(5.0, "arm_spring"), (200.0, "input_delay")])
 def test_names_that_leave_structure_are_searched_again_from_other_starts(better: float, name: str) -> None:
-    first = naming(SPRING, final=a_fit("arm_spring", value=100.0)), None, rest(evidence=50.0)
+    """Compared with the best single effect, and not with all that was found together."""
+    alone = replace(naming(SPRING, final=a_fit("arm_spring", value=100.0)), alone=SPRING.fit)
+    first = alone, None, rest(evidence=50.0)
     joining = a_fit("input_delay", value=SPRING.fit.value - better)
     second = naming(DELAY, final=a_fit("input_delay", value=100.0 - better)), None, rest()
     (found, *_), made = settled(first, second, joining)
