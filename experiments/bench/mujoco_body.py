@@ -35,10 +35,16 @@ _XML = """
 """
 
 
+def arm_about_com(bodies: Bodies, motor_inertia: float = 0.0) -> float:
+    """Inertia of the arm alone about its centre of mass, in units of the command; not above 0: no rigid body is so."""
+    scale = 1.0 / bodies.torque_per_command
+    return bodies.arm_inertia * scale - motor_inertia - bodies.arm_mass * scale * bodies.arm_com**2
+
+
 def model_xml(bodies: Bodies, motor_inertia: float = 0.0, up: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> str:
     """MJCF in units of the command; `motor_inertia` (same units) is left to the caller; `up`: against gravity."""
     scale = 1.0 / bodies.torque_per_command
-    about_com = bodies.arm_inertia * scale - motor_inertia - bodies.arm_mass * scale * bodies.arm_com**2
+    about_com = arm_about_com(bodies, motor_inertia)
     if about_com <= 0.0:
         raise ValueError(
             f"the arm has no inertia left about its centre of mass ({about_com:.3g}): give it a smaller arm_com, "

@@ -128,7 +128,8 @@ class Rig:
             raise ValueError(f"only one thing can give between motor and arm, not {' and '.join(joints)}.")
         if self.engine == "mujoco" and not self._rigid(draft):
             raise ValueError(
-                "engine='mujoco' needs a set of rigid bodies and no mass put on later; this rig is not so. "
+                "engine='mujoco' needs a set of rigid bodies, an arm heavier than its motor's share, and no mass put "
+                "on later; this rig is not so. "
                 "Take engine='lagrange' or 'auto'."
             )
 
@@ -170,7 +171,10 @@ class Rig:
         return d
 
     def _rigid(self, draft: Draft) -> bool:
-        return self.kind.bodies is not None and float(draft.fields["pay_m"][0]) == 0.0
+        bodies = self.constants.bodies
+        if bodies is None or float(draft.fields["pay_m"][0]) != 0.0:
+            return False
+        return mujoco_body.arm_about_com(bodies, draft.motor_share * self.constants.inertia[0]) > 0.0
 
     def mechanics(self) -> tuple[Draft, mujoco_body.MujocoBody | None]:
         """The draft, and MuJoCo's bodies where they move this rig."""

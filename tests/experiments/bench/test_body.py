@@ -109,6 +109,15 @@ def test_mujoco_is_refused_where_no_rigid_body_has_the_parameters():
         Rig("table3", engine="mujoco")
 
 
+def test_a_motor_heavier_than_its_arm_is_moved_by_lagrange():
+    play = HiddenEffect("arm_backlash", 1.0, "table", variation=3765499)
+    options = dict(individual=3409866, scatter=0.1)
+    _, body = Rig("servo", [play], **options).mechanics()
+    assert body is None
+    with pytest.raises(ValueError, match="heavier than its motor's share"):
+        Rig("servo", [play], engine="mujoco", **options)
+
+
 @pytest.mark.parametrize("name", SETS)
 def test_linear_model_is_the_slope_of_the_mechanics(name):
     rig = _still(name, engine="lagrange")
