@@ -107,10 +107,13 @@ class _OpenLoop:
         return float(value)
 
 
+CLOCK_ROUNDING = 1e-3
+"""A clock that was read from stamps carries their rounding, up to this part of its sample time."""
+
+
 def same_clock(one: float, other: float) -> bool:
-    """Whether two sample times [s] are the same: within 0.1 %, as a clock that was read from stamps carries their
-    rounding."""
-    return abs(one - other) <= 1e-3 * other
+    """Whether two sample times [s] are the same, within `CLOCK_ROUNDING`."""
+    return abs(one - other) <= CLOCK_ROUNDING * other
 
 
 def check_clock(policy: Any, sample_time: float) -> None:

@@ -16,12 +16,18 @@ if TYPE_CHECKING:
     from furuta_gym.plant.effects.declaration import EffectType, Parameter
 
 
+_SHOWN = 8  # of the parameters of one effect, in a row of the table
+
+
 def effects_command(
     name: Annotated[str | None, typer.Argument(help="One effect in detail; default: all of them.")] = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """The effects that a diagnosis can name: what each does, how it shows on a rig, and its look-alikes."""
+    """The effects that a plant can have: what each does, how it shows on a rig, and its look-alikes.
+
+    A diagnosis can name all of them but the last, which is fitted where the named ones leave too much."""
     from furuta_gym.plant import EFFECTS, Effect
+    from furuta_gym.plant.effects.library import CARRIED
 
     if name is not None:
         kind = Effect(name).type  # a wrong name is told with what is near
@@ -31,11 +37,12 @@ def effects_command(
             typer.echo(in_detail(kind))
         return
     if as_json:
-        print_json([described(kind) for kind in EFFECTS.values()])
+        print_json([described(kind) for kind in CARRIED.values()])
         return
-    table = Table("effect", "acts on", "on the rig", "parameters", title=f"{len(EFFECTS)} effects", show_lines=False)
-    for kind in EFFECTS.values():
-        units = ", ".join(f"{p.name} [{_unit(p)}]" if _unit(p) else p.name for p in kind.parameters)
+    table = Table("effect", "acts on", "on the rig", "parameters", title=f"{len(EFFECTS)} effects, and what a fit can learn")
+    for kind in CARRIED.values():
+        units = ", ".join(f"{p.name} [{_unit(p)}]" if _unit(p) else p.name for p in kind.parameters[:_SHOWN])
+        units += f" … ({len(kind.parameters)} parameters)" if len(kind.parameters) > _SHOWN else ""
         table.add_row(kind.name, kind.place, escape(kind.symptom), escape(units))
     console = Console()
     (console if console.is_terminal else Console(width=140)).print(table)

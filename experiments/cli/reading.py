@@ -8,7 +8,7 @@ import logging
 import os
 import shlex
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -126,11 +126,27 @@ class Reading:
         from identification.logs.rig_file import find_mapping
 
         mappings = {log.mapping for log in logs}
-        found = self.file is not None or any(map(find_mapping, paths))  # a rig.toml is taken again
-        options = [self.said.options() if found or len(mappings) > 1 else mappings.pop().options()]
-        options += [] if self.file is None else [f"--mapping {shlex.quote(os.fspath(self.file))}"]
+        file = None if self.file is None else os.fspath(self.file)
+        found = {rig_file for path in paths if (rig_file := find_mapping(path))}
+        if file or len(mappings) > 1:
+            options = [self.said.options()]
+        elif found and any(self._reads_as(rig_file, mappings) for rig_file in found):
+            options = [self.said.options()]  # it is taken again
+        else:
+            options = [mappings.pop().options()] if mappings else [self.said.options()]
+            file = "none" if found else None
+        options += [] if file is None else [f"--mapping {shlex.quote(file)}"]
         options += ["--as-given"] if self.as_given else []
         return "".join(f" {option}" for option in options if option)
+
+    def _reads_as(self, rig_file: Path, mappings: Collection[RigMapping]) -> bool:
+        from identification.logs.checks import LogError
+        from identification.logs.rig_file import load_mapping
+
+        try:
+            return self.said.over(load_mapping(rig_file)) in mappings
+        except LogError:  # the working folder's, which nobody had to read so far
+            return False
 
 
 def reads_logs(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -211,7 +227,8 @@ def read(
 
 
 def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = None) -> list[_Source]:
-    """Each log with the mapping that applies to it: the options, over a rig.toml, over the plant file's."""
+    """Each log with the mapping that applies to it: the options, over the file of --mapping or a rig.toml beside the
+    log, over the plant file's, over the rig.toml of the working folder."""
     from identification.logs.formats import read_table
     from identification.logs.rig_mapping import RigMapping
     from identification.logs.said import COLUMNS
@@ -222,7 +239,7 @@ def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = No
         base, origin = _base(path, reading, plant)
         names = {ours: base.columns.get(ours, ours) for ours in COLUMNS}
         lacking = [theirs for theirs in names.values() if not _has(table, theirs)]
-        if origin and lacking and all(_has(table, ours) for ours in COLUMNS):
+        if origin and reading.file is None and lacking and all(_has(table, ours) for ours in COLUMNS):
             message = f"{path.name} has no column {', '.join(lacking)} of {origin}; read by its own t, q1, q2, u."
             typer.echo(message, err=True)
             base, origin = RigMapping(), ""
@@ -277,15 +294,15 @@ def _has(table: Table, name: str) -> bool:
 
 
 def _base(path: Path, reading: Reading, plant: Plant | None) -> tuple[RigMapping, str]:
-    from identification.logs.rig_file import find_mapping, load_mapping
+    from identification.logs.rig_file import find_mapping, load_mapping, mapping_beside
     from identification.logs.rig_mapping import RigMapping
 
     if reading.file is not None and str(reading.file) == "none":
         return RigMapping(), ""
-    file = reading.file or find_mapping(path)
+    stored = plant.provenance.get("mapping") if plant is not None else None
+    file = reading.file or (mapping_beside(path) if stored else find_mapping(path))
     if file is not None:
         return load_mapping(file), os.fspath(file)
-    stored = plant.provenance.get("mapping") if plant is not None else None
     return (RigMapping.from_dict(stored), "the plant file") if stored else (RigMapping(), "")
 
 

@@ -42,6 +42,7 @@ def residuals_command(
     """
     from furuta_gym.plant import Plant
     from identification.diagnosis.locate.locate import locate
+    from identification.estimation.zeros import aligned, moved
 
     if output is not None:
         check_folder(output)
@@ -50,11 +51,13 @@ def residuals_command(
     with steps("residuals", sum(map(len, used))) as step:
         if known is None:
             from identification.estimation.identify import identify
-            from identification.estimation.zeros import moved
 
             step("fitting model (5)")
             estimate = identify(used)
             known, used = estimate.plant, tuple(moved(used, estimate.zeros))
+        else:
+            step("finding the zeros of the encoders")
+            used = aligned(known, used).logs
         step("following the torques that are missing")
         where = locate(known, used)
     data = told(where)

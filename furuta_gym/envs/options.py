@@ -17,7 +17,7 @@ from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
-from ..simulation import MOST_STEPS, too_many_steps
+from ..simulation import CLOCK_ROUNDING, MOST_STEPS, too_many_steps
 from . import kernels as k
 from .randomization import Randomization, randomization
 from .ranges import RIG, Draws, draws, with_drawn_effects, within_an_episode
@@ -190,8 +190,9 @@ class Setup:
             )
         self.supply = plant.supply
         self.speed_unit = _own_speed(plant) if options.scale_observation else 1.0
-        # an action is never shorter than asked for, so that 20 ms are never more than 50 actions a second
-        self.samples = max(1, math.ceil((options.action_time or 0.0) / self.sample_time - 1e-6))
+        # an action is never shorter than asked for, so that 20 ms are never more than 50 actions a second; but for the
+        # rounding of a clock that was read from stamps, see `same_clock`
+        self.samples = max(1, math.ceil((options.action_time or 0.0) / self.sample_time * (1.0 - CLOCK_ROUNDING)))
         self.action_period = self.samples * self.sample_time
         self.longest = (
             math.inf if options.time_limit is None else max(1, round(options.time_limit / self.action_period))

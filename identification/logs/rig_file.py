@@ -77,7 +77,12 @@ def load_mapping(path: str | os.PathLike[str]) -> RigMapping:
         raise LogError(f"{path}: {error}") from None
 
 
+def mapping_beside(log: str | os.PathLike[str]) -> Path | None:
+    """The rig.toml beside a log, else None."""
+    place = Path(log).parent / NAME
+    return place if place.is_file() else None
+
+
 def find_mapping(log: str | os.PathLike[str]) -> Path | None:
     """The rig.toml beside a log, else the one of the working folder, else None."""
-    places = (Path(log).parent / NAME, Path(NAME))
-    return next((place for place in places if place.is_file()), None)
+    return mapping_beside(log) or (Path(NAME) if Path(NAME).is_file() else None)

@@ -33,5 +33,18 @@ def test_what_pulls_the_arm_is_seen_as_a_slope_and_not_named(tmp_path: Path) -> 
     assert "spring" not in (tmp_path / "out" / "residuals.json").read_text()
 
 
+def test_zeros_of_the_encoders_are_no_missing_torque(tmp_path: Path) -> None:
+    """A log that another day's encoders wrote is shown as one of the plant's own zeros."""
+    log, plant = loop_log("arm_spring", 2.0, T=0.004, duration=6.0)
+    plant.save(tmp_path / "rig.json")
+    write_log(tmp_path / "off.csv", log.moved(-0.3, -0.002))
+    result = furuta("residuals", tmp_path / "off.csv", "--plant", tmp_path / "rig.json", "--json")
+    missing = json.loads(result.stdout)["missing_torque_rms"]
+    spring = plant.effect("arm_spring")
+    assert spring is not None
+    assert missing["arm"] < 1e-3 * 0.3 * spring.parameters["k"]  # of the torque that the zero would add
+    assert missing["pendulum"] < 1e-3 * 0.002 * plant.theta[4]
+
+
 def test_a_plant_that_is_none_is_refused_before_the_log_is_read(tmp_path: Path) -> None:
     refused(furuta("residuals", tmp_path / "absent.csv", "--plant", "nothing"), "no plant 'nothing'")

@@ -11,7 +11,7 @@ import pytest
 
 from experiments.cli.reading import Reading, read
 from furuta_gym.plant import QUBE
-from identification.logs.rig_file import load_mapping
+from identification.logs.rig_file import load_mapping, save_mapping
 from identification.logs.rig_mapping import RigMapping
 from tests.commands import furuta, refused, some_log
 from tests.factories import loop_log
@@ -42,12 +42,43 @@ def test_a_plant_file_carries_the_mapping(german: Path) -> None:
     assert "Read as the plant file says" in result.stderr
 
 
+def test_a_plant_file_comes_before_the_folder_that_one_works_in(german: Path) -> None:
+    """Beside the log is nearer than the plant file, and the plant file nearer than the working folder."""
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    QUBE.replace(provenance={"mapping": mapping.to_dict()}).save("rig.json")
+    (german / "more").mkdir()
+    shutil.move("versuch2.csv", "more/versuch2.csv")
+    Path("rig.toml").write_text("a rig.toml that no command may read", encoding="utf-8")
+    result = furuta("validate", "rig.json", "more/versuch2.csv")
+    assert result.exit_code == 0, result.output
+    assert "Read as the plant file says" in result.stderr
+    shutil.move("rig.toml", "more/rig.toml")
+    refused(furuta("validate", "rig.json", "more/versuch2.csv"), "not a TOML file")
+
+
+def test_what_is_printed_reads_a_log_once_more_as_it_was_read(german: Path) -> None:
+    """Where the plant file's mapping held, the working folder's would hold in a command without that plant."""
+    furuta("init", "versuch1.csv")
+    mapping = load_mapping("rig.toml")
+    plant = QUBE.replace(provenance={"mapping": mapping.to_dict()})
+    (german / "more").mkdir()
+    shutil.move("versuch2.csv", "more/versuch2.csv")
+    paths = [Path("more/versuch2.csv")]
+    save_mapping("rig.toml", replace(mapping, input_scale=12.0))
+    again = Reading().again(paths, read(paths, Reading(), "warn", plant))
+    assert again.endswith("--mapping none")
+    assert mapping.options() in again
+    assert Reading().again(paths, read(paths, Reading(), "warn")) == ""
+
+
 def test_options_hold_against_a_rig_file_that_turns_a_sign(german: Path) -> None:
     """A command line that turns none must say so, and the seconds left out too where they are none."""
     furuta("init", "versuch1.csv", "--skip", "1")
     said = RigMapping(flip=(), skip=0.0)
     assert said.options() == "--flip none --skip 0"
-    assert Reading(said).again([Path("versuch1.csv")], []) == " --flip none --skip 0"
+    logs = read([Path("versuch1.csv")], Reading(said), "warn")
+    assert Reading(said).again([Path("versuch1.csv")], logs) == " --flip none --skip 0"
     assert RigMapping().options() == ""
 
 

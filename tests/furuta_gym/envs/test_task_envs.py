@@ -46,6 +46,12 @@ def test_as_learners_expect_it(env_id, tmp_path):
     assert setup.longest == round(20.0 / 0.024)
 
 
+@pytest.mark.parametrize(("stamped", "samples"), [(0.001999, 10), (0.002001, 10), (0.00999, 2), (0.003, 7), (0.019, 2)])
+def test_a_clock_read_from_stamps_adds_no_sample(stamped, samples):
+    """20 ms are ten samples of a clock whose stamps say 1.999 ms."""
+    assert gym.make(IDS[0], plant=QUBE.replace(sample_time=stamped)).unwrapped.setup.samples == samples
+
+
 @pytest.mark.parametrize(("env_id", "name"), [(IDS[0], "balance-qube.zip"), (IDS[1], "swing-up-qube.zip")])
 def test_a_good_policy_reaches_the_threshold(env_id, name):
     env = gym.make(env_id)
