@@ -39,7 +39,7 @@ def effects_command(
     if as_json:
         print_json([described(kind) for kind in CARRIED.values()])
         return
-    table = Table("effect", "acts on", "on the rig", "parameters", title=f"{len(EFFECTS)} effects, and what a fit can learn")
+    table = Table("effect", "acts on", "on the rig", "parameters", title=f"{len(EFFECTS)} effects")
     for kind in CARRIED.values():
         units = ", ".join(f"{p.name} [{_unit(p)}]" if _unit(p) else p.name for p in kind.parameters[:_SHOWN])
         units += f" … ({len(kind.parameters)} parameters)" if len(kind.parameters) > _SHOWN else ""

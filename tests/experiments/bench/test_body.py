@@ -111,7 +111,7 @@ def test_mujoco_is_refused_where_no_rigid_body_has_the_parameters():
 
 def test_a_motor_heavier_than_its_arm_is_moved_by_lagrange():
     play = HiddenEffect("arm_backlash", 1.0, "table", variation=3765499)
-    options = dict(individual=3409866, scatter=0.1)
+    options = {"individual": 3409866, "scatter": 0.1}
     _, body = Rig("servo", [play], **options).mechanics()
     assert body is None
     with pytest.raises(ValueError, match="heavier than its motor's share"):
