@@ -36,6 +36,7 @@ from .session import Found, Session, bare_name, numbered
 SCHEMA = "furuta-session/1"
 ENDING = ".furuta"
 _RECORD, _FITS, _LOGS = "session.json", "fits.jsonl", "logs/"
+_BESIDE = 1 << 26  # bytes of record and fits beside the logs
 _BROKEN = (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, zlib.error)
 
 
@@ -91,6 +92,8 @@ def save_session(session: Session, path: Path) -> Path:
     with zipfile.ZipFile(raw, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in members.items():
             archive.writestr(name, data)
+    if len(raw.getvalue()) > LARGEST_FILE or sum(map(len, members.values())) > LARGEST_FILE + _BESIDE:
+        raise ValueError(f"this session is larger than {LARGEST_FILE} bytes; save one with fewer logs")
     return write_whole(path, raw.getvalue())
 
 
@@ -133,7 +136,7 @@ def _members(content: bytes) -> dict[str, bytes]:
     if len(content) > LARGEST_FILE:
         raise ValueError(f"{len(content)} bytes, expected at most {LARGEST_FILE}")
     found: dict[str, bytes] = {}
-    left = LARGEST_FILE + (1 << 26)
+    left = LARGEST_FILE + _BESIDE
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = [info.filename for info in archive.infolist()]
         if len(names) > MOST_FILES + 2 or len(set(names)) < len(names):
@@ -143,7 +146,7 @@ def _members(content: bytes) -> dict[str, bytes]:
                 data = member.read(left + 1)  # the size in the zip is only what the file says of itself
             left -= len(data)
             if left < 0:
-                raise ValueError(f"unpacked it is larger than {LARGEST_FILE} bytes")
+                raise ValueError(f"unpacked it is larger than {LARGEST_FILE + _BESIDE} bytes")
             found[info.filename] = data
     if _RECORD not in found:
         raise ValueError(f"it holds no {_RECORD}")

@@ -234,6 +234,8 @@ def _try(
             signal = within_limits(setup, entry.signal, allowed, seed, entry.most)
         except ValueError as error:
             return Trial(entry, setup, None, {}, str(error))
+    elif (run := setup.run(None, seed)).excess(allowed) > 1.0:
+        return Trial(entry, setup, None, {}, run.beyond(allowed))
     trial = _separations(setup, entry, signal, suspects, seed, so_far)
     for _ in range(_SMALLER - 1):
         if not trial.problem or signal is None:

@@ -63,6 +63,14 @@ class Run:
         ratio = float(np.max(self.largest / np.array([limits.q1, limits.q2, limits.u, limits.u_rate])))
         return ratio if self.fell is None else max(ratio, 2.0)
 
+    def beyond(self, limits: Limits) -> str:
+        """The size that is furthest over its limit, in words."""
+        allowed = [limits.q1, limits.q2, limits.u, limits.u_rate]
+        names = ("the arm turns", "the pendulum swings", "the command reaches", "the command changes by")
+        units = ("rad", "rad", "", "a second")
+        at = int(np.argmax(self.largest / np.array(allowed)))
+        return f"{names[at]} {self.largest[at]:.3g} {units[at]}".rstrip() + f", more than the limit of {allowed[at]:.3g}"
+
 
 @dataclass(frozen=True)
 class Setup:

@@ -91,6 +91,17 @@ def test_the_chosen_experiment_stays_upright_with_each_suspect(delay_or_lag: Sep
         assert run.fell is None
 
 
+def test_limits_hold_for_a_pendulum_that_is_let_go() -> None:
+    """A free decay has no command that could be made smaller: beyond a limit it is no experiment."""
+    found = between(QUBE, ["arm_spring", "input_offset"], None, duration=3.0, limits=Limits(q2=0.3))
+    (decay,) = [t for t in found.trials if t.signal is None]
+    assert "the pendulum swings 1.2 rad, more than the limit of 0.3" in decay.problem
+    assert found.best is not decay
+    narrow = between(QUBE.replace(limits={"arm_travel": 0.1}), ["arm_spring", "input_offset"], None, duration=3.0)
+    (decay,) = [t for t in narrow.trials if t.signal is None]
+    assert "the arm turns" in decay.problem
+
+
 def test_without_a_controller_the_pendulum_hangs() -> None:
     found = between(TABLE_3, ["arm_spring", "input_offset"], None, duration=4.0, sample_time=T)
     assert found.whole_command
