@@ -111,9 +111,9 @@ def test_validate(plant_file: tuple[Path, dict[str, Any]], logs: tuple[Path, Pat
     result = furuta("validate", plant_file[0], other, "--json", tmp_path / "gap.json")
     assert result.exit_code == 0, result.output
     answer = json.loads((tmp_path / "gap.json").read_text())
-    compared("validate", answer, "by_")
-    result = furuta("validate", plant_file[0], other, fitted, "--json", "-")
-    assert result.exit_code == 0, result.output
+    compared("validate", answer, "by_", "check.")
+    result = furuta("validate", plant_file[0], other, fitted, "--limit", "2", "--json", "-")
+    assert result.exit_code in (0, 10, 11), result.output
     answer = json.loads(result.stdout)
     assert len(answer["by_log"]) == 2
     compared("validate", answer)

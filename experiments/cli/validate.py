@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -33,6 +34,13 @@ def validate_command(
     ] = None,
     horizon: Annotated[float | None, typer.Option(help="How far ahead to predict, in seconds. Default: 0.3.")] = None,
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures: predictions, horizons, innovations.")] = None,
+    limit: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest error over the noise floor that passes. The exit code is then 10 if it is larger, and 11 if "
+            "nobody can say."
+        ),
+    ] = None,
     report: opt.Report = None,
 ) -> None:
     """Measure the gap between a plant and logs that were not fitted, against the noise floor."""
@@ -41,6 +49,8 @@ def validate_command(
         opt.output_file(json_file, [".json"], [Path(plant), *logs])
     if horizon is not None and not 0 < horizon <= LONGEST:
         raise ValueError(f"--horizon {horizon:g}: expected seconds, above 0 and at most {LONGEST:g}")
+    if limit is not None and not 1 <= limit < math.inf:
+        raise ValueError(f"--limit {limit:g}: expected 1 or more, as 1 is a perfect plant")
     if plots is not None:
         check_folder(plots)
     opt.report_file(report, [Path(plant), *logs])
@@ -60,6 +70,7 @@ def validate_command(
     from furuta_gym.files import write_whole
     from identification.validation.adequacy import Adequacy
     from identification.validation.gap import HORIZON, validate
+    from identification.validation.limit import checked
     from identification.validation.own_error_bars import expected_ratio, told
 
     from .whole import whole_folder
@@ -81,6 +92,9 @@ def validate_command(
     fitted = {entry.get("sha256") for entry in rig.provenance.get("logs") or []}
     seen = [log.source for log in read if log.sha256 in fitted]
     measured["fitted_logs"] = seen
+    check = None if limit is None else checked(result, limit, seen)
+    if check is not None:
+        measured["check"] = check.to_dict()
     if seen:
         typer.echo(f"Warning: {', '.join(seen)} was {_fitted_to(rig)}; take a log that was not fitted.", err=True)
     look, remark = _look(rig, logs, read, reading.again(logs, read))
@@ -104,20 +118,24 @@ def validate_command(
         write_json(json_file, measured)
     if printed:
         print_json(measured)
-        return
-    typer.echo(result.told(f"on logs of which some were {_fitted_to(rig)}") if seen else str(result))
-    if expected is not None and (explained := told(result.ratio_to_floor, expected)):
-        typer.echo(f"  {explained[:1].upper()}{explained[1:]}.")
-    if parts is not None:
-        typer.echo(str(parts))
-    if result.judgement.adequacy is not Adequacy.ADEQUATE and not result.says_little:  # the verdict says what to do
-        typer.echo(f"Next: {look}{remark}")
-    if plots is not None:
-        typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
-    if json_file is not None:
-        typer.echo(f"Written: {json_file}")
-    if report is not None:
-        typer.echo(f"Written: {report}")
+    else:
+        typer.echo(result.told(f"on logs of which some were {_fitted_to(rig)}") if seen else str(result))
+        if expected is not None and (explained := told(result.ratio_to_floor, expected)):
+            typer.echo(f"  {explained[:1].upper()}{explained[1:]}.")
+        if parts is not None:
+            typer.echo(str(parts))
+        if result.judgement.adequacy is not Adequacy.ADEQUATE and not result.says_little:  # the verdict says what to do
+            typer.echo(f"Next: {look}{remark}")
+        if plots is not None:
+            typer.echo(f"Written: {plots}/predictions.png, horizons.png, innovations.png")
+        if json_file is not None:
+            typer.echo(f"Written: {json_file}")
+        if report is not None:
+            typer.echo(f"Written: {report}")
+        if check is not None:
+            typer.echo(str(check))
+    if check is not None:
+        raise typer.Exit(check.answer.exit_code)
 
 
 def _fitted_to(rig: Plant) -> str:
