@@ -8,12 +8,13 @@ The same rules in Python (`Guarded`) and in the C headers (`exports.envelope_c`)
 2. Arm beyond `arm_travel`; arm faster than `arm_speed` over some samples, up to `SPEED_TIME` together, by more than
    one count of its encoder, as a count a sample says little of a speed; pendulum beyond `tilt` from upright; arm's
    reading the very same while the command was beyond `breakaway` for `held` seconds in all and the pendulum moved by
-   `stirred`, as an encoder that came unplugged reads: off.
+   `stirred`, as an encoder that came unplugged reads; both readings the very same for `frozen` seconds of such a
+   command, as a driver that repeats its last answer reads: off.
 3. After missed samples the controller is first called once for each of them, with readings on the line from the last
    good one to the present one. These commands are discarded. So its filters and integrals keep their clock. The law
    is not told that 0 was sent instead, nor what the rules below change: its observer, its delay line and the last
    command that a policy sees hold its own commands, and learn of the difference by the next readings alone.
-4. A command that is no number: off.
+4. What is to be added to the command, as an excitation, is added. A command that is no number: off.
 5. Soft start: the command grows linearly to its full size over `soft_start`.
 6. Slew: it changes by at most slew · T a sample, 0 before the first.
 7. Clamp: |u| ≤ u_max.
@@ -38,6 +39,7 @@ from .trials import HORIZONTAL
 
 LONGEST_START = 60.0  # s of a soft start
 HELD = 0.5  # s for which a controller may push an arm whose reading stands
+FROZEN = 1.0  # s for which it may push while neither reading changes; friction may hold both axes for a moment
 MOST_BAD_READINGS = 1000  # in a row; a rig that reads nothing for so long is not controlled
 
 REASONS = ("on", "reading", "arm", "speed", "tilt", "law", "held")  # indexed by the C header's numbers
@@ -59,7 +61,8 @@ class Envelope:
 
     soft_start may be zero, which is the default: who balances must act at once. So may resolution, one count of the
     arm's encoder. bad_readings is a whole number. held [s] infinite: the arm's reading may stand for ever. stirred: by
-    how much the pendulum must have moved meanwhile, as a cable or a tilt may hold an arm whose pendulum rests.
+    how much the pendulum must have moved meanwhile, as a cable or a tilt may hold an arm whose pendulum rests. frozen
+    [s]: for how long both readings may stand; infinite: for ever.
     """
 
     u_max: float
@@ -73,6 +76,7 @@ class Envelope:
     held: float = math.inf
     breakaway: float = math.inf
     stirred: float = _STIRRED
+    frozen: float = math.inf
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -93,7 +97,8 @@ class Envelope:
         """From the controller and its encoders, and the plant file's limits where it has them; `changes` that are not
         None win.
 
-        A controller that only balances goes off when the pendulum is horizontal.
+        A controller that only balances goes off when the pendulum is horizontal. The arm may not turn further than it
+        did in a policy's training.
         """
         plant = controller.plant
         limits = plant.limits or {}
@@ -102,7 +107,7 @@ class Envelope:
         u_max = min(controller.u_max, limits.get("supply", math.inf)) if given is None else given
         made = cls(
             u_max=u_max,
-            arm_travel=limits.get("arm_travel", 2 * math.pi),
+            arm_travel=min(limits.get("arm_travel", 2 * math.pi), getattr(controller, "arm_limit", math.inf)),
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
@@ -110,6 +115,7 @@ class Envelope:
             held=HELD,
             breakaway=breakaway(plant, arm, u_max),
             stirred=max(_STIRRED, _STIRRED_COUNTS * pendulum),
+            frozen=FROZEN,
         )
         return dataclasses.replace(made, **{name: value for name, value in changes.items() if value is not None})
 
@@ -152,6 +158,7 @@ def speed_samples(sample_time: float) -> int:
 class Guarded:
     """A controller inside its envelope; called like the controller, with readings (2,).
 
+    A second argument is added to the controller's command, within the envelope: an excitation, in the command's unit.
     `off` is why it is off, "on" while it works; `reset` starts anew.
     """
 
@@ -171,13 +178,13 @@ class Guarded:
         self._low = self._high = 0.0  # of the pendulum, while the arm's reading stands
         self._good = self._missed = self._samples = self._pushed = 0
 
-    def __call__(self, y: ArrayLike) -> float:
+    def __call__(self, y: ArrayLike, extra: float = 0.0) -> float:
         reference = self.controller.reference_at(self._samples)
         self._samples += 1
-        self._u = self._step(np.array(y, dtype=float), reference)
+        self._u = self._step(np.array(y, dtype=float), reference, float(extra))
         return self._u
 
-    def _step(self, q: NDArray[np.float64], reference: float) -> float:
+    def _step(self, q: NDArray[np.float64], reference: float, extra: float) -> float:
         e, T = self.envelope, self.sample_time
         if self.off != REASONS[0]:
             return 0.0
@@ -201,7 +208,7 @@ class Guarded:
                 self.controller.follow(self._last + part * (q - self._last), reference)
         self._missed, self._last = 0, q
         self._good += 1
-        u = float(self.controller.follow(q, reference))
+        u = float(self.controller.follow(q, reference)) + extra
         if not abs(u) <= LARGEST:
             return self._latch("law")
         ramp = math.ceil(e.soft_start / T)
@@ -218,19 +225,23 @@ class Guarded:
             return False
         self._low, self._high = min(self._low, q[1]), max(self._high, q[1])
         self._pushed += abs(self._u) > self.envelope.breakaway
-        long = self._pushed >= self.envelope.held / self.sample_time
-        return bool(long and self._high - self._low > self.envelope.stirred)
+        stirred = self._high - self._low
+        longest = self.envelope.held if stirred > self.envelope.stirred else self.envelope.frozen
+        return bool(self._pushed >= longest / self.sample_time and (stirred == 0.0 or stirred > self.envelope.stirred))
 
     def _latch(self, reason: str) -> float:
         self.off = reason
         return 0.0
 
 
-def unlimited(plant: Plant) -> str:
-    """What it means for an exported controller that its plant has no limits; "" for one that has some."""
-    if plant.limits:
+def unlimited(plant: Plant, travel: float = 2 * math.pi) -> str:
+    """What it means for an exported controller that its plant does not limit the arm; "" for one that does. travel
+    [rad]: where the envelope switches off all the same."""
+    lacking = [name for name in ("arm_travel", "arm_speed") if name not in (plant.limits or {})]
+    if "arm_travel" not in lacking:
         return ""
+    speed = "at any speed, " if "arm_speed" in lacking else ""
     return (
-        f"The plant has no limits: the arm may turn 2π to either side at any speed, with up to {plant.supply:g} "
-        f"{plant.unit}. docs/how-to/first_run.md says how to write them"
+        f"The plant has no limit {' and '.join(lacking)}: the arm may turn {travel:.3g} rad to either side, {speed}with up to "
+        f"{plant.supply:g} {plant.unit}. docs/how-to/first_run.md says how to write them"
     )

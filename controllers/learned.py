@@ -30,7 +30,8 @@ class LearnedController(Controller):
     `observe_command`, the last command / u_max, as the plant's supply and slew let it pass; `history` of them, oldest
     first.
 
-    predict: observations (L, n) to actions (L, 1), such as a `Network`. normalized: actions are shares of
+    predict: observations (L, n) to actions (L, 1), such as a `Network`, or a function without a memory: one is shared
+    by all copies, and `reset` does not clear it. velocity_cutoff [rad/s]: default is that of the encoders. normalized: actions are shares of
     `trained_u_max`, the command's limit where it was trained (default: the plant's), and so is the last command that
     it sees. every: the policy looks and acts at every n-th call and holds its command in between, so that one trained
     at n · sample_time plays on a faster clock exactly as it was trained.
@@ -43,7 +44,7 @@ class LearnedController(Controller):
         plant: Plant,
         sample_time: float,
         *,
-        velocity_cutoff: float = 100.0,
+        velocity_cutoff: float | None = None,
         history: int = 1,
         observe_command: bool = False,
         normalized: bool = False,
@@ -65,9 +66,9 @@ class LearnedController(Controller):
         self.scale = self.trained_u_max if normalized else 1.0
         self.every = every
         self.arm_limit = arm_limit
-        self.velocity_cutoff = velocity_cutoff
+        self.velocity_cutoff = self.sensors.velocity_cutoff if velocity_cutoff is None else velocity_cutoff
         self.supply, self.slew = plant.supply, plant.limit("slew", np.inf)
-        self._velocity = FilteredDifference(velocity_cutoff)
+        self._velocity = FilteredDifference(self.velocity_cutoff)
         self._start()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "LearnedController":
@@ -194,6 +195,13 @@ def load_policy(
         warnings.warn(
             f"{path} has no record of its environment; the task balance, {period} are assumed. Write its options into "
             f'{path.with_suffix(".json")}, as {{"env": {{"task": "swing_up", "sample_time": 0.02}}}}',
+            stacklevel=2,
+        )
+    elif from_stable_baselines3(path) and env.get("normalize_action", shares) and "u_max" not in rig:
+        warnings.warn(
+            f"the record of {path} does not say the u_max of the plant that it was trained on; this plant's "
+            f"{plant.u_max:g} {plant.unit} is assumed, and scales every action. Write it into "
+            f'{path.with_suffix(".json")}: "plant": {{"u_max": {plant.u_max:g}, "unit": "{plant.unit}"}}',
             stacklevel=2,
         )
     settings: dict[str, Any] = {

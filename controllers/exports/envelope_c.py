@@ -61,7 +61,9 @@ static inline {real} {prefix}_latch({prefix}_state *s, int reason)
     return {zero};
 }}
 
-static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {real} reference)
+/* As {prefix}_step, with `extra` added to the law's command within the envelope: an excitation. */
+static inline {real} {prefix}_step_with(
+    {prefix}_state *s, {real} q1, {real} q2, {real} reference, {real} extra)
 {{
     {real} u;
     if (s->off != {P}_ON) return {zero};
@@ -82,12 +84,17 @@ static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {rea
     s->q1 = q1;
     s->q2 = q2;
     if (s->good <= {ramp}) s->good += 1;
-    u = {prefix}_law(&s->law, q1, q2, reference);
+    u = {prefix}_law(&s->law, q1, q2, reference) + extra;
     if (!{prefix}_within(u, {large})) return {prefix}_latch(s, {P}_LAW);
 {soft}{slew}    if (u < -{u_max}) u = -{u_max};
     if (u > {u_max}) u = {u_max};
     s->u = u;
     return u;
+}}
+
+static inline {real} {prefix}_step({prefix}_state *s, {real} q1, {real} q2, {real} reference)
+{{
+    return {prefix}_step_with(s, q1, q2, reference, {zero});
 }}
 """
 
@@ -110,8 +117,10 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
         )
     if e.tilt < math.inf:
         tilt = f"    if (!{prefix}_within(q2, {number(e.tilt)})) return {prefix}_latch(s, {P}_TILT);\n"
-    if watched := max(e.held, e.breakaway, e.stirred) < math.inf:
-        most = math.ceil(e.held / T)
+    times = [(e.held, f"s->high - s->low > {number(e.stirred)}")] if e.stirred < math.inf else []
+    times = [(t, shown) for t, shown in [*times, (e.frozen, "!(s->high > s->low)")] if t < math.inf]
+    if watched := bool(times) and e.breakaway < math.inf:
+        most = math.ceil(max(t for t, _ in times) / T)
         held = (
             "    if (s->good == 0 || q1 < s->q1 || q1 > s->q1) {\n"
             "        s->pushed = 0;\n"
@@ -121,9 +130,9 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
             "    }\n"
             "    if (q2 < s->low) s->low = q2;\n"
             "    if (q2 > s->high) s->high = q2;\n"
-            f"    if (s->pushed >= {most} && s->high - s->low > {number(e.stirred)})\n"
-            f"        return {prefix}_latch(s, {P}_HELD);\n"
         )
+        for longest, shown in times:
+            held += f"    if (s->pushed >= {math.ceil(longest / T)} && {shown}) return {prefix}_latch(s, {P}_HELD);\n"
     if ramp:
         soft = f"    if (s->good <= {ramp}) u *= ({real})s->good / {number(ramp + 1.0)};\n"
     if e.slew < math.inf:
@@ -138,7 +147,8 @@ def envelope_c(prefix: str, sample_time: float, envelope: Envelope, number: Any,
     text = lambda value, unit: f"{value:g} {unit}" if value < math.inf else "anything: it has no such limit"  # noqa: E731
     held_text = "never: it does not watch whether the arm's reading stands"
     if watched:
-        held_text = f"the arm's reading stood, {e.held:g} s of it beyond a command of {e.breakaway:.3g}: unplugged?"
+        seconds = " or ".join(f"{t:g}" for t in dict.fromkeys(t for t, _ in times))
+        held_text = f"the arm's reading stood, {seconds} s of it beyond a command of {e.breakaway:.3g}: unplugged?"
     return _C.format(
         prefix=prefix, P=P, real=real, bad=e.bad_readings, ramp=ramp, clock=clock, speed=speed, tilt=tilt, held=held,
         soft=soft, slew=slew, jump=number(JUMP),

@@ -107,21 +107,23 @@ def _write(
             from controllers.learned import load_to_export
 
             policy = load_to_export(chosen, rig, sample_time, trust=trust)
-            export_policy_c(policy, output, single=single, envelope=Envelope.of(policy, soft_start=soft_start))
+            envelope = Envelope.of(policy, soft_start=soft_start)
+            export_policy_c(policy, output, single=single, envelope=envelope)
         else:
             from controllers import make_controller
             from controllers.exports.c import export_c
             from controllers.registry import held
 
             made = held(make_controller(chosen, rig, sample_time))
-            export_c(made, output, single=single, envelope=Envelope.of(made, soft_start=soft_start))
+            envelope = Envelope.of(made, soft_start=soft_start)
+            export_c(made, output, single=single, envelope=envelope)
             if soft_start and "swing_up" not in made.tasks:
                 warnings.warn(
                     f"--soft-start {soft_start:g}: {made.name} balances only, and a pendulum that stands needs the "
                     "full command at once; expect it to fall. For a first run see docs/how-to/first_run.md",
                     stacklevel=2,
                 )
-        if without := unlimited(rig):
+        if without := unlimited(rig, envelope.arm_travel):
             warnings.warn(without, stacklevel=2)
 
 

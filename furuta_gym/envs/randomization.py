@@ -150,9 +150,10 @@ class Randomization:
             if row[KIND] == rg.PHYSICAL:
                 row[A] *= level
                 continue
-            if row[CHANCE] < 1.0:
-                row[CHANCE] *= level
             target = int(row[TARGET])
+            if row[CHANCE] < 1.0:
+                carried = target >= 0 and self.table[NOMINAL, target] != row[DEFAULT]
+                row[CHANCE] = 1.0 - level * (1.0 - row[CHANCE]) if carried else level * row[CHANCE]
             own = float(self.table[NOMINAL, target] if target >= 0 else rig[-1 - target])
             if row[KIND] == rg.NORMAL:
                 own = own if math.isfinite(own) else row[A]

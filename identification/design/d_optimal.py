@@ -25,11 +25,12 @@ from ..estimation.uncertainty import inverse_information
 from ..kalman.coordinates import SHARPNESS_NAMES, Coordinate, noise_coordinates, plant_coordinates, zero_coordinates
 from ..kalman.noise_model import Noise
 from ..kalman.record import Record
-from .setup import MARGIN, Limits, Run, Setup, within_limits
-from .signals import Scaled, Signal, Sines, SquareWave, Sum, paper_signal
+from .setup import Limits, Run, Setup, sized, within_limits
+from .signals import Signal, Sines, SquareWave, Sum, paper_signal
 
 PERIOD = 6.0  # s: designs repeat after it, so that the search need not look further
 EVALUATIONS = 70  # designs that are simulated in a search
+_SCALINGS = 4  # runs that bring a design near its limits
 _FEWEST = 36  # COBYLA's first simplex in 12 dimensions, twice
 _LINES = 1.0 / PERIOD * np.array([1, 2, 4, 7, 13, 24])  # Hz, of the sums of sines
 _FASTEST = 6.0  # Hz, of the square waves
@@ -204,12 +205,13 @@ def _search(setup, limits, make, first, draw, evaluations, seed) -> NDArray[np.f
 
 
 def _cost(setup: Setup, limits: Limits, signal: Signal, seed: int) -> float:
-    """log_volume of the signal scaled to the limits in one step; what it then exceeds is paid for."""
-    first = setup.run(signal, seed)
-    factor = MARGIN / max(first.excess(limits), 0.05)
-    run = setup.run(Scaled(signal, factor), seed)
+    """log_volume of the signal scaled to the limits in a few steps; what it then exceeds is paid for."""
+    tried = [t for t in sized(setup, signal, limits, seed, rounds=_SCALINGS) if t.run.fell is None]
+    if not tried:
+        return math.inf
+    best = min(tried, key=lambda t: abs(math.log(max(t.excess, 1e-3))))
     # the information grows with the square of the size, so with 9 parameters its log det falls by 18 ln(size)
-    return predicted(setup, run).log_volume + 18.0 * math.log(max(run.excess(limits) / MARGIN, 0.5))
+    return predicted(setup, best.run).log_volume + 18.0 * math.log(max(best.excess, 0.5))
 
 
 def _squares(x: NDArray[np.float64]) -> Signal:

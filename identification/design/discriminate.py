@@ -42,7 +42,8 @@ CLEAR = 10.0  # nats, beyond which two suspects count as told apart
 
 @dataclass(frozen=True)
 class Entry:
-    """An experiment of the menu. limits: what to scale it to, beside the user's. most: largest factor."""
+    """An experiment of the menu. limits: what to scale it to, beside the user's. most: largest factor, in units of
+    `Setup.size`."""
 
     name: str
     signal: Signal | None
@@ -231,7 +232,7 @@ def _try(
     signal = None
     if entry.signal is not None:
         try:
-            signal = within_limits(setup, entry.signal, allowed, seed, entry.most)
+            signal = within_limits(setup, entry.signal, allowed, seed, entry.most * setup.size)
         except ValueError as error:
             return Trial(entry, setup, None, {}, str(error))
     elif (run := setup.run(None, seed)).excess(allowed) > 1.0:

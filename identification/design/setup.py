@@ -7,6 +7,7 @@ knows none; without one the pendulum hangs and the excitation is the whole comma
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,8 @@ from .signals import Scaled, Signal
 
 MARGIN = 0.95  # of a limit that a design may use: other noise, and a rig that is not quite the plant, need the rest
 _BY_HAND = 0.01  # rad from upright, where a run starts: nobody sets a pendulum up exactly
-_ROUNDS = 6  # of scaling an excitation to its limits
+_ROUNDS = 12  # of scaling an excitation to its limits
+_AIM = 0.985  # of the allowed size
 _CLOSE = 0.97  # of the allowed size, from which no further round is worth it
 
 
@@ -109,6 +111,12 @@ class Setup:
         return cls(plant, policy, duration, T, sensors, noise, off)
 
     @property
+    def size(self) -> float:
+        """The factor of a signal from which a design starts: 1 for the command of ±10 V that the paper's d(t) is for,
+        in proportion for others."""
+        return 0.1 * self.plant.u_max
+
+    @property
     def usual_limits(self) -> Limits:
         """1.5 rad of arm, 0.3 rad about upright or 1.5 rad about hanging, and what the rig bears."""
         return Limits(q2=0.3 if self.policy is not None else 1.5).within(self.rig_limits)
@@ -166,22 +174,57 @@ def assumed_torque_noise(plant: Plant) -> tuple[float, float]:
     return float(arm), float(pendulum)
 
 
+@dataclass(frozen=True)
+class _Tried:
+    """An excitation at a factor, and its largest size over `MARGIN` of the limits."""
+
+    factor: float
+    excess: float
+    run: Run
+
+
+def sized(
+    setup: Setup, signal: Signal, limits: Limits, seed: int = 0, most: float = math.inf, rounds: int = _ROUNDS
+) -> Iterator[_Tried]:
+    """A signal at factors that approach the largest one, at most `most`, that keeps `MARGIN` of the limits.
+
+    In proportion until one factor keeps them and one does not. Dry friction makes a motion begin at a threshold, so
+    from then on the next factor lies well between these two.
+    """
+    below: _Tried | None = None
+    above: _Tried | None = None
+    factor, failed = min(setup.size, most), 0
+    for _ in range(rounds):
+        run = setup.run(Scaled(signal, factor), seed)
+        tried = _Tried(factor, run.excess(limits) / MARGIN, run)
+        yield tried
+        if tried.excess <= 1.0:
+            below = tried
+            if tried.excess > _CLOSE or factor >= most:
+                return
+        else:
+            above, failed = tried, failed + 1
+        if below is None:
+            # a command that is clipped never exceeds its limit by much
+            factor *= _AIM / tried.excess * 0.5 ** (failed - 1)
+        elif above is None:
+            factor *= _AIM / max(tried.excess, 0.05)
+        elif above.factor < 1.02 * below.factor:
+            return
+        else:
+            low, high = (math.log(max(t.excess, 1e-3)) for t in (below, above))
+            part = min(max((math.log(_AIM) - low) / (high - low), 0.2), 0.8)
+            factor = below.factor * (above.factor / below.factor) ** part
+        factor = min(factor, most)
+
+
 def within_limits(setup: Setup, signal: Signal, limits: Limits, seed: int = 0, most: float = math.inf) -> Scaled:
     """The signal times the largest factor (at most `most`) that keeps a simulated run within `MARGIN` of the limits.
 
     Raises ValueError where even a very small excitation breaks a limit.
     """
-    factor, low, high = min(1.0, most), 0.0, math.inf
-    for _ in range(_ROUNDS):
-        excess = setup.run(Scaled(signal, factor), seed).excess(limits) / MARGIN
-        if excess <= 1.0:
-            low = factor
-            if excess > _CLOSE or factor >= most:
-                break
-        else:
-            high = factor
-        wanted = factor * 0.985 / max(excess, 0.05)
-        factor = min(wanted if low < wanted < high else 0.5 * (low + min(high, 10 * factor)), most)
+    tried = sized(setup, signal, limits, seed, most)
+    low = max((t.factor for t in tried if t.excess <= 1.0), default=0.0)
     if low == 0.0:
         _explain(setup, limits, seed)
         way = "excite more slowly, or widen them if the rig allows it"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.envelope import Envelope, Guarded
+from controllers.envelope import REASONS, Envelope, Guarded
 from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
 from controllers.learned import LearnedController
@@ -142,9 +142,33 @@ def test_a_long_soft_start_where_an_int_has_16_bits(tmp_path):
     subprocess.run(
         [str(COMPILER), "-std=c99", "-o", tmp_path / "c", tmp_path / "main.c", "-lm"], check=True, timeout=60
     )
-    u, _ = played(tmp_path / "c", [(0, 0.1, 0.02, 0.0)] * 41000)
+    u, _ = played(tmp_path / "c", [(0, 0.1 + 1e-4 * (k % 2), 0.02, 0.0) for k in range(41000)])
     assert abs(u[38000]) > abs(u[32000]) > abs(u[10000])
-    assert u[-1] == pytest.approx(u[40500])
+    assert u[40998] == pytest.approx(u[40500])
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+def test_an_excitation_is_limited_like_the_law(tmp_path):
+    """Added within the envelope, in both languages: slewed, clamped, and gone when the controller is off."""
+    controller = make_controller("lqr", QUBE.replace(limits={"supply": 3.0, "slew": 500.0, "arm_travel": 1.0}), 0.004)
+    envelope = Envelope.of(controller)
+    (tmp_path / "c.h").write_text(c_header(controller, "c", envelope))
+    added = MAIN.replace("c_step(&s, (REAL)q1, (REAL)q2, (REAL)r)", "c_step_with(&s, (REAL)q1, (REAL)q2, 0, (REAL)r)")
+    (tmp_path / "main.c").write_text(added.replace("REAL", "double"))
+    flags = ["-std=c99", "-ffp-contract=off"]
+    subprocess.run([str(COMPILER), *flags, "-o", tmp_path / "c", tmp_path / "main.c", "-lm"], check=True, timeout=60)
+    rows = [(0, 0.1 * math.sin(0.2 * k), 0.01 * math.cos(k), 20.0 * math.sin(0.05 * k)) for k in range(100)]
+    rows += [(0, 1.1, 0.0, 2.0), (0, 0.0, 0.0, 2.0)]
+    u, off = played(tmp_path / "c", rows)
+    inside, plain = Guarded(controller, envelope), Guarded(controller, envelope)
+    with_it = [inside((q1, q2), d) for _, q1, q2, d in rows]
+    without = [plain((q1, q2)) for _, q1, q2, _ in rows]
+    np.testing.assert_allclose(u, with_it, atol=1e-12)
+    assert np.abs(np.array(with_it) - without).max() > 1.0
+    assert np.abs(u).max() == pytest.approx(3.0)
+    assert np.abs(np.diff(u[:100])).max() <= 500.0 * 0.004 + 1e-9
+    assert u[-2:].tolist() == [0.0, 0.0]
+    assert inside.off == REASONS[off[-1]] == "arm"
 
 
 class TestEachRule:

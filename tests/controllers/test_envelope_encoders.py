@@ -120,8 +120,30 @@ class TestAnEncoderThatStands:
         inside((0.1, 0.03))
         assert inside.off == "held"
 
+    @pytest.mark.parametrize("name", ["lqr", "lqi", "swing-up", POLICIES / "swing-up-qube.zip"])
+    def test_two_readings_that_stand_switch_off(self, name):
+        """A driver that repeats its last answer, or one plug for both encoders."""
+        policy = isinstance(name, Path)
+        plant = QUBE.replace(limits={"arm_travel": 2.0, "arm_speed": 30.0, "supply": 8.0})
+        controller = make_controller(name, plant, 0.02 if policy else 0.004)
+        inside = Guarded(controller)
+        readings = (0.2, math.pi) if "swing_up" in controller.tasks else (0.3, 0.03)
+        commands = [inside(readings) for _ in range(round(3.0 / controller.sample_time))]
+        assert inside.off == "held"
+        assert np.count_nonzero(commands) * controller.sample_time < 1.1
+
+    @pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, cc or clang) on this machine")
+    def test_c_goes_off_too_where_both_stand(self, tmp_path):
+        controller = make_controller("lqr", QUBE, 0.004)
+        rows = [(int(k == 0), 0.3, 0.03, 0.0) for k in range(400)]
+        u, off = played(compiled(c_header(controller, "c"), tmp_path, "double"), rows)
+        ours, reasons = in_python(controller, Envelope.of(controller), rows)
+        assert reasons == off.tolist()
+        assert REASONS[reasons[-1]] == "held"
+        np.testing.assert_allclose(u, ours, atol=1e-12)
+
     def test_without_the_rule_it_never_does(self):
-        inside = guarded(held=math.inf)
+        inside = guarded(held=math.inf, frozen=math.inf)
         for k in range(400):
             inside((0.1, 0.05 * math.sin(0.1 * k)))
         assert inside.off == "on"

@@ -11,7 +11,7 @@ from pathlib import Path
 from nicegui import ui
 
 from controllers import DesignError, export_c, export_mjcf, export_onnx, export_policy_c
-from controllers.envelope import unlimited
+from controllers.envelope import Envelope, unlimited
 from controllers.learned import load_to_export, not_trained_for
 from controllers.registry import designed
 from experiments.report import render
@@ -159,8 +159,9 @@ def _onnx(session: Session, plant: Plant, path: Path) -> str:
 
 
 def _policy(session: Session, plant: Plant, path: Path) -> str:
-    export_policy_c(load_to_export(str(session.policy), plant, trust=session.trusted), path)
-    return ". ".join(filter(None, (unlimited(plant), not_trained_for(str(session.policy), plant))))
+    policy = load_to_export(str(session.policy), plant, trust=session.trusted)
+    export_policy_c(policy, path)
+    return ". ".join(filter(None, (unlimited(plant, Envelope.of(policy).arm_travel), not_trained_for(str(session.policy), plant))))
 
 
 async def _write(frame: Frame, name: str, writer: Writer) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import warnings
+from itertools import product
 
 import gymnasium
 import numpy as np
@@ -108,8 +109,9 @@ def test_an_observed_command_is_what_the_computer_sends():
 
 def test_a_curriculum_begins_with_what_the_plant_itself_has():
     late = QUBE.with_effects(Effect("input_delay", {"d": 0.012}))
-    for plant, at_zero in ((late, 0.012), (QUBE, 0.0)):
-        env = gymnasium.make(ID, plant=plant, effect_probabilities={"input_delay": 0.5}).unwrapped
+    ways = ({"effect_probabilities": {"input_delay": 0.5}}, {"randomize": "input_delay=chance:0.5:uniform:0,0.03"})
+    for (plant, at_zero), way in product(((late, 0.012), (QUBE, 0.0)), ways):
+        env = gymnasium.make(ID, plant=plant, **way).unwrapped
         env.set_level(0.0)
         drawn = {env.reset(seed=i)[1]["plant"]["effects"]["input_delay"]["d"] for i in range(8)}
         assert drawn == {at_zero}
