@@ -71,7 +71,9 @@ class Run:
         names = ("the arm turns", "the pendulum swings", "the command reaches", "the command changes by")
         units = ("rad", "rad", "", "a second")
         at = int(np.argmax(self.largest / np.array(allowed)))
-        return f"{names[at]} {self.largest[at]:.3g} {units[at]}".rstrip() + f", more than the limit of {allowed[at]:.3g}"
+        return (
+            f"{names[at]} {self.largest[at]:.3g} {units[at]}".rstrip() + f", more than the limit of {allowed[at]:.3g}"
+        )
 
 
 @dataclass(frozen=True)

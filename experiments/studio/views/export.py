@@ -161,7 +161,9 @@ def _onnx(session: Session, plant: Plant, path: Path) -> str:
 def _policy(session: Session, plant: Plant, path: Path) -> str:
     policy = load_to_export(str(session.policy), plant, trust=session.trusted)
     export_policy_c(policy, path)
-    return ". ".join(filter(None, (unlimited(plant, Envelope.of(policy).arm_travel), not_trained_for(str(session.policy), plant))))
+    return ". ".join(
+        filter(None, (unlimited(plant, Envelope.of(policy).arm_travel), not_trained_for(str(session.policy), plant)))
+    )
 
 
 async def _write(frame: Frame, name: str, writer: Writer) -> None:

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furuta_gym.plant import TABLE_3
+from controllers import make_controller
+from furuta_gym.plant import QUBE, TABLE_3
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import simulate
 from identification.design.d_optimal import Design, Precision, design, free_coordinates, predicted
@@ -61,6 +62,26 @@ def test_a_rate_limit_is_kept() -> None:
     slow = within_limits(setup(), Sines((1.0,), (0.5,), (0.0,)), Limits(u_rate=1500.0))
     u = setup().run(slow).command
     assert np.abs(np.diff(u)).max() / T <= 1500.0
+
+
+@pytest.mark.parametrize("factor", [1 / 200, 12 / 255, 40.0])
+def test_the_unit_of_the_command_changes_no_motion(factor: float) -> None:
+    """N·m of a small motor, or counts of a duty: the same rig is excited as far as in volts, upright and hanging."""
+    other = QUBE.replace(theta=QUBE.theta * factor, u_max=QUBE.u_max * factor, covariance=None)
+    for policy in ("lqr", None):
+        largest = []
+        for plant in (QUBE, other):
+            here = Setup.of(plant, make_controller(policy, plant, T) if policy else None, 6.0, T)
+            limits = Limits(q1=1.0, q2=0.3 if policy else 1.5)
+            largest.append(here.run(within_limits(here, paper_signal(), limits)).largest[:2])
+        assert largest[1] == pytest.approx(largest[0], rel=0.02)
+
+
+def test_a_motion_that_friction_holds_up_to_a_threshold_comes_near_its_limits() -> None:
+    """A hanging pendulum under the paper's d(t), whose arm hardly moves below its friction."""
+    hanging = Setup.of(QUBE, None, 20.0, T)
+    limits = hanging.usual_limits
+    assert hanging.run(within_limits(hanging, paper_signal(), limits)).excess(limits) > 0.85
 
 
 def test_predicted_deviations_are_those_of_repeated_fits() -> None:
