@@ -242,6 +242,6 @@ def unlimited(plant: Plant, travel: float = 2 * math.pi) -> str:
         return ""
     speed = "at any speed, " if "arm_speed" in lacking else ""
     return (
-        f"The plant has no limit {' and '.join(lacking)}: the arm may turn {travel:.3g} rad to either side, {speed}with up to "
-        f"{plant.supply:g} {plant.unit}. docs/how-to/first_run.md says how to write them"
+        f"The plant has no limit {' and '.join(lacking)}: the arm may turn {travel:.3g} rad to either side, {speed}with "
+        f"up to {plant.supply:g} {plant.unit}. docs/how-to/first_run.md says how to write them"
     )

@@ -31,10 +31,10 @@ class LearnedController(Controller):
     first.
 
     predict: observations (L, n) to actions (L, 1), such as a `Network`, or a function without a memory: one is shared
-    by all copies, and `reset` does not clear it. velocity_cutoff [rad/s]: default is that of the encoders. normalized: actions are shares of
-    `trained_u_max`, the command's limit where it was trained (default: the plant's), and so is the last command that
-    it sees. every: the policy looks and acts at every n-th call and holds its command in between, so that one trained
-    at n · sample_time plays on a faster clock exactly as it was trained.
+    by all copies, and `reset` does not clear it. velocity_cutoff [rad/s]: default is that of the encoders.
+    normalized: actions are shares of `trained_u_max`, the command's limit where it was trained (default: the plant's),
+    and so is the last command that it sees. every: the policy looks and acts at every n-th call and holds its command
+    in between, so that one trained at n · sample_time plays on a faster clock exactly as it was trained.
     """
 
     def __init__(

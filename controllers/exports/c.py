@@ -142,7 +142,7 @@ def c_header(
         u_max=envelope.u_max,
         theta=", ".join(f"{v:.6g}" for v in plant.theta),
         columns=columns_note(plant) + _zeros_note(q1_zero, q2_zero - controller.q2e),
-        effects=_effects_note(plant),
+        effects=effects_note(plant),
         limits=limits_note(plant, envelope),
     )
     text += f"#ifndef {guard}\n#define {guard}\n\n" + ("#include <math.h>\n\n" if share else "")
@@ -192,7 +192,8 @@ def limits_note(plant: Plant, envelope: Envelope) -> str:
     return f" * Limits of the plant file: {limits}. This header: {reach}.\n"
 
 
-def _effects_note(plant: Plant) -> str:
+def effects_note(plant: Plant) -> str:
+    """Lines for the header's comment, each begun by its line break, with the plant's effects; "" without any."""
     return "".join(f"\n * and {_commented(str(effect))}" for effect in plant.effects)
 
 

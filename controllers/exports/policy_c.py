@@ -17,7 +17,7 @@ from ..cells import Cells
 from ..envelope import Envelope
 from ..layers import Layer, network_in
 from ..learned import LearnedController
-from .c import _number, columns_note, limits_note
+from .c import _number, columns_note, effects_note, limits_note
 from .envelope_c import envelope_c
 
 _HEADER = """\
@@ -34,7 +34,9 @@ _HEADER = """\
  * q2        pendulum angle [rad], 0 upright, not wrapped
  * reference arm angle to hold [rad], well within the arm's travel: nothing here limits it
  * returns   command [{unit}], within +-{u_max:g}; 0 once s.off says why it is off
-{columns} */
+{columns} *
+ * Exported for theta = {theta} ({unit}){effects}.
+{limits} */
 #ifndef {guard}
 #define {guard}
 
@@ -139,7 +141,10 @@ def policy_c_header(
         task=controller.tasks[-1],
         unit=controller.unit,
         guard=prefix.upper() + "_H",
-        columns=columns_note(controller.plant) + limits_note(controller.plant, envelope),
+        theta=", ".join(f"{v:.6g}" for v in controller.plant.theta),
+        columns=columns_note(controller.plant),
+        effects=effects_note(controller.plant),
+        limits=limits_note(controller.plant, envelope),
         **names,
     )
     arrays = [_array("scale", network.scale)]

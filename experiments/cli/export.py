@@ -13,6 +13,7 @@ from . import options as opt
 from .output import print_json
 
 if TYPE_CHECKING:
+    from controllers.base import Controller
     from furuta_gym.plant import Plant
 
 
@@ -102,11 +103,12 @@ def _write(
             raise ValueError("C is for controllers; expected one such as --controller lqg")
         from controllers.envelope import Envelope, unlimited
 
+        made: Controller
         if chosen.endswith(".zip"):
             from controllers.exports.policy_c import export_policy_c
             from controllers.learned import load_to_export
 
-            policy = load_to_export(chosen, rig, sample_time, trust=trust)
+            made = policy = load_to_export(chosen, rig, sample_time, trust=trust)
             envelope = Envelope.of(policy, soft_start=soft_start)
             export_policy_c(policy, output, single=single, envelope=envelope)
         else:
@@ -117,12 +119,12 @@ def _write(
             made = held(make_controller(chosen, rig, sample_time))
             envelope = Envelope.of(made, soft_start=soft_start)
             export_c(made, output, single=single, envelope=envelope)
-            if soft_start and "swing_up" not in made.tasks:
-                warnings.warn(
-                    f"--soft-start {soft_start:g}: {made.name} balances only, and a pendulum that stands needs the "
-                    "full command at once; expect it to fall. For a first run see docs/how-to/first_run.md",
-                    stacklevel=2,
-                )
+        if soft_start and "swing_up" not in made.tasks:
+            warnings.warn(
+                f"--soft-start {soft_start:g}: {made.name} balances only, and a pendulum that stands needs the full "
+                "command at once; expect it to fall. For a first run see docs/how-to/first_run.md",
+                stacklevel=2,
+            )
         if without := unlimited(rig, envelope.arm_travel):
             warnings.warn(without, stacklevel=2)
 

@@ -10,6 +10,8 @@ import pytest
 
 from controllers import make_controller
 from controllers.exports.c import c_header, export_c
+from controllers.exports.policy_c import policy_c_header
+from controllers.policies import FOLDER
 from furuta_gym.plant import QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import simulate
@@ -163,6 +165,35 @@ def test_header_says_what_a_reader_needs():
     for part in ("[rad]", "0 upright", "once every 0.002 s", "command [V]", "furuta_lqg_step", "0.19717"):
         assert part in text
     assert "math.h" not in text
+
+
+LOGS = [{"source": "a.csv", "read_as": "q2 from the column 'pen */ deg'"}, {"source": "b.csv"}]
+FULL = QUBE.replace(
+    limits={"arm_travel": 1.2, "arm_speed": 9.0}, sensors={"offset": [0.3, -0.02]}, provenance={"logs": LOGS}
+).with_effects(Effect("input_delay", {"d": 0.009}))
+
+
+@pytest.mark.parametrize(("name", "header"), [("lqg", c_header), (FOLDER / "balance-qube.zip", policy_c_header)])
+def test_header_says_what_its_plant_has(name, header):
+    """Its parameters, effects and limits, and which columns of which logs are meant."""
+    text = header(make_controller(name, FULL))
+    for part in (
+        " for theta = 0.05668, 0.0199692, ",
+        "\n * and input_delay(d = 0.009).\n",
+        " * Limits of the plant file: arm_travel 1.2, arm_speed 9. This header: up to 1.2 rad to either side, up to 9 ",
+        " * The logs that the plant was fitted to were read in several ways:\n *   q2 from the column 'pen * / deg'\n",
+        " *   in the columns q1, q2 and u themselves\n",
+    ):
+        assert part in text
+    plain = header(make_controller(name, QUBE))
+    assert "The plant file has no limits: " in plain
+    assert "\n * and " not in plain
+
+
+def test_header_says_which_zeros_it_takes_off():
+    text = c_header(make_controller("lqg", FULL))
+    assert "at the zeros: 0.3 rad of q1, -0.02 rad of q2.\n * Export from a plant without them if" in text
+    assert "Taken off" not in c_header(make_controller("lqg", QUBE))
 
 
 class TestRefusals:

@@ -93,6 +93,9 @@ def test_refusals(tmp_path):
     late = QUBE.with_effects(Effect("input_delay", {"d": 0.01}))
     with pytest.raises(ValueError, match="cannot carry input_delay"):
         export_mjcf(late, tmp_path / "no.xml")
+    learned = QUBE.with_effects(Effect("arm_learned", {"c00": 0.1}))
+    with pytest.raises(ValueError, match="cannot carry arm_learned"):
+        export_mjcf(learned, tmp_path / "no.xml")
     soft = QUBE.with_effects(Effect("input_saturation", {"m": 2.0, "knee": 0.3}))
     with pytest.raises(ValueError, match=r"no round knee.*has 0.3"):
         export_mjcf(soft, tmp_path / "no.xml")

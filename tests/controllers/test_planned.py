@@ -138,6 +138,8 @@ class TestRefusals:
             plan_swing_up(QUBE.with_effects(QUBE.default_effect("input_gain_drift")))
         with pytest.raises(DesignError, match="not arm_spring"):
             make_controller("planned", QUBE.with_effects(QUBE.default_effect("arm_spring")))
+        with pytest.raises(DesignError, match="not arm_learned"):
+            make_controller("planned", QUBE.with_effects(Effect("arm_learned", {"c00": 0.1})))
 
     def test_a_plan_that_leaves_the_travel(self, casadi) -> None:
         wide, narrow = plan_swing_up(LAGGED, COARSE), LAGGED.replace(limits={"arm_travel": 0.5})

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
+from furuta_gym.plant import QUBE
 from tests.commands import furuta, refused
 
 
@@ -27,7 +29,8 @@ def test_exports(arguments: tuple[str, ...], name: str, words: tuple[str, ...], 
     assert all(word in text for word in words)
 
 
-POLICY = Path(__file__).parents[2] / "controllers" / "policies" / "balance-qube.zip"
+POLICIES = Path(__file__).parents[2] / "controllers" / "policies"
+POLICY = POLICIES / "balance-qube.zip"
 REFUSED = {
     "inconsistent": (("table3",), "rig.xml", ("θ4 ≥ θ2", "Export qube, large or an identified plant instead")),
     "controller in MJCF": (("qube", "lqr"), "rig.xml", ("MJCF", "lqr")),
@@ -58,6 +61,30 @@ def test_the_policy_s_own_period_may_be_said(tmp_path: Path) -> None:
     result = furuta("export", "qube", POLICY, "--sample-time", 0.02, "-o", tmp_path / "p.h")
     assert result.exit_code == 0, result.output
     assert "once every 0.02 s" in (tmp_path / "p.h").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("controller", ["lqr", POLICY])
+def test_a_rig_without_limits_is_told(controller: str | Path, tmp_path: Path) -> None:
+    """The arm may turn as far and as fast as it can: whoever runs the header on a rig must know."""
+    limited = QUBE.replace(limits={"arm_travel": 2 * math.pi}).save(tmp_path / "rig.json")
+    said, silent = (furuta("export", plant, controller, "-o", tmp_path / "c.h") for plant in ("qube", limited))
+    assert said.exit_code == silent.exit_code == 0
+    assert "The plant has no limits: the arm may turn 2π to either side at any speed" in " ".join(said.stderr.split())
+    assert silent.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("controller", "balances"), [("lqr", True), (POLICY, True), (POLICIES / "swing-up-qube.zip", False)]
+)
+def test_a_soft_start_of_a_balancer_is_told(controller: str | Path, balances: bool, tmp_path: Path) -> None:
+    """Not that of a policy that swings up, nor a start at full size."""
+    limited = QUBE.replace(limits={"arm_travel": 2 * math.pi}).save(tmp_path / "rig.json")
+    soft, hard = (
+        furuta("export", limited, controller, "--soft-start", s, "-o", tmp_path / "c.h").stderr for s in (1, 0)
+    )
+    assert ("balances only" in soft) is balances
+    assert hard == ""
+    assert balances or soft == ""
 
 
 @pytest.mark.parametrize("case", REFUSED)

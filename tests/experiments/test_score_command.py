@@ -79,6 +79,13 @@ def test_the_arm_s_travel_is_the_plant_file_s(runs: list[Path], tmp_path: Path) 
     refused(furuta("score", runs[0], "--plant", tmp_path / "absent.json"), "absent.json")
 
 
+def test_a_run_whose_arm_is_faster_than_the_plant_file_says_has_failed(runs: list[Path], tmp_path: Path) -> None:
+    for speed, success, why in ((0.01, False, "speed"), (100.0, True, None)):
+        plant = QUBE.replace(limits={"arm_speed": speed}).save(tmp_path / "rig.json")
+        told = json.loads(furuta("score", runs[0], "--plant", plant, "--json").stdout)
+        assert [(run["success"], run["why"]) for run in told["runs"]] == [(success, why)]
+
+
 def test_a_run_that_begins_hanging_is_told_of_swing_up(runs: list[Path], tmp_path: Path) -> None:
     """Scored as balancing it has held for no time at all."""
     rig, rows = LivePlant(QUBE, T, Sensors(2048), x0=(0.0, np.pi, 0.0, 0.0)), []

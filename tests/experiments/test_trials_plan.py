@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from experiments.bench import catalogue
+from experiments.bench import SETS, HiddenEffect, catalogue
 from experiments.trials.draws import COMPOSITE, TWINS
 from experiments.trials.plan import make_plan
 from experiments.trials.sizes import reach
@@ -18,16 +18,17 @@ LIBRARY = [name for name, e in catalogue().items() if e.kind == "library"]
 
 
 def test_the_full_plan_has_the_promised_counts():
+    """docs/how-to/cluster.md gives the sum, and that of a share and of some kinds."""
     plan = make_plan("final")
-    count = Counter(t.kind for t in plan)
+    assert Counter(t.kind for t in plan) == {
+        "library": 620, "rounding": 120, "strong": 116, "composite": 60, "outside": 56, "two": 52,
+        "torque_noise": 40, "none": 40, "absorbed": 40, "hard": 20,
+    }  # fmt: skip
+    assert len(plan) == 1164
+    assert len(make_plan("final", share=0.35)) == 428
+    assert len(make_plan("final", kinds=["none", "torque_noise", "two"])) == 132
     cells = Counter((t.subject, t.rig) for t in plan if t.kind == "library")
-    assert len({name for name, _ in cells}) >= 18
-    assert all(len({rig for n, rig in cells if n == name}) >= 3 for name, _ in cells)
-    assert min(cells.values()) >= 5
-    assert count["none"] + count["torque_noise"] + count["absorbed"] >= 100
-    assert min(count["none"], count["torque_noise"], count["absorbed"]) >= 20
-    assert count["outside"] >= 50
-    assert count["two"] >= 50
+    assert cells == {(name, rig): 5 for name in LIBRARY for rig in SETS}
     assert len({t.id for t in plan}) == len(plan)
 
 
@@ -42,6 +43,9 @@ def test_ratios_are_log_uniform_and_signs_and_forms_vary():
     expected = np.arange(1, 10) / 10
     assert np.abs(np.quantile(place, expected) - expected).max() < 0.06
     assert 0.4 < np.mean([h.form == "table" for h in hidden]) < 0.6
+    offsets = [(t.rig, t.hidden[0]) for t in trials if t.subject == "input_offset"]
+    signs = [np.sign(HiddenEffect(h.name, variation=h.variation).values(SETS[rig])["b"]) for rig, h in offsets]
+    assert set(signs) == {-1.0, 1.0}
     small = np.array([t.hidden[0].ratio for t in make_plan("final", power=True)])
     assert small.min() >= 1.005
     assert small.max() <= 3.0

@@ -17,6 +17,7 @@ from experiments.bench import (
     record,
     strength_for,
 )
+from experiments.bench.declaration import Variation
 from experiments.bench.effects import find
 from experiments.bench.kernels.forces import _looked_up
 
@@ -90,12 +91,34 @@ def test_the_two_forms_of_an_effect_differ(name):
     assert np.abs(a.q2 - b.q2).max() > 1e-6
 
 
+class _Drawn(Variation):
+    """Draws one given sign, and always the same place of a range."""
+
+    def __init__(self, sign, place):
+        self._sign, self._place = sign, place
+
+    def sign(self):
+        return self._sign
+
+    def near(self, typical, low, high):
+        return low + self._place * (high - low)
+
+    def one_of(self, *values):
+        return values[round(self._place * len(values))]
+
+
 @pytest.mark.parametrize("name", catalogue())
 def test_variations_differ_in_signs_places_or_times_and_repeat(name):
-    first = [HiddenEffect(name, variation=k).values(SETS["desk"]) for k in range(8)]
-    again = [HiddenEffect(name, variation=k).values(SETS["desk"]) for k in range(8)]
-    assert first == again
-    assert all(set(v) == set(find(name).units) for v in first)
+    """What may have either sign has both in forty variations, and what may lie elsewhere does."""
+    drawn, again = ([HiddenEffect(name, variation=k).values(SETS["desk"]) for k in range(40)] for _ in range(2))
+    assert drawn == again
+    assert all(set(values) == set(find(name).units) for values in drawn)
+    plus, minus, moved = (find(name).sizes(SETS["desk"], 1.0, _Drawn(*of)) for of in ((1, 0.2), (-1, 0.2), (1, 0.5)))
+    for key in find(name).units:
+        seen = {values[key] for values in drawn}
+        if plus[key] == -minus[key] != 0.0:
+            assert min(seen) < 0.0 < max(seen), key
+        assert (len(seen) > 1) == (not plus[key] == minus[key] == moved[key]), key
 
 
 @pytest.mark.parametrize("kind", SETS)

@@ -25,6 +25,7 @@ ID = "FurutaID-v0"
         ({"delay": 0.02, "randomize": "input_delay=uniform:0,0.001"}, "randomize draws it"),
         ({"delay": 0.01, "randomize": "input_delay=chance:0.5:uniform:0.02,0.03"}, "randomize draws it"),
         ({"noise_std": 0.05, "randomize": "noise_std=0.0"}, "randomize draws it"),
+        ({"encoder_offset": (0.1, 0.0), "randomize": "encoder_offset=uniform:-0.1,0.1"}, "randomize draws it"),
         ({"jitter": 0.1, "randomize": "jitter=uniform:0,0.2"}, "randomize draws it"),
         (
             {"randomize": "input_delay=chance:0.3", "effect_probabilities": {"input_delay": 1.0}},

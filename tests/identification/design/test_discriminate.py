@@ -10,7 +10,7 @@ import pytest
 
 from controllers import make_controller
 from furuta_gym.plant import QUBE, TABLE_3, Effect
-from identification.design import discriminate
+from identification.design import discriminate, next_experiment
 from identification.design.d_optimal import design
 from identification.design.discriminate import Separation, Trial, between
 from identification.design.next_experiment import excite
@@ -71,7 +71,7 @@ def test_the_predicted_separation_is_that_of_fits_to_new_data(delay_or_lag: Sepa
 
 
 def test_what_the_plant_says_of_its_rig_is_kept() -> None:
-    """Both kinds of design; the user may say otherwise."""
+    """By both kinds of design."""
     rig = TABLE_3.replace(limits={"arm_travel": 0.3, "slew": 1500.0, "supply": 0.5 * TABLE_3.u_max})
     bounds = np.array([0.3, 0.5 * TABLE_3.u_max, 1500.0])
     setup = Setup.of(rig, PaperPolicy(T), 2.0, T)
@@ -81,7 +81,25 @@ def test_what_the_plant_says_of_its_rig_is_kept() -> None:
     assert driven
     for run in [optimal.run, *(t.setup.run(t.signal) for t in driven)]:
         assert (run.largest[[0, 2, 3]] <= 1.02 * bounds).all()
-    assert replace(setup.usual_limits, q1=0.6).q1 == 0.6
+
+
+def test_a_limit_that_is_given_takes_the_place_of_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even where the plant file's is less; the others stay."""
+    received: list[Limits] = []
+    monkeypatch.setattr(next_experiment, "design", lambda setup, limits, *_, **__: received.append(limits))
+    rig = TABLE_3.replace(limits={"arm_travel": 0.3, "slew": 1500.0})
+    for limits in ({"q1": 0.6}, {"q2": 1.0}):
+        excite(rig, policy=PaperPolicy(T), limits=limits)
+    assert received == [
+        Limits(q1=0.6, q2=0.3, u=TABLE_3.u_max, u_rate=1500.0),
+        Limits(q1=0.3, q2=1.0, u=TABLE_3.u_max, u_rate=1500.0),
+    ]
+
+
+@pytest.mark.parametrize(("policy", "q2"), [(PaperPolicy(T), 0.3), (None, 1.5)])
+def test_default_limits_are_those_of_the_page(policy: PaperPolicy | None, q2: float) -> None:
+    """docs/how-to/excite.md: the pendulum may go less far about upright than hanging."""
+    assert Setup.of(TABLE_3, policy).usual_limits == Limits(q1=1.5, q2=q2, u=TABLE_3.u_max, u_rate=np.inf)
 
 
 def test_the_chosen_experiment_stays_upright_with_each_suspect(delay_or_lag: Separation) -> None:

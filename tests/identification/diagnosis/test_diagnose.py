@@ -26,6 +26,7 @@ from identification.validation.gap import validate
 from tests.factories import changing_gain_log, loop_log, scaled_effect
 
 POLICY = replace(DecisionPolicy(), tail=0.4)
+LIMITS = {"arm_travel": 1.2, "arm_speed": 9.0}
 
 
 # not at the import, with which every worker begins: where nothing is compiled yet, all of them would compile
@@ -38,8 +39,8 @@ def plain() -> Log:
 
 
 def diagnosed(*held_out: object) -> Diagnosis:
-    """From a start that has a cable of another stiffness, which is not to be believed."""
-    start = TABLE_3.with_effects(scaled_effect("arm_spring", 5.0))
+    """From a start that has a cable of another stiffness, which is not to be believed, and limits of the rig."""
+    start = TABLE_3.replace(limits=LIMITS).with_effects(scaled_effect("arm_spring", 5.0))
     return diagnose([spring()], held_out, start, most=1, only=["arm_spring"], policy=POLICY)  # type: ignore[arg-type]
 
 
@@ -71,6 +72,15 @@ def test_a_start_with_effects_is_compared_without_them(alone: Diagnosis) -> None
     assert found.parameters["k"] == pytest.approx(true.parameters["k"], rel=0.1)
 
 
+def test_the_limits_of_the_rig_stay_in_its_plant(alone: Diagnosis) -> None:
+    """A controller made from the plant that was found must keep to them."""
+    assert alone.before is not None
+    assert alone.after is not None
+    assert alone.plant is not None
+    for plant in (alone.before.plant, alone.after.plant, alone.plant):
+        assert plant.limits == LIMITS
+
+
 def test_a_held_out_log_of_a_rig_without_the_cable_takes_the_name_back(alone: Diagnosis) -> None:
     """The last part of the log itself would have confirmed it."""
     found = diagnosed(plain())
@@ -79,6 +89,7 @@ def test_a_held_out_log_of_a_rig_without_the_cable_takes_the_name_back(alone: Di
     assert [s.name for s in found.found] == ["arm_spring"]
     assert found.plant is not None
     assert found.plant.effects == ()
+    assert found.plant.limits == LIMITS
     assert found.gap is not None
     assert found.gap.tail is None
     assert found.gap.logs == (plain(),)

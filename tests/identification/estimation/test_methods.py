@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from experiments.cli.app import app
 from furuta_gym import Plant
+from furuta_gym.plant import TABLE_3
 from identification import Estimate, Log, identify, read_log, write_log
 from identification.estimation.estimate import GainChange
 from identification.estimation.identifiability import Motion, judge
@@ -33,7 +34,7 @@ class Table3:
     def estimate(
         self, logs: Sequence[Log], template: Plant, start: Plant | None, /, *, sharpness: float | None
     ) -> Estimate:
-        from furuta_gym.plant import TABLE_3, THETA_NAMES
+        from furuta_gym.plant import THETA_NAMES
 
         theta = TABLE_3.theta
         covariance = np.diag((0.01 * theta) ** 2)
@@ -105,6 +106,16 @@ def test_the_limit_of_the_command_is_an_argument_and_in_the_file(log: Log) -> No
     assert np.array_equal(given.values, guessed.values)
     kept = identify(log, given.plant, method="table3")
     assert (kept.plant.u_max, kept.u_max_guessed) == (24.0, False)
+
+
+@pytest.mark.usefixtures("toy")
+def test_the_limits_and_ranges_of_a_start_plant_stay(log: Log) -> None:
+    """A controller made from the new plant must keep to them, and is trained over the same ranges."""
+    limits, randomize = {"arm_travel": 1.2, "arm_speed": 9.0}, {"theta": "physical:0.2"}
+    found = identify(log, TABLE_3.replace(limits=limits, randomize=randomize), method="table3")
+    assert found.plant.limits == limits
+    assert found.plant.randomize == randomize
+    assert identify(log, method="table3").plant.limits is None
 
 
 @pytest.mark.parametrize("u_max", [0.01, -1.0, float("nan")])

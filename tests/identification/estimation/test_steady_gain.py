@@ -62,6 +62,12 @@ def test_a_step_is_told_with_its_time_by_the_logs_clock(at: float) -> None:
     assert change.since == pytest.approx(3.0 + at * DURATION, abs=0.1)
 
 
+@pytest.mark.parametrize(("step", "told"), [(0.03, False), (0.06, True)])
+def test_a_change_of_less_than_four_per_cent_is_not_told(step: float, told: bool) -> None:
+    changes = identify(changing(lambda t: 1.0 if t < 0.5 * DURATION else 1.0 - step)).gain_changes
+    assert [round(change.factor, 2) for change in changes] == ([1.0 - step] if told else [])
+
+
 @pytest.mark.parametrize("effect", ["", "arm_friction_drift", "input_delay", "arm_spring", "payload_step"])
 def test_what_else_a_rig_may_have_is_not_taken_for_it(effect: str) -> None:
     rig = Rig("servo", [HiddenEffect(effect, 2.0)] if effect else [])

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from furuta_gym.plant import QUBE, Effect
+from furuta_gym.plant import QUBE, TABLE_3, Effect
 from identification.kalman.coordinates import plant_coordinates
 
 
@@ -29,3 +29,9 @@ def test_a_shape_that_may_be_zero_has_a_normal_prior() -> None:
     assert sweep.weak_prior == (0.0, 1.0)
     assert sweep.to_value(sweep.to_z(0.7)) == pytest.approx(0.7)
     assert (sweep.low, sweep.high) == (0.0, 3.0)
+
+
+def test_what_was_learned_is_no_coordinate() -> None:
+    """Its coefficients and its range stay as they were learned while θ moves."""
+    learned = plant_coordinates(TABLE_3.with_effects(Effect("arm_learned", {"c00": 0.1})))
+    assert [c.name for c in learned] == [c.name for c in plant_coordinates(TABLE_3)]

@@ -11,8 +11,9 @@ from identification.kalman.record import stretches
 from identification.logs.log import Log
 from identification.validation.closed_fraction import closed_fraction
 from identification.validation.gap import validate
+from identification.validation.noise_floor import repeats
 from identification.validation.predicted import predicted
-from tests.factories import loop_log
+from tests.factories import loop_log, made_log
 from tests.identification.diagnosis.fits import a_gap
 
 LOG = np.zeros(200, dtype=int)
@@ -40,6 +41,16 @@ def test_a_run_and_its_copy_are_no_repeated_runs() -> None:
     gap = validate(truth, [log, copied])
     assert not gap.repeats
     assert gap.ratio_to_floor == pytest.approx(validate(truth, log).ratio_to_floor, rel=0.05)
+
+
+@pytest.mark.parametrize(("apart", "repeated"), [(0.08, True), (0.12, False)])
+@pytest.mark.parametrize("axis", ["q1", "q2"])
+def test_runs_from_places_that_are_not_close_are_no_repeats(axis: str, apart: float, repeated: bool) -> None:
+    """Further apart than a tenth of how far the axis goes."""
+    one = made_log()
+    angle = getattr(one, axis).copy()
+    angle[0] += apart * np.ptp(angle)
+    assert repeats([one, made_log(**{axis: angle})]) == ([[0, 1]] if repeated else [])
 
 
 def test_a_long_horizon_of_a_fast_clock_has_windows_in_each_part() -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from furuta_gym.plant import TABLE_3, Plant
 from furuta_gym.plant.covariance import Covariance
+from furuta_gym.plant.sampling import sampled_plants
 from identification.kalman.path import FilterPath
 from identification.validation import own_error_bars
 from identification.validation.free_run import Windows, free_run
@@ -20,7 +21,7 @@ def known_within(share: float) -> Plant:
     return TABLE_3.replace(covariance=Covariance(("theta5",), np.array([[(share * TABLE_3.theta[4]) ** 2]])))
 
 
-def test_wide_error_bars_explain_an_error_and_narrow_ones_do_not() -> None:
+def test_wide_error_bars_explain_an_error_and_narrow_ones_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.arange(1500) * 0.004
     rig = TABLE_3.replace(theta=TABLE_3.theta * [1, 1, 1, 1, 1.03, 1, 1, 1, 1])
     log = open_loop_log(0.5 * np.sin(2 * np.pi * (0.3 + 0.2 * t) * t), torque_noise=(1e-7, 1e-9), plant=rig)
@@ -30,10 +31,16 @@ def test_wide_error_bars_explain_an_error_and_narrow_ones_do_not() -> None:
     wide, narrow = (expected_ratio(known_within(share), [log], gap) for share in (0.03, 0.001))
     assert wide is not None
     assert narrow is not None
-    assert wide == pytest.approx(ratio, rel=0.7)
     assert "nothing need be missing" in told(ratio, wide)
     assert told(ratio, narrow) == ""
     assert expected_ratio(TABLE_3, [log], gap) is None  # no error bars
+    drawn = sampled_plants(known_within(0.03), own_error_bars.DRAWS, np.random.default_rng(0))
+    deviations = np.array([plant.theta[4] / TABLE_3.theta[4] - 1.0 for plant in drawn]) / 0.03
+    monkeypatch.setattr(own_error_bars, "sampled_plants", lambda *_: [rig])  # off by one standard deviation
+    off = expected_ratio(known_within(0.03), [log], gap)
+    assert off is not None
+    assert off**2 - 1.0 == pytest.approx(ratio**2 - 1.0, rel=0.3)
+    assert wide**2 - 1.0 == pytest.approx(np.mean(deviations**2) * (off**2 - 1.0), rel=0.1)
 
 
 def test_what_error_bars_explain_scatters_as_one_parameter_does() -> None:
