@@ -237,11 +237,11 @@ class Guarded:
 def unlimited(plant: Plant, travel: float = 2 * math.pi) -> str:
     """What it means for an exported controller that its plant does not limit the arm; "" for one that does. travel
     [rad]: where the envelope switches off all the same."""
-    lacking = [name for name in ("arm_travel", "arm_speed") if name not in (plant.limits or {})]
-    if "arm_travel" not in lacking:
+    limits = plant.limits or {}
+    if "arm_travel" in limits:
         return ""
-    speed = "at any speed, " if "arm_speed" in lacking else ""
+    speed = "" if "arm_speed" in limits else " at any speed,"
     return (
-        f"The plant has no limit {' and '.join(lacking)}: the arm may turn {travel:.3g} rad to either side, {speed}with "
-        f"up to {plant.supply:g} {plant.unit}. docs/how-to/first_run.md says how to write them"
+        f"The plant has no limit arm_travel: the arm may turn {travel:.3g} rad to either side,{speed} with up to "
+        f"{plant.supply:g} {plant.unit}. docs/how-to/first_run.md says how to write limits"
     )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from experiments.bench.cli import app
@@ -78,18 +79,32 @@ def reveal_command(
     diagnosis: Annotated[
         Path | None, typer.Option(help="A group's diagnosis.json, to be compared with what its rig hides.")
     ] = None,
+    diagnoses: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of what was handed in, as GROUP/diagnosis.json, where GROUP is the name of a sealed file's "
+            "folder: a table of all marks."
+        ),
+    ] = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Show what sealed rigs hide, and mark a diagnosis by it. Needs the key that they were sealed with."""
-    from experiments.lab.marking import marked, read_diagnosis
+    from experiments.lab.marking import foreign_logs, marked, read_diagnosis
     from experiments.lab.vault import opened
 
+    if diagnoses is not None:
+        if diagnosis is not None:
+            raise ValueError("--diagnosis and --diagnoses given, expected one of them")
+        _all_marks(sealed, diagnoses, _passphrase(key_file), as_json)
+        return
     if diagnosis is not None and len(sealed) > 1:
         raise ValueError(f"one diagnosis and {len(sealed)} sealed files given, expected one of each")
     answer = read_diagnosis(diagnosis) if diagnosis is not None else None
     passphrase = _passphrase(key_file)
     truths = {file: opened(file, passphrase) for file in sealed}
     marks = None if answer is None else marked(truths[sealed[0]], answer)
+    if answer is not None and (others := foreign_logs(sealed[0], answer)):
+        typer.echo(f"Warning: {diagnosis} is of other logs than this rig's: {', '.join(others)}.", err=True)
     if as_json:
         facts: list[dict[str, Any]] = [{"sealed": str(file)} | truth for file, truth in truths.items()]
         if marks is not None:
@@ -106,6 +121,43 @@ def reveal_command(
         typer.echo(said)
         if rows:
             _show_comparison(rows)
+
+
+def _all_marks(sealed: Sequence[Path], handed_in: Path, passphrase: str, as_json: bool) -> None:
+    """A row for each group. A diagnosis that is missing or broken is told in its row, and stops no other."""
+    from experiments.lab.marking import foreign_logs, marked, read_diagnosis
+    from experiments.lab.vault import opened
+
+    if not handed_in.is_dir():
+        raise ValueError(f"--diagnoses {handed_in}: expected a folder with a folder for each group in it")
+    rows: list[dict[str, Any]] = []
+    for file in sealed:
+        group = file.resolve().parent.name
+        truth = opened(file, passphrase)
+        row: dict[str, Any] = {"group": group, "hidden": [effect["name"] for effect in truth["truth"]["effects"]]}
+        place = handed_in / group / "diagnosis.json"
+        try:
+            answer = read_diagnosis(place)
+        except FileNotFoundError:
+            row |= {"verdict": None, "named": [], "says": f"No {place}."}
+        except (ValueError, OSError) as error:
+            row |= {"verdict": None, "named": [], "says": str(error)}
+        else:
+            outcome, said, _ = marked(truth, answer)
+            if others := foreign_logs(file, answer):
+                said = f"It is of other logs than this rig's: {', '.join(others)}. {said}"
+            row |= {"verdict": answer["verdict"], "named": list(outcome.named), "says": said, "outcome": outcome.result}
+        rows.append(row)
+    if as_json:
+        print_json(rows)
+        return
+    table = Table("group", "hidden", "verdict", "named", "mark")
+    for row in rows:
+        hidden, named = (", ".join(row[key]) or "nothing" for key in ("hidden", "named"))
+        table.add_row(
+            *map(escape, (row["group"], hidden, row["verdict"] or "", named if row["verdict"] else "", row["says"]))
+        )
+    Console(width=None if Console().is_terminal else 140).print(table)
 
 
 def _passphrase(file: Path | None, new: bool = False) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from experiments.trials.scoring import Outcome, score
 from furuta_gym.files import read_json
 from furuta_gym.plant import EFFECTS
+from identification.logs.formats import file_hash
 
 VERDICTS = ("named", "ambiguous", "none", "unknown", "insufficient_excitation")
 NOTHING = ("none", "torque_noise", "absorbed")
@@ -74,6 +75,14 @@ def read_diagnosis(file: Path) -> dict[str, Any]:
     if not _is_gap(gap):
         raise ValueError(f"{file}: gap must be null, or hold after and noise_floor with numbers or null in them")
     return answer | {"gap": None if gap is None else gap | {name: _measured(gap.get(name)) for name in _ERRORS}}
+
+
+def foreign_logs(sealed: Path, answer: Mapping[str, Any]) -> list[str]:
+    """Names of the logs of a diagnosis that do not lie beside a sealed file; none where no log lies there."""
+    own = {file_hash(log) for log in sealed.parent.rglob("*.csv")}
+    logs = answer.get("logs")
+    given = [log for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []
+    return [str(log.get("source")) for log in given if own and log.get("sha256") not in own]
 
 
 def _name(entry: Any) -> str | None:

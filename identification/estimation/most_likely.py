@@ -22,7 +22,7 @@ from ..kalman.coordinates import (
     zero_coordinates,
 )
 from ..kalman.noise_model import STRONG, Noise, unexplained_torque
-from ..kalman.record import SHOWN, Record, stretches
+from ..kalman.record import Record, stretches
 from ..logs.log import Log
 from ..logs.signs import motion_signs
 from .estimate import Estimate, NoiseReport
@@ -103,9 +103,13 @@ def _most_likely(
         winner = Start(with_known(template, known, effects), noise)
     else:
         told = known | {n: m for n, (m, _) in priors.items()}
-        starts = candidates([stretch.piece for stretch in used], template, told)
-        if start is not None:
-            starts = [Start(template, restless(template)), *starts]
+        given = [] if start is None else [Start(template, restless(template))]
+        try:
+            starts = [*given, *candidates([stretch.piece for stretch in used], template, told)]
+        except ValueError:  # a regression needs longer stretches than a filter
+            if not given:
+                raise
+            starts = given
         starts = [Start(with_known(s.plant, known), s.noise) for s in starts]
         winner, _ = race(records, starts, freely(starts[0].plant), physical=physical, pool=pool)
     plant = with_known(winner.plant, known, effects)
@@ -159,7 +163,9 @@ def _estimate(
             "the zero of q2 (upright), or give a start plant"
         )
     coordinates = problem.coordinates
-    spread = fit_covariance(problem, problem.expand(optimum.z, exact=True, scores=True, central=True))
+    expansion = problem.expand(optimum.z, exact=True, scores=True, central=True)
+    data = replace(expansion, information=expansion.information - problem.priors.of_rigid_body(optimum.z))
+    spread = fit_covariance(problem, data)
     own = [i for i, c in enumerate(coordinates) if c.of_plant]
     slopes = np.array([coordinates[i].slope(optimum.z[i]) for i in own])
     names = tuple(coordinates[i].name for i in own)
@@ -197,7 +203,7 @@ def _estimate(
         iterations=optimum.iterations,
         at_bound=at_bound,
         fixed={n: value_of(plant, n) for n in fixed},
-        warnings=(*_warnings(logs, plant, at_bound, noise), *bounded_zeros(logs, problem, optimum.z)),
+        warnings=(*_warnings(logs, plant, at_bound, noise, problem.records), *bounded_zeros(logs, problem, optimum.z)),
         zeros=problem.zeros_at(optimum.z),
         problem=problem,
         optimum=optimum,
@@ -213,7 +219,9 @@ def _noticeable(plant: Plant) -> dict[str, float]:
     }
 
 
-def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise) -> Iterable[str]:
+def _warnings(
+    logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise: Noise, records: Sequence[Record]
+) -> Iterable[str]:
     signs = [(log.source, motion_signs(log.t, log.q1, log.q2, log.u)) for log in logs]
     doubted = any(found.wrong for _, found in signs)
     if frictions := [name for name in at_bound if name in THETA_NAMES[5:]]:
@@ -233,7 +241,8 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
         if wrong := found.wrong:
             yield f"{source}: as read, {wrong}; check --pendulum-zero and --flip, about which reading it says more"
     missing = unexplained_torque(noise.torque[0])
-    command = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
+    driven = [log.u for log in logs if np.ptp(log.u) > 0] or [log.u for log in logs]  # a free decay has no command
+    command = float(np.sqrt(np.mean(np.concatenate(driven) ** 2)))
     if missing > STRONG * command:
         share = f"{missing:.2g} {plant.unit} ({100 * missing / command:.0f} % of the command)"
         if missing > command:
@@ -241,7 +250,6 @@ def _warnings(logs: Sequence[Log], plant: Plant, at_bound: Sequence[str], noise:
         else:
             advice = "something acts that model (5) does not hold; run `furuta diagnose`"
         yield f"the model misses torques of about {share}: {advice}"
-    # of readings without counts the factor counts from a share of what the log shows
-    shown = SHOWN if not any(any(log.encoder_steps) or any(log.encoder_counts or ()) for log in logs) else 1.0
-    if max(noise.reading_factor) * shown > _TWICE**2:
+    least = [np.maximum(r.quantum**2 / 12.0, np.square(logs[r.log].noise_std)) for r in records]
+    if any((noise.on(r).variance > _TWICE**2 * low).any() for r, low in zip(records, least, strict=True)):
         yield "the readings are at least twice as noisy as their counts and smoothness say; check the encoder counts"

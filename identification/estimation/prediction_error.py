@@ -78,7 +78,8 @@ class PredictionError:
         for i, c in enumerate(self.coordinates):  # rounding is the least noise that a rounded reading has
             axis = c.row - READING.start
             if c.noise and axis >= 0 and all(r.quantum[axis] > 0 for r in self.records):
-                self.low[i] = max(self.low[i], 0.0)
+                least = min(math.log(r.quantum[axis] ** 2 / 12.0 / r.variance[axis]) for r in self.records)
+                self.low[i] = max(self.low[i], min(least, 0.0))
         self._scale = CommonScale.among(plant, self.coordinates)
         self._linear = LinearEffect.among(plant, self.coordinates)
         self.noisy = np.array([c.noise for c in self.coordinates])

@@ -36,6 +36,14 @@ class Priors:
             information += np.outer(slopes, slopes)
         return value, gradient, information
 
+    def of_rigid_body(self, z: Array) -> Array:
+        """The curvature (n, n) of the rigid body's limits at z (n,). It is no information: where a limit holds, the
+        data still say as much of θ as they do without it."""
+        information = np.zeros((len(z), len(z)))
+        for _, slopes in self._rigid_body(z) if self.physical else []:
+            information += np.outer(slopes, slopes)
+        return information
+
     def _residuals(self, z: Array) -> list[tuple[float, Array]]:
         """Residuals in standard deviations, and their slopes."""
         found = []

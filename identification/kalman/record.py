@@ -13,7 +13,7 @@ from furuta_gym.plant.effects.library import CARRIED, NUMBERS
 from furuta_gym.sensors import angles_read
 
 from ..logs.checks import LogError, warn
-from ..logs.encoders import FEWEST_STEPS
+from ..logs.encoders import FEWEST_STEPS, moves_by
 from ..logs.log import Log
 from .arguments import Readings
 
@@ -196,6 +196,7 @@ def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np
         known.append((quantum, np.maximum(np.maximum(quantum**2 / 12.0, SHOWN * measured**2), _LEAST)))
         changes = np.count_nonzero(np.diff(log.angles, axis=0), axis=0)
         silent.append((quantum == 0.0) & (changes < FEWEST_STEPS))
+    _share_steps(logs, known)
     told = [(i, a) for a in range(2) for i in range(len(logs)) if not silent[i][a]]
     for i, axis in [(i, a) for i in range(len(logs)) for a in range(2) if silent[i][a]]:
         same, other = [j for j in told if j[1] == axis], [j for j in told if j[1] != axis]
@@ -203,6 +204,18 @@ def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np
             known[i][0][axis] = known[k][0][a]
             known[i][1][axis] = max(known[i][1][axis], known[k][1][a])
     return known
+
+
+def _share_steps(logs: Sequence[Log], known: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
+    """Fill in the steps of logs that are too fast to show them, where another log of the rig shows a step by which they
+    move: else one encoder would have two floors of noise."""
+    for axis in range(2):
+        steps = [float(quantum[axis]) for quantum, _ in known if quantum[axis] > 0]
+        for log, (quantum, variance) in zip(logs, known, strict=True):
+            angle = log.angles[:, axis]
+            if quantum[axis] == 0 and (step := next((s for s in steps if moves_by(angle, s)), 0.0)):
+                quantum[axis] = step
+                variance[axis] = max(variance[axis], step**2 / 12.0)
 
 
 def counts_of(log: Log) -> tuple[float, float]:

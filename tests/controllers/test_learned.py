@@ -114,7 +114,8 @@ def policy_file(tmp_path_factory):
     env = gym.make("furuta_gym:FurutaID-v0", **options)
     model = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, policy_kwargs={"net_arch": [4]}, device="cpu")
     model.save(path.with_name("sb3.zip"))
-    return write_policy(path, network_of(model), {"algorithm": "PPO", "env": options})
+    record = {"algorithm": "PPO", "env": options, "plant": {"u_max": QUBE.u_max, "unit": QUBE.unit}}
+    return write_policy(path, network_of(model), record)
 
 
 def rewritten(policy, path, **changes):
@@ -183,8 +184,12 @@ def test_plain_observations_are_not_taken_for_normalised(tmp_path):
     env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, history=2, observe_command=True, normalize_action=True)
     path = tmp_path / "own.zip"
     sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=32, n_epochs=1, device="cpu").learn(32).save(path)
-    path.with_suffix(".json").write_text(json.dumps({"algorithm": "PPO", "env": {"observe_command": True}}))
-    assert make_controller(path, QUBE, trust=True).history == 2
+    record = {"algorithm": "PPO", "env": {"observe_command": True}}
+    path.with_suffix(".json").write_text(json.dumps(record))
+    with pytest.warns(UserWarning, match=r'does not say the u_max .* 10 V is assumed.*"plant": {"u_max": 10'):
+        assert make_controller(path, QUBE, trust=True).history == 2
+    path.with_suffix(".json").write_text(json.dumps(record | {"plant": {"u_max": 5.0, "unit": "V"}}))
+    assert make_controller(path, QUBE, trust=True).scale == 5.0
 
 
 class TestUnknownAlgorithms:

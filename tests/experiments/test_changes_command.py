@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,22 @@ def test_json_says_the_same(files: tuple[Path, Path]) -> None:
     assert told["changed"] is True
     assert [name for name, p in told["parameters"].items() if p["certain"]] == ["theta6"]
     assert told["parameters"]["theta6"]["factor"] == pytest.approx(1.2)
+
+
+def test_a_rig_over_weeks(files: tuple[Path, Path], tmp_path: Path) -> None:
+    """Each later file is compared with the first one."""
+    week = Path(shutil.copy(files[0], tmp_path / "week3.json"))
+    result = furuta("changes", files[0], files[1], week)
+    assert result.exit_code == 0, result.output
+    (row,) = [line for line in result.stdout.splitlines() if "θ6" in line and "│" in line]
+    assert row.count("!") == 1
+    assert "+20.00 ± 1.6 % !" in row
+    assert "+0.00 ± 1.4 %" in row
+    assert "after.json: Differs by more than 3 standard deviations: θ6 +20 %" in result.stdout
+    assert "week3.json: No change shows" in result.stdout
+    told = json.loads(furuta("changes", files[0], files[1], week, "--json").stdout)
+    assert [entry["changed"] for entry in told["changes"]] == [True, False]
+    assert [Path(entry["after"]).name for entry in told["changes"]] == ["after.json", "week3.json"]
 
 
 def test_a_plant_moved_by_hand_and_one_without_error_bars(files: tuple[Path, Path], tmp_path: Path) -> None:

@@ -69,7 +69,8 @@ def test_a_rig_without_limits_is_told(controller: str | Path, tmp_path: Path) ->
     limited = QUBE.replace(limits={"arm_travel": 2 * math.pi}).save(tmp_path / "rig.json")
     said, silent = (furuta("export", plant, controller, "-o", tmp_path / "c.h") for plant in ("qube", limited))
     assert said.exit_code == silent.exit_code == 0
-    assert "The plant has no limits: the arm may turn 2π to either side at any speed" in " ".join(said.stderr.split())
+    told = " ".join(said.stderr.split())
+    assert "The plant has no limit arm_travel: the arm may turn 6.28 rad to either side, at any speed" in told
     assert silent.stderr == ""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -150,6 +151,33 @@ def test_revealing_shows_the_truth_and_marks_the_diagnosis(group: Path, spring: 
     assert facts[0]["outcome"]["result"] == "missed"
     assert facts[0]["truth"] == spring["truth"]
     assert "Wrong" not in furuta(*command).stdout
+
+
+def test_all_groups_are_marked_in_one_table(group: Path, tmp_path: Path) -> None:
+    """What is missing, broken or of another rig's logs is told in its row."""
+    handed_in, session = tmp_path / "handed_in", tmp_path / "session"
+    for name in ("group-01", "group-02", "group-03", "group-04"):
+        shutil.copytree(group, session / name)
+        (handed_in / name).mkdir(parents=True)
+    right = diagnosis(tmp_path, "none")
+    shutil.copy(right, handed_in / "group-01" / "diagnosis.json")
+    answer = json.loads(right.read_text()) | {"logs": [{"source": "friend.csv", "sha256": "0" * 64}]}
+    (handed_in / "group-02" / "diagnosis.json").write_text(json.dumps(answer))
+    (handed_in / "group-03" / "diagnosis.json").write_text("no JSON")
+    sealed = sorted(session.glob("*/sealed.json"))
+    command = ("bench", "reveal", *sealed, "--key-file", group.parent / "key.txt", "--diagnoses", handed_in)
+    rows = json.loads(furuta(*command, "--json").stdout)
+    assert [row["group"] for row in rows] == ["group-01", "group-02", "group-03", "group-04"]
+    assert all(row["hidden"] == ["arm_spring"] for row in rows)
+    assert rows[0]["says"].startswith("Wrong: an effect is hidden")
+    assert "other logs than this rig's: friend.csv" in rows[1]["says"]
+    assert "is not JSON" in rows[2]["says"]
+    assert rows[3]["says"].startswith("No ")
+    table = furuta(*command)
+    assert table.exit_code == 0, table.output
+    assert all(f"group-0{k}" in table.stdout for k in range(1, 5))
+    refused(furuta(*command, "--diagnosis", right), "expected one of them")
+    refused(furuta(*command[:-1], tmp_path / "nowhere"), "expected a folder with a folder for each group")
 
 
 @pytest.mark.parametrize(
