@@ -99,6 +99,16 @@ def test_the_constraint_gives_a_rigid_body(fitted: Estimate, upright: Log) -> No
     assert not physical_consistency(free.plant.theta).consistent  # Table 3 itself is none (errata, row 5)
     assert physical_consistency(held.plant.theta).consistent
     assert held.log_likelihood < free.log_likelihood
+    assert held.std[1] > 0.5 * free.std[1]  # of θ2: a limit that holds is no knowledge
+
+
+def test_a_start_plant_serves_where_no_stretch_is_long_enough_for_a_regression(upright: Log) -> None:
+    keep = (upright.t % 0.44) < 0.4
+    gaps = Log(upright.t[keep], upright.q1[keep], upright.q2[keep], upright.u[keep], encoder_counts=(4096.0, 4096.0))
+    with pytest.raises(ValueError, match="no motion is long enough to be smoothed"):
+        identify(gaps)
+    near = TABLE_3.replace(theta=1.1 * TABLE_3.theta)
+    assert within(TABLE_3, identify(gaps, start=near))
 
 
 def test_a_wrong_start_does_not_matter(fitted: Estimate, upright: Log) -> None:

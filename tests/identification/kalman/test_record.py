@@ -110,6 +110,21 @@ def test_an_axis_at_rest_takes_its_encoder_from_elsewhere() -> None:
     assert Record.from_log(replace(resting, encoder_counts=(2048, 4096))).quantum[0] == pytest.approx(2 * np.pi / 2048)
 
 
+def test_one_encoder_has_one_step_in_slow_and_fast_logs() -> None:
+    """A log that moves by many counts a sample does not show their size; another log of the rig does."""
+    step, t = 2 * np.pi / 2048, np.arange(0.0, 6.0, 0.01)
+    rounded = lambda q: step * np.round(q / step)  # noqa: E731
+    slow = Log(t, rounded(0.1 * np.sin(3 * t)), rounded(0.1 * np.cos(2 * t)), np.sin(t), source="slow.csv")
+    fast = Log(t, rounded(2.0 * np.sin(9 * t)), rounded(2.5 * np.sin(13 * t)), np.sin(t), source="fast.csv")
+    other = Log(t, 2.0 * np.sin(9 * t), rounded(2.5 * np.sin(13 * t)), np.sin(t), source="no counts.csv")
+    assert fast.encoder_steps == (None, None)
+    first, second, third = (stretch.record for stretch in stretches([slow, fast, other]))
+    assert first.quantum == pytest.approx([step, step], rel=1e-6)
+    assert second.quantum == pytest.approx(first.quantum)
+    assert third.quantum == pytest.approx([0.0, step], rel=1e-6)
+    assert (stretches([fast])[0].record.quantum == 0.0).all()
+
+
 def test_a_short_race_may_keep_the_clock() -> None:
     record = Record.from_log(loop_log(duration=12.0)[0])
     at_zero, kept = reduced(record), reduced(record, clock=True)
