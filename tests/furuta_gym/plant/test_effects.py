@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Effect, Plant
 from furuta_gym.plant.effects.dispatch import map_command, modify_theta
+from furuta_gym.plant.effects.library import FILTERS, NUMBERS, numbered
 from furuta_gym.plant.layout import N_BASE, THETA_ROWS
 from furuta_gym.plant.parameters import theta_vector
 from tests.furuta_gym.plant.helpers import (
@@ -205,6 +206,19 @@ def parameters_of(name: str) -> st.SearchStrategy:
         low, high = max(p.lower, -reach), min(p.upper, reach)
         fields[p.name] = st.integers(int(low), int(high)).map(float) if p.integer else st.floats(low, high)
     return st.fixed_dictionaries(fields)
+
+
+@pytest.mark.parametrize(("name", "hook"), [("input_delay", "delay"), ("actuator_lag", "filter")])
+def test_a_second_effect_that_would_take_the_place_of_a_delay_or_filter_is_refused(name, hook):
+    library = dict(EFFECTS)
+    assert numbered(library) == {n: NUMBERS[n] for n in EFFECTS}
+    library["mine"] = EFFECTS[name]
+    with pytest.raises(ValueError, match=f"one effect with a {hook} kernel, got {name}, mine"):
+        numbered(library)
+
+
+def test_the_filter_of_the_command_is_the_lag():
+    assert {NUMBERS["actuator_lag"]} == FILTERS
 
 
 @every_effect
