@@ -178,6 +178,11 @@ class EffectType:
         return any("q1" in asked for asked in self.arguments.values())
 
     @property
+    def of_angle_alone(self) -> bool:
+        """Whether it is a torque that goes with the arm's angle alone."""
+        return list(self.kernels) == ["torque"] and set(self.arguments["torque"]) - set(self.parameter_names) == {"q1"}
+
+    @property
     def dry(self) -> bool:
         """Whether its torque turns over with a direction of motion, as dry friction does."""
         return bool({"r1", "r2"} & set(self.arguments.get("torque", ())))

@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price_in, repeats, slight_beside
+from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, price_in, repeats, slight_beside
 
 
 class Rest(Protocol):
@@ -160,13 +160,13 @@ class Judge:
         with its own. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring
         or cable is no law of a ripple: no periodic law pulls as they do."""
         *others, (newest, *_) = together
-        angle = [other.name for other, *_ in others if of_the_angle(other.name)]
+        angle = [other.name for other, *_ in others if EFFECTS[other.name].of_angle_alone]
         if follows_a_law(newest, self.policy) and angle:
             return angle[0]
         laws = {
             other.name: self._taken_up(before, newest.fit, other.name)
             for other, *_ in others
-            if not (of_the_angle(newest.name) and other.name == RIPPLE)
+            if not (EFFECTS[newest.name].of_angle_alone and other.name == RIPPLE)
         }
         laws = {name: evidence for name, evidence in laws.items() if not math.isnan(evidence)}
         best = max(laws, key=lambda name: laws[name], default=None)
@@ -197,7 +197,8 @@ class Judge:
         """The last effect of `together`, where a ripple before it that is not seen to repeat only describes its law."""
         *others, (newest, *_) = together
         rippled = newest.name != RIPPLE and any(other.name == RIPPLE for other, *_ in others)
-        return newest.name if rippled and of_the_angle(newest.name) and not repeats(newest.fit, self.policy) else None
+        hidden = rippled and EFFECTS[newest.name].of_angle_alone and not repeats(newest.fit, self.policy)
+        return newest.name if hidden else None
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.

@@ -10,7 +10,6 @@ import numpy as np
 
 from furuta_gym.plant import EFFECTS
 
-from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit
 from .scores import Score
@@ -72,11 +71,6 @@ def periods(fitted: Fit) -> float:
     return ripple.parameters["n"] * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
 
 
-def of_the_angle(name: str) -> bool:
-    """Whether an effect's law is a torque on the arm that goes with its angle alone."""
-    return own_variables(name) == own_variables(RIPPLE)
-
-
 def repeats(fitted: Fit, policy: DecisionPolicy) -> bool:
     """Whether the arm passes enough periods of the ripple in a fit to see that it repeats. With fewer, a ripple follows
     nearly any law of the angle, also what is left of a smooth one beside a cubic law."""
@@ -94,7 +88,7 @@ def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
     first, *others = ranking
     if not follows_a_law(first, policy):
         return None
-    near = (s for s in others if of_the_angle(s.name) and s.gain > policy.nearly * first.gain)
+    near = (s for s in others if EFFECTS[s.name].of_angle_alone and s.gain > policy.nearly * first.gain)
     return next(near, None)
 
 

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+from furuta_gym.plant import EFFECTS
+
 from ...estimation.pool import mapped, shared_pool
 from .fits import Fit
 from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, follows_a_law, follows_clock, of_the_angle, price_in
+from .suspects import Suspect, alike, follows_a_law, follows_clock, price_in
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -148,7 +150,7 @@ def _alternatives(naming: Naming, i: int, search: Search, share: float) -> list[
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
     look_alikes = [s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > share * own.gain]
     found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
-    return [s for s in found if not (of_the_angle(own.name) and follows_a_law(s, search.policy))]
+    return [s for s in found if not (EFFECTS[own.name].of_angle_alone and follows_a_law(s, search.policy))]
 
 
 def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:
