@@ -31,7 +31,7 @@ from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
-from .naming.suspects import Suspect, follows_clock, repeats_by_clock
+from .naming.suspects import Suspect
 from .policy import DecisionPolicy
 
 ABSORBED = {
@@ -150,11 +150,11 @@ class Diagnosis:
     @property
     def repeating(self) -> bool:
         """Whether every such effect repeats, so that a later part of the same log can speak about it."""
-        return self.timed and all(map(repeats_by_clock, self._timed))
+        return self.timed and all(suspect.type.repeats for suspect in self._timed)
 
     @property
-    def _timed(self) -> list[str]:
-        return [suspect.name for suspect in self.found if follows_clock(suspect.name)]
+    def _timed(self) -> list[Suspect]:
+        return [suspect for suspect in self.found if suspect.type.follows_clock]
 
     @property
     def found(self) -> tuple[Suspect, ...]:

@@ -19,7 +19,6 @@ from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
 from .locate.locate import locate
 from .naming.certain import may_be_absent
-from .naming.suspects import follows_clock
 from .origin import with_origin
 from .outcome import Diagnosis
 
@@ -171,7 +170,7 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None:
         if gap.likelier < 0.0 and gap.closed.value < 0.0:
-            names = [suspect.name for suspect in diagnosis.found if follows_clock(suspect.name)]
+            names = [suspect.name for suspect in diagnosis.found if suspect.type.follows_clock]
             told = sentences.another_clock(names, gap.over_floor(gap.before), gap.after_over_floor)
             return replace(diagnosis, summary=f"{diagnosis.summary} {told}")
         return diagnosis

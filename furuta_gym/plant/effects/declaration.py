@@ -86,6 +86,22 @@ class Parameter:
         """Whether its logarithm is what is known about it: a positive shape, or one with a log-normal prior."""
         return (self.role == "shape" and self.lower > 0.0) or (self.spread > 0.0 and self.default > 0.0)
 
+    @property
+    def repeats(self) -> bool:
+        """Whether it is a frequency, so that what it describes comes again."""
+        return self.grid == "frequencies"
+
+    @property
+    def instant(self) -> bool:
+        """Whether it is a time on the log's clock."""
+        return self.grid == "times"
+
+    @property
+    def information(self) -> float:
+        """The power of N with which the information of N samples on it grows, halved: 3/2 for a frequency, 1 for an
+        instant and 1/2 for anything else."""
+        return 1.5 if self.repeats else 1.0 if self.instant else 0.5
+
     def grid_on(self, usual: float) -> tuple[float, ...]:
         """The numbers of its grid on a plant where its default is `usual`; none where a log decides."""
         factor = usual / self.default if self.default else 1.0
@@ -171,6 +187,11 @@ class EffectType:
     def follows_clock(self) -> bool:
         """Whether it goes by the time since its log began, which another run does not share."""
         return any("t" in asked for asked in self.arguments.values())
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it has a frequency of its own, so that a later part of a log can speak of it."""
+        return any(p.repeats for p in self.parameters)
 
     @property
     def of_arm_angle(self) -> bool:

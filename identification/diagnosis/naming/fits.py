@@ -209,8 +209,8 @@ def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:
     Slower than that is a drift, of which no log can say that it repeats."""
     effect, _, parameter = c.name.partition(".")
     declared = EFFECTS[effect].parameters if effect in EFFECTS else ()
-    repeats = any(p.name == parameter and p.grid == "frequencies" for p in declared)
-    return replace(c, low=max(c.low, periods / duration)) if repeats else c
+    frequency = any(p.name == parameter and p.repeats for p in declared)
+    return replace(c, low=max(c.low, periods / duration)) if frequency else c
 
 
 def added(fitted: Fit, current: Fit) -> Effect:

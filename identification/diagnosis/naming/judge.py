@@ -160,13 +160,13 @@ class Judge:
         with its own. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring
         or cable is no law of a ripple: no periodic law pulls as they do."""
         *others, (newest, *_) = together
-        angle = [other.name for other, *_ in others if EFFECTS[other.name].of_angle_alone]
+        angle = [other.name for other, *_ in others if other.type.of_angle_alone]
         if follows_a_law(newest, self.policy) and angle:
             return angle[0]
         laws = {
             other.name: self._taken_up(before, newest.fit, other.name)
             for other, *_ in others
-            if not (EFFECTS[newest.name].of_angle_alone and other.name == RIPPLE)
+            if not (newest.type.of_angle_alone and other.name == RIPPLE)
         }
         laws = {name: evidence for name, evidence in laws.items() if not math.isnan(evidence)}
         best = max(laws, key=lambda name: laws[name], default=None)
@@ -197,7 +197,7 @@ class Judge:
         """The last effect of `together`, where a ripple before it that is not seen to repeat only describes its law."""
         *others, (newest, *_) = together
         rippled = newest.name != RIPPLE and any(other.name == RIPPLE for other, *_ in others)
-        hidden = rippled and EFFECTS[newest.name].of_angle_alone and not repeats(newest.fit, self.policy)
+        hidden = rippled and newest.type.of_angle_alone and not repeats(newest.fit, self.policy)
         return newest.name if hidden else None
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from furuta_gym.plant import EFFECTS
+from furuta_gym.plant import EFFECTS, EffectType
 
 from ..policy import DecisionPolicy
 from .fits import Fit
 from .scores import Score
 
 RIPPLE = "arm_ripple"
-_POWERS = {"frequencies": 1.5, "times": 1.0}
 
 
 @dataclass(frozen=True)
@@ -28,6 +27,11 @@ class Suspect:
     fit: Fit = field(repr=False)
     score: float = 0.0
 
+    @property
+    def type(self) -> EffectType:
+        """Its declaration."""
+        return EFFECTS[self.name]
+
 
 Ranking = tuple[Suspect, ...]
 """Suspects of one step, the best first."""
@@ -39,8 +43,7 @@ def price(name: str, samples: int, values: Mapping[str, float] | None = None) ->
     1998, "Asymptotic MAP criteria for model selection"). values: of a wider law (default: the plain one)."""
     kind = EFFECTS[name]
     priced = kind.in_play(kind.neutral() if values is None else values)
-    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in priced]
-    return sum(powers) * math.log(samples)
+    return sum(p.information for p in priced) * math.log(samples)
 
 
 def price_in(fitted: Fit, name: str) -> float:
@@ -52,16 +55,6 @@ def price_in(fitted: Fit, name: str) -> float:
 def alike(one: str, other: str) -> bool:
     """Whether one of two effects is declared to be mistaken for the other."""
     return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
-
-
-def follows_clock(name: str) -> bool:
-    """Whether an effect goes by the clock of its log, and so cannot be looked for in another."""
-    return EFFECTS[name].follows_clock
-
-
-def repeats_by_clock(name: str) -> bool:
-    """Whether an effect that goes by the clock of its log repeats, so that a later part of the log can speak of it."""
-    return any(p.grid == "frequencies" for p in EFFECTS[name].parameters)
 
 
 def periods(fitted: Fit) -> float:
@@ -88,7 +81,7 @@ def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
     first, *others = ranking
     if not follows_a_law(first, policy):
         return None
-    near = (s for s in others if EFFECTS[s.name].of_angle_alone and s.gain > policy.nearly * first.gain)
+    near = (s for s in others if s.type.of_angle_alone and s.gain > policy.nearly * first.gain)
     return next(near, None)
 
 
