@@ -40,8 +40,6 @@ ABSORBED = {
     "arm_encoder_offset": "changes nothing in model (5)",
 }
 """What no log can tell from the parameters of model (5), and what becomes of it: never named, always reported."""
-ONCE_A_TURN = "one period a turn is no cogging: a cable, a spring or a tilted base pulls so; look there"
-"""What a ripple of n = 1 is."""
 
 
 @dataclass(frozen=True)
@@ -308,8 +306,8 @@ class Diagnosis:
                     continue
                 if self.confirmed:
                     lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
-                if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
-                    lines.append(f"    {ONCE_A_TURN}")
+                if found is not None and (caution := found.type.caution_at(found.parameters)):
+                    lines.append(f"    {caution}")
                 if equals:
                     lines.append(f"    equals on these logs: {', '.join(equals)}")
         lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []

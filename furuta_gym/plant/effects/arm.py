@@ -226,6 +226,10 @@ ARM_EFFECTS = (
             ),
         ),
         kernels={"torque": _ripple},
+        periods_a_turn="n",
+        caution=lambda n: (
+            "one period a turn is no cogging: a cable, a spring or a tilted base pulls so; look there" if n == 1 else ""
+        ),
         mistaken_for=("arm_spring", "arm_position_friction", "arm_cable", "arm_taut_cable"),
     ),
     EffectType(

@@ -98,8 +98,8 @@ class Parameter:
 
     @property
     def information(self) -> float:
-        """The power of N with which the information of N samples on it grows, halved: 3/2 for a frequency, 1 for an
-        instant and 1/2 for anything else."""
+        """Half the power with which information on it grows with the number of samples: 3/2 for a frequency, 1 for an
+        instant, 1/2 for anything else."""
         return 1.5 if self.repeats else 1.0 if self.instant else 0.5
 
     def grid_on(self, usual: float) -> tuple[float, ...]:
@@ -125,7 +125,9 @@ class EffectType:
     Coulomb friction is left beside them: a function of the other's parameters gives the level θ8 and parameters of this
     one that do nearly the same.
     `wider` gives starts of a wider law of the same cause, in which the optional parameters play a part, from the
-    parameters of the plain one. `learned` marks what is no name: no search proposes it, and no descent moves its
+    parameters of the plain one. `periods_a_turn` names the parameter that says how often a law of the arm's angle
+    repeats in a turn. `caution` is a function of some parameters to what a reader should know of these values, "" where
+    that is nothing. `learned` marks what is no name: no search proposes it, and no descent moves its
     parameters.
     """
 
@@ -142,6 +144,8 @@ class EffectType:
     changes: tuple[str, ...] = ()
     dissipative: bool = False
     learned: bool = False
+    periods_a_turn: str = ""
+    caution: Callable[..., str] | None = None
     linear: Callable[..., tuple[float, ...]] | None = None
     includes: Mapping[str, Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]] = field(
         default_factory=dict
@@ -161,10 +165,16 @@ class EffectType:
             arguments[hook] = tuple(inspect.signature(kernel).parameters)
             if strange := set(arguments[hook]) - own - set(HOOKS[hook]):
                 raise ValueError(f"effect {self.name}: its {hook} kernel asks for unknown {sorted(strange)}")
-        for what, function in (("linear coefficients", self.linear), ("sentence", self.says)):
+        for what, function in (
+            ("linear coefficients", self.linear),
+            ("sentence", self.says),
+            ("caution", self.caution),
+        ):
             asked = set(inspect.signature(function).parameters) if function else set()
             if strange := asked - set(self.parameter_names):
                 raise ValueError(f"effect {self.name}: its {what} ask for unknown {sorted(strange)}")
+        if self.periods_a_turn and self.periods_a_turn not in self.parameter_names:
+            raise ValueError(f"effect {self.name}: it has no parameter {self.periods_a_turn!r} (periods_a_turn)")
         object.__setattr__(self, "arguments", arguments)
         compiled_kernels = {hook: compiled(k, forceinline=True) for hook, k in self.kernels.items()}
         object.__setattr__(self, "kernels", compiled_kernels)
@@ -176,12 +186,16 @@ class EffectType:
     def coefficients(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """`linear` of an effect that has it, at the parameters `values`."""
         assert self.linear is not None
-        return self.linear(**{name: values[name] for name in inspect.signature(self.linear).parameters})
+        return _called(self.linear, values)
 
     def sentence(self, values: Mapping[str, float], unit: str) -> str:
         """What the effect does to a rig at the parameters `values`, in words; unit: of the command."""
         spoken = {p.name: Quantity(values[p.name], p.unit.format(u=unit)) for p in self.parameters}
-        return self.says(**{name: spoken[name] for name in inspect.signature(self.says).parameters})
+        return _called(self.says, spoken)
+
+    def caution_at(self, values: Mapping[str, float]) -> str:
+        """What a reader should know of the parameters `values`; "" where that is nothing."""
+        return _called(self.caution, values) if self.caution else ""
 
     @property
     def follows_clock(self) -> bool:
@@ -209,6 +223,11 @@ class EffectType:
         return bool({"r1", "r2"} & set(self.arguments.get("torque", ())))
 
     @property
+    def whole_number(self) -> bool:
+        """Whether it has a shape that is a whole number, which no descent moves."""
+        return any(p.integer and p.role == "shape" for p in self.parameters)
+
+    @property
     def rough(self) -> bool:
         """Whether the likelihood of one of its parameters is too rough for an error bar, and so that of the others,
         which go with it."""
@@ -222,3 +241,8 @@ class EffectType:
     def neutral(self) -> dict[str, float]:
         """Parameter values at which the effect is absent (shape parameters at their defaults)."""
         return {p.name: p.neutral if p.role == "size" else p.default for p in self.parameters}
+
+
+def _called(function: Callable[..., Any], values: Mapping[str, float]) -> Any:
+    """A function's result at those of the values that it asks for."""
+    return function(**{name: values[name] for name in inspect.signature(function).parameters})

@@ -130,13 +130,13 @@ def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
     if travels := [d for d in _travels(effect, plant) if d > 0.0 and math.isfinite(d)]:
         columns = [bristle(s.way(0), factor * d) for d in travels for factor in _TRAVELS]
         return [Family("arm", "memory at its own travel", on_row(0, *columns))]
-    if effect.name == "arm_ripple":
-        return [Family("arm", "its own ripple", on_row(0, *_waves(p["n"] * q1)))]
-    if effect.name == "arm_position_friction":
+    if periods := effect.type.periods_a_turn:
+        return [Family("arm", "its own ripple", on_row(0, *_waves(p[periods] * q1)))]
+    if effect.type.dry and effect.type.of_arm_angle:
         turning = np.tanh(plant.sharpness[0] * v1)
         return [Family("arm", "its own friction", on_row(0, *(w * turning for w in _waves(q1))))]
-    if effect.name == "periodic_torque":
-        return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * p["f"] * t)))]
+    if frequency := next((p[known.name] for known in effect.type.parameters if known.repeats), None):
+        return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * frequency * t)))]
     if effect.name.endswith("eccentricity"):
         row = _ROWS[effect.name.split("_")[0]]
         return [Family("sensor", "its own turn", None, on_row(row, *_waves(s.expected[:, row])))]

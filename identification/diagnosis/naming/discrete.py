@@ -3,17 +3,12 @@ rough."""
 
 from __future__ import annotations
 
-from furuta_gym.plant import EFFECTS, Effect, Parameter, Plant
+from furuta_gym.plant import Effect, Parameter, Plant
 
 from .fits import Fit, added, without
 from .multistart import Setting, Start, multi_start, with_effect
 
 _FACTORS = (1.25, 1.08)  # on a rough size: wide steps first, then narrow ones
-
-
-def has_whole_number(name: str) -> bool:
-    """Whether an effect has a shape that is a whole number, as the periods a turn of a ripple."""
-    return any(p.integer and p.role == "shape" for p in EFFECTS[name].parameters)
 
 
 def grid_of(effect: Effect, plant: Plant) -> list[Effect]:

@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, price_in, repeats, slight_beside
+from .suspects import Ranking, Suspect, alike, follows_a_law, price_in, repeats, slight_beside
 
 
 class Rest(Protocol):
@@ -166,7 +166,7 @@ class Judge:
         laws = {
             other.name: self._taken_up(before, newest.fit, other.name)
             for other, *_ in others
-            if not (newest.type.of_angle_alone and other.name == RIPPLE)
+            if not (newest.type.of_angle_alone and other.type.periods_a_turn)
         }
         laws = {name: evidence for name, evidence in laws.items() if not math.isnan(evidence)}
         best = max(laws, key=lambda name: laws[name], default=None)
@@ -178,12 +178,12 @@ class Judge:
         """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
         in the same variables that explains less than half as much, or a change of what that effect's law is made of, as
         the sharpness r of friction is. Held-out data cannot say which it is, as both predict the same. Not so a ripple
-        and what pulls otherwise: see `law_of` and `law_of_ripple`."""
+        and what pulls otherwise: see `law_of` and `ripple_of_law`."""
         *others, (newest, *_) = together
         own = own_variables(newest.name)
         for other, *_ in others:
             of = own_variables(other.name)
-            rippled = RIPPLE in (newest.name, other.name)
+            rippled = newest.type.periods_a_turn or other.type.periods_a_turn
             if (
                 (alike(newest.name, other.name) or _changes_law(newest.name, other.name))
                 and (own <= of or of <= own)
@@ -193,12 +193,14 @@ class Judge:
                 return other.name
         return None
 
-    def law_of_ripple(self, together: Sequence[Ranking]) -> str | None:
-        """The last effect of `together`, where a ripple before it that is not seen to repeat only describes its law."""
+    def ripple_of_law(self, together: Sequence[Ranking]) -> str | None:
+        """The ripple before the last effect of `together` that is not seen to repeat, and so only describes the law of
+        that one."""
         *others, (newest, *_) = together
-        rippled = newest.name != RIPPLE and any(other.name == RIPPLE for other, *_ in others)
-        hidden = rippled and newest.type.of_angle_alone and not repeats(newest.fit, self.policy)
-        return newest.name if hidden else None
+        if newest.type.periods_a_turn or not newest.type.of_angle_alone:
+            return None
+        ripples = (other.name for other, *_ in others if other.type.periods_a_turn)
+        return next((name for name in ripples if not repeats(newest.fit, name, self.policy)), None)
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.

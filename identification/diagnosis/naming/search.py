@@ -19,7 +19,7 @@ from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .comparison import Comparison
-from .discrete import has_whole_number, starts_of, stepped
+from .discrete import starts_of, stepped
 from .dropped import Rest, dropped
 from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
@@ -193,7 +193,7 @@ class Search:
             fitted = comparison.fits[name]
             behind = fitted.value > best + self.policy.reach
             contests = current.value - fitted.value > self.policy.contested * (current.value - best)
-            if behind and contests and has_whole_number(name):
+            if behind and contests and EFFECTS[name].whole_number:
                 self.progress(f"trying other whole numbers of {name}")
                 comparison.fits[name] = stepped(fitted, current, self, rough=False)
 

@@ -14,8 +14,6 @@ from ..policy import DecisionPolicy
 from .fits import Fit
 from .scores import Score
 
-RIPPLE = "arm_ripple"
-
 
 @dataclass(frozen=True)
 class Suspect:
@@ -57,22 +55,23 @@ def alike(one: str, other: str) -> bool:
     return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
 
 
-def periods(fitted: Fit) -> float:
-    """How many periods of its ripple the arm passes, in the log where it turns furthest."""
-    ripple = fitted.plant.effect(RIPPLE)
-    assert ripple is not None
-    return ripple.parameters["n"] * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
+def periods(fitted: Fit, ripple: str) -> float:
+    """How many periods of a ripple the arm passes, in the log where it turns furthest."""
+    effect = fitted.plant.effect(ripple)
+    assert effect is not None
+    a_turn = effect.parameters[effect.type.periods_a_turn]
+    return a_turn * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
 
 
-def repeats(fitted: Fit, policy: DecisionPolicy) -> bool:
-    """Whether the arm passes enough periods of the ripple in a fit to see that it repeats. With fewer, a ripple follows
+def repeats(fitted: Fit, ripple: str, policy: DecisionPolicy) -> bool:
+    """Whether the arm passes enough periods of a ripple in a fit to see that it repeats. With fewer, a ripple follows
     nearly any law of the angle, also what is left of a smooth one beside a cubic law."""
-    return periods(fitted) >= policy.periods
+    return periods(fitted, ripple) >= policy.periods
 
 
 def follows_a_law(suspect: Suspect, policy: DecisionPolicy) -> bool:
     """Whether a suspect is a ripple that is not seen to repeat."""
-    return suspect.name == RIPPLE and not repeats(suspect.fit, policy)
+    return bool(suspect.type.periods_a_turn) and not repeats(suspect.fit, suspect.name, policy)
 
 
 def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
