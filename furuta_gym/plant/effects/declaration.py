@@ -10,6 +10,7 @@ from ..layout import BASE_NAMES
 from ..parameters import THETA_NAMES
 from .words import Quantity
 
+JOINTS = ("arm", "pendulum")
 PLACES = ("arm", "pendulum", "arm and pendulum", "input", "sensor", "parameters")
 
 # Where a kernel enters, and the names it may ask for besides its own parameters and memory.
@@ -123,12 +124,12 @@ class EffectType:
     one: a function of the other's parameters and of this one's gives this one's parameters that do what both did.
     `friction_of`, on a law in place of the arm's Coulomb friction, says which other effects are this one where no
     Coulomb friction is left beside them: a function of the other's parameters gives the level θ8 and parameters of this
-    one that do nearly the same.
-    `wider` gives starts of a wider law of the same cause, in which the optional parameters play a part, from the
-    parameters of the plain one. `periods_a_turn` names the parameter that says how often a law of the arm's angle
-    repeats in a turn. `caution` is a function of some parameters to what a reader should know of these values, "" where
-    that is nothing. `learned` marks what is no name: no search proposes it, and no descent moves its
-    parameters.
+    one that do nearly the same. `wider` gives starts of a wider law of the same cause, in which the optional parameters
+    play a part, from the parameters of the plain one. `periods_a_turn` names the parameter that says how often a law of
+    the arm's angle repeats in a turn. `caution` is a function of some parameters to what a reader should know of these
+    values, "" where that is nothing. `constant` marks what adds a constant, to the command or to a reading. `reads`, on
+    an effect with a `sensor` kernel, is the joint whose encoder it is of. `learned` marks what is no name: no search
+    proposes it, and no descent moves its parameters.
     """
 
     name: str
@@ -144,6 +145,8 @@ class EffectType:
     changes: tuple[str, ...] = ()
     dissipative: bool = False
     learned: bool = False
+    constant: bool = False
+    reads: str = ""
     periods_a_turn: str = ""
     caution: Callable[..., str] | None = None
     linear: Callable[..., tuple[float, ...]] | None = None
@@ -173,6 +176,11 @@ class EffectType:
             asked = set(inspect.signature(function).parameters) if function else set()
             if strange := asked - set(self.parameter_names):
                 raise ValueError(f"effect {self.name}: its {what} ask for unknown {sorted(strange)}")
+        if (self.reads in JOINTS) != ("sensor" in self.kernels) or self.reads not in ("", *JOINTS):
+            raise ValueError(
+                f"effect {self.name}: reads must be one of {JOINTS} with a sensor kernel and empty without, "
+                f"got {self.reads!r}"
+            )
         if self.periods_a_turn and self.periods_a_turn not in self.parameter_names:
             raise ValueError(f"effect {self.name}: it has no parameter {self.periods_a_turn!r} (periods_a_turn)")
         object.__setattr__(self, "arguments", arguments)
@@ -196,6 +204,11 @@ class EffectType:
     def caution_at(self, values: Mapping[str, float]) -> str:
         """What a reader should know of the parameters `values`; "" where that is nothing."""
         return _called(self.caution, values) if self.caution else ""
+
+    @property
+    def wrong_zero(self) -> str:
+        """The joint whose encoder's zero it stands for; "" for any other effect."""
+        return self.reads if self.constant else ""
 
     @property
     def follows_clock(self) -> bool:

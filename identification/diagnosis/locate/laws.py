@@ -43,9 +43,8 @@ def own_variables(name: str) -> frozenset[Variable]:
         elif hook == "command":
             found |= {("input", "command"), ("arm", "constant")}
         elif hook == "sensor":
-            joint = name.split("_")[0]
-            found |= {("sensor", f"{joint} angle")} | {
-                ("sensor", zero) for zero, of in ZEROS.items() if of.startswith(joint)
+            found |= {("sensor", f"{effect.reads} angle")} | {
+                ("sensor", zero) for zero, of in ZEROS.items() if of.startswith(effect.reads)
             }
         elif hook == "theta":
             found |= _SPEEDS if {"r1", "r2"} & set(effect.changes) else set()
@@ -104,7 +103,7 @@ def own_families(name: str, plant: Plant, signals: Signals, span: tuple[float, f
             )
         if (channel, variable) == _BY_ANGLE:
             found.append(Family("arm", _SMOOTH, on_row(0, *_polynomials(signals.q[:, 0]))))
-    if name == "input_offset":
+    if EFFECTS[name].constant and not EFFECTS[name].reads:
         found.append(Family("arm", "time", on_row(0, *stages(signals.t, span))))
     effect = plant.effect(name)
     if effect is not None:
@@ -137,8 +136,8 @@ def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
         return [Family("arm", "its own friction", on_row(0, *(w * turning for w in _waves(q1))))]
     if frequency := next((p[known.name] for known in effect.type.parameters if known.repeats), None):
         return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * frequency * t)))]
-    if effect.name.endswith("eccentricity"):
-        row = _ROWS[effect.name.split("_")[0]]
+    if effect.type.reads and not effect.type.constant:
+        row = _ROWS[effect.type.reads]
         return [Family("sensor", "its own turn", None, on_row(row, *_waves(s.expected[:, row])))]
     return []
 

@@ -15,7 +15,7 @@ from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from ..policy import MOST_EFFECTS, DecisionPolicy
 from .fits import Fit
-from .hung import OFFSET, set_while_hanging
+from .hung import set_while_hanging
 from .judge import Judge, NoRest, NoWitness, Rest, Witness
 from .next_effect import next_effect
 from .pairs import two_for_one
@@ -58,7 +58,7 @@ class Naming:
 
     def follows(self, name: str) -> str | None:
         """The effect found from which another one follows, as a wrong zero of an encoder may; None for any other."""
-        of = set_while_hanging(self.final) if name == OFFSET else None
+        of = set_while_hanging(self.final) if EFFECTS[name].wrong_zero == "pendulum" else None
         return of if of in {s.name for s in self.accepted} else None
 
     def describes(self, name: str) -> str | None:

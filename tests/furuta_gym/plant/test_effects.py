@@ -1,5 +1,6 @@
 """One family of tests over the whole library: an effect that is declared enters every one of them by itself."""
 
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -219,6 +220,12 @@ def test_a_second_effect_that_would_take_the_place_of_a_delay_or_filter_is_refus
 
 def test_the_filter_of_the_command_is_the_lag():
     assert {NUMBERS["actuator_lag"]} == FILTERS
+
+
+@pytest.mark.parametrize(("name", "reads"), [("pendulum_encoder_offset", ""), ("input_offset", "arm")])
+def test_the_joint_that_a_sensor_effect_reads_is_declared(name, reads):
+    with pytest.raises(ValueError, match=f"effect {name}: reads must be one of .*, got {reads!r}"):
+        dataclasses.replace(EFFECTS[name], reads=reads)
 
 
 @every_effect
