@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ..compiled import compiled
 from ..elementary import exp, log, sincos, tanh
-from .declaration import EffectType, Parameter
+from .declaration import EffectType, FrictionMemory, Parameter
 from .stribeck import other_exponent, stribeck_level, stribeck_parameters
 from .words import Quantity, by_direction, either, near_standstill, percent
 
@@ -284,6 +284,8 @@ ARM_EFFECTS = (
         ),
         kernels={"torque": _presliding, "rate": _presliding_rate},
         memory=("z",),
+        travels=lambda σ0, theta8: (theta8 / σ0,) if σ0 else (),
+        friction_memory=FrictionMemory("bristle", False, lambda level, travel: {"σ0": level / travel}),
         friction_of={"arm_hysteresis": _bristle_of_stops},
         wider=_other_shape,
         mistaken_for=("arm_stribeck", "friction_sharpness", "actuator_lag", "arm_hysteresis"),
@@ -349,6 +351,7 @@ ARM_EFFECTS = (
         ),
         kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},
         memory=("s", "w"),
+        travels=lambda b: (2.0 * b,),
         changes=("theta1",),
         mistaken_for=("input_delay", "input_dead_zone", "actuator_lag"),
     ),

@@ -10,6 +10,7 @@ from ..layout import BASE_NAMES
 from ..parameters import THETA_NAMES
 from .words import Quantity
 
+_COULOMB = "theta8"
 JOINTS = ("arm", "pendulum")
 PLACES = ("arm", "pendulum", "arm and pendulum", "input", "sensor", "parameters")
 
@@ -110,6 +111,19 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class FrictionMemory:
+    """How a regression along the arm's way finds start values of dry friction that remembers it.
+
+    element: "stop" (Prandtl–Ishlinskii) or "bristle" (Dahl). beside_coulomb: whether Coulomb friction acts beside it;
+    else it takes that one's place. start: a function of its level [{u}] and of its travel [rad] to parameters.
+    """
+
+    element: str
+    beside_coulomb: bool
+    start: Callable[[float, float], dict[str, float]]
+
+
+@dataclass(frozen=True)
 class EffectType:
     """An entry of the library; `kernels` maps each hook (see `HOOKS`) to compiled scalar code.
 
@@ -128,8 +142,10 @@ class EffectType:
     play a part, from the parameters of the plain one. `periods_a_turn` names the parameter that says how often a law of
     the arm's angle repeats in a turn. `caution` is a function of some parameters to what a reader should know of these
     values, "" where that is nothing. `constant` marks what adds a constant, to the command or to a reading. `reads`, on
-    an effect with a `sensor` kernel, is the joint whose encoder it is of. `learned` marks what is no name: no search
-    proposes it, and no descent moves its parameters.
+    an effect with a `sensor` kernel, is the joint whose encoder it is of. `travels`, on a law that remembers the
+    motion, is a function of some parameters, and of the Coulomb level theta8 if it asks, to the ways [rad] that it
+    remembers. `friction_memory` says how it starts if a regression can find it (see `FrictionMemory`). `learned` marks
+    what is no name: no search proposes it, and no descent moves its parameters.
     """
 
     name: str
@@ -147,6 +163,8 @@ class EffectType:
     learned: bool = False
     constant: bool = False
     reads: str = ""
+    travels: Callable[..., tuple[float, ...]] | None = None
+    friction_memory: FrictionMemory | None = None
     periods_a_turn: str = ""
     caution: Callable[..., str] | None = None
     linear: Callable[..., tuple[float, ...]] | None = None
@@ -172,9 +190,10 @@ class EffectType:
             ("linear coefficients", self.linear),
             ("sentence", self.says),
             ("caution", self.caution),
+            ("travels", self.travels),
         ):
             asked = set(inspect.signature(function).parameters) if function else set()
-            if strange := asked - set(self.parameter_names):
+            if strange := asked - set(self.parameter_names) - ({_COULOMB} if function is self.travels else set()):
                 raise ValueError(f"effect {self.name}: its {what} ask for unknown {sorted(strange)}")
         if (self.reads in JOINTS) != ("sensor" in self.kernels) or self.reads not in ("", *JOINTS):
             raise ValueError(
@@ -204,6 +223,11 @@ class EffectType:
     def caution_at(self, values: Mapping[str, float]) -> str:
         """What a reader should know of the parameters `values`; "" where that is nothing."""
         return _called(self.caution, values) if self.caution else ""
+
+    def remembered(self, values: Mapping[str, float], coulomb: float) -> tuple[float, ...]:
+        """The ways of the arm [rad] that it remembers at the parameters `values` and the Coulomb level θ8 of the plant;
+        none for a law without such a memory."""
+        return _called(self.travels, {**values, _COULOMB: coulomb}) if self.travels else ()
 
     @property
     def wrong_zero(self) -> str:

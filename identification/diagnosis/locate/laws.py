@@ -14,7 +14,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, Effect, Plant
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Plant
 
 from ...discrepancy.basis import ZEROS, Family, Signals, on_row, stages
 from ...friction_memory import bristle
@@ -126,7 +126,8 @@ def _near(v: Array, r: float) -> list[Array]:
 def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
     p = effect.parameters
     q1, v1, t = s.q[:, 0], s.v[:, 0], s.t
-    if travels := [d for d in _travels(effect, plant) if d > 0.0 and math.isfinite(d)]:
+    remembered = effect.type.remembered(p, float(plant.theta[THETA_NAMES.index("theta8")]))
+    if travels := [d for d in remembered if d > 0.0 and math.isfinite(d)]:
         columns = [bristle(s.way(0), factor * d) for d in travels for factor in _TRAVELS]
         return [Family("arm", "memory at its own travel", on_row(0, *columns))]
     if periods := effect.type.periods_a_turn:
@@ -140,16 +141,6 @@ def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
         row = _ROWS[effect.type.reads]
         return [Family("sensor", "its own turn", None, on_row(row, *_waves(s.expected[:, row])))]
     return []
-
-
-def _travels(effect: Effect, plant: Plant) -> Iterable[float]:
-    """The ways [rad] that an effect with a memory of the motion remembers."""
-    p = effect.parameters
-    if effect.name == "arm_hysteresis":
-        return (p["d"], p["d2"]) if p["κ2"] else (p["d"],)
-    if effect.name == "arm_presliding":
-        return (float(plant.theta[7]) / p["σ0"],) if p["σ0"] else ()
-    return (2.0 * p["b"],) if effect.name == "arm_backlash" else ()
 
 
 def _waves(angle: Array) -> list[Array]:
