@@ -29,6 +29,13 @@ HOOKS: dict[str, tuple[str, ...]] = {
 }
 
 
+_LATIN = {
+    **{"α": "alpha", "β": "beta", "γ": "gamma", "δ": "delta", "ε": "epsilon", "ζ": "zeta", "η": "eta", "θ": "theta"},
+    **{"κ": "kappa", "λ": "lambda", "μ": "mu", "ν": "nu", "ξ": "xi", "π": "pi", "ρ": "rho", "σ": "sigma", "τ": "tau"},
+    **{"φ": "phi", "χ": "chi", "ψ": "psi", "ω": "omega", "Δ": "d"},
+}
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect.
@@ -72,6 +79,11 @@ class Parameter:
     jumps: bool = False
     travel: bool = False
     of_a_day: bool = False
+
+    @property
+    def typed(self) -> str:
+        """Its name as a keyboard without Greek letters has it: φ is phi, and ΔF is dF."""
+        return "".join(_LATIN.get(letter, letter) for letter in self.name)
 
     @property
     def positive(self) -> bool:

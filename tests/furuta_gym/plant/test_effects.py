@@ -222,6 +222,17 @@ def test_the_filter_of_the_command_is_the_lag():
     assert {NUMBERS["actuator_lag"]} == FILTERS
 
 
+def test_each_spelling_without_greek_letters_is_of_one_parameter():
+    names = {p.name: p.typed for effect in EFFECTS.values() for p in effect.parameters}
+    assert all(typed.isascii() for typed in names.values())
+    assert len(set(names.values())) == len(names)
+    spelt = {name: typed for name, typed in names.items() if name != typed}
+    assert spelt == {
+        **{"ΔF": "dF", "δ": "delta", "φ": "phi", "σ0": "sigma0", "κ": "kappa", "κ2": "kappa2", "ρ": "rho"},
+        **{"λ": "lambda", "αx": "alphax", "αy": "alphay"},
+    }
+
+
 @pytest.mark.parametrize(("name", "reads"), [("pendulum_encoder_offset", ""), ("input_offset", "arm")])
 def test_the_joint_that_a_sensor_effect_reads_is_declared(name, reads):
     with pytest.raises(ValueError, match=f"effect {name}: reads must be one of .*, got {reads!r}"):
