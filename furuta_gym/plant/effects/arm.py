@@ -167,7 +167,6 @@ ARM_EFFECTS = (
         parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 3.0, relative_to="theta6", lower=0.0),),
         kernels={"torque": _quadratic_drag},
         mistaken_for=("arm_stribeck",),
-        dissipative=True,
     ),
     EffectType(
         name="arm_spring",

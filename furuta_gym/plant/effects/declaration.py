@@ -171,7 +171,6 @@ class EffectType:
     mistaken_for: tuple[str, ...] = ()
     memory: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
-    dissipative: bool = False
     learned: bool = False
     constant: bool = False
     reads: str = ""

@@ -294,10 +294,6 @@ LOSSES = {
 }
 
 
-def test_what_is_declared_dissipative_is_tested_as_such():
-    assert {name for name, effect in EFFECTS.items() if effect.dissipative} <= set(LOSSES)
-
-
 @pytest.mark.parametrize("name", LOSSES)
 @given(data=st.data())
 def test_losses_never_add_energy(name, data):
