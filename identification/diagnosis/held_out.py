@@ -131,7 +131,7 @@ class HeldOut:
     @staticmethod
     def _refitted(logs: Sequence[Log], plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:
         """The plant with its parameters fitted to some logs, without a prior."""
-        start = plant.replace(covariance=None, checks={}, provenance={})
+        start = plant.without_fit()
         # from the noise that the search ended with: from more of it, a fit loses what is small against it again
         return identify(logs, start, noise=noise, zeros=zeros if noise else None, polished=False, model_error=False)
 

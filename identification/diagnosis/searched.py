@@ -206,9 +206,7 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
     theta[1] = max(theta[1], policy.least_theta2 * theta[3])
     floor = [0.02 * theta[0], 0.02 * theta[3], 0.005 * plant.u_max, 5e-4 * abs(theta[4])]
     theta[5:] = np.maximum(theta[5:], floor)
-    return plant.replace(
-        theta=theta, friction_sharpness=policy.sharpness, covariance=None, checks={}, provenance={}, effects=()
-    )
+    return plant.without_fit().replace(theta=theta, friction_sharpness=policy.sharpness, effects=())
 
 
 def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdict, str]:

@@ -57,7 +57,7 @@ def from_grids(
     given = [e for e in plant.effects if e.name in names]
     hertz: tuple[float, ...] = ()
     if any(p.repeats and f"{e.name}.{p.name}" not in known for e in given for p in e.type.parameters):
-        hertz = _spectrum(make, plant.replace(effects=tuple(e for e in plant.effects if e not in given)), thin)
+        hertz = _spectrum(make, plant.without(*(e.name for e in given)), thin)
     waiting = {e.name: at_grid_points(e, plant, known, clock, hertz) for e in given}
     if not further and len(waiting) < 2 and all(len(points) == 1 for points in waiting.values()):
         return plant
@@ -69,7 +69,7 @@ def from_grids(
         found = minimise(problem, problem.start(), _SHORT, _ROUGH, free, exact=False)
         return found.value, problem.plant_at(found.z) if math.isfinite(found.value) else start
 
-    current = plant.replace(effects=tuple(e for e in plant.effects if e.name not in waiting))
+    current = plant.without(*waiting)
     while waiting:
         starts = [(current.with_effects(effect), name) for name, points in waiting.items() for effect in points]
         for other in further:

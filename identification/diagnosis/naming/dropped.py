@@ -68,8 +68,7 @@ def _likelier(fitted: Fit, gone: Effect) -> Rest | None:
         return None
     if not problem.value(there) < problem.value(still):
         return None
-    kept = tuple(e for e in plant.effects if e.name != gone.name)
-    return Rest(plant.replace(effects=kept), problem.zeros_at(there))
+    return Rest(plant.without(gone.name), problem.zeros_at(there))
 
 
 def _with_part_of(gone: Effect, effect: Effect) -> Effect:

@@ -226,5 +226,4 @@ def further(fitted: Fit, current: Fit) -> tuple[Effect, ...]:
 
 def without(fitted: Fit, current: Fit) -> Plant:
     """The plant of `fitted` with only the effects of `current`."""
-    keep = {e.name for e in current.plant.effects}
-    return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))
+    return fitted.plant.keeping(lambda effect: current.plant.effect(effect.name) is not None)

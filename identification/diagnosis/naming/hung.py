@@ -35,7 +35,7 @@ def set_while_hanging(fitted: Fit) -> str | None:
         read = record.y[0] - np.array(fitted.zeros.get(record.log, (0.0, 0.0)))
         if _rests(plant, read, count):
             for name in causes:
-                others = plant.replace(effects=tuple(e for e in plant.effects if e.name != name))
+                others = plant.without(name)
                 if not _rests(others, read, count):
                     return name
     return None

@@ -69,9 +69,8 @@ def in_place_of_friction(plant: Plant, name: str, other: str, policy: DecisionPo
         return None
     theta = plant.theta.copy()
     theta[_COULOMB] += level
-    kept = [e for e in plant.effects if e.name not in (name, other)]
     taken = Effect(other, {**EFFECTS[other].neutral(), **values})
-    return plant.replace(theta=theta, effects=(*kept, taken))
+    return plant.without(name).replace(theta=theta).with_effects(taken)
 
 
 def angles_of(records: Sequence[Record], zeros: Zeros) -> Array:

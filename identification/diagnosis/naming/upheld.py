@@ -157,8 +157,7 @@ def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> 
     """A fit with one effect in the place of another; `start` may have that one still, or be fitted without it."""
     effect = s.fit.plant.effect(s.name)
     assert effect is not None
-    rest = tuple(e for e in start.plant.effects if e.name != false.name)
-    plant = start.plant.replace(effects=rest).with_effects(effect)
+    plant = start.plant.without(false.name).with_effects(effect)
     return search.fitted(plant, replace(start, noise=between(s.fit, start)), "full")
 
 
