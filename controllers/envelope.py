@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 
 from .base import Controller
 from .design import choose_sensors
@@ -63,7 +64,7 @@ class Envelope:
     """
 
     u_max: float
-    arm_travel: float = 2 * math.pi
+    arm_travel: float = ARM_TRAVEL
     arm_speed: float = math.inf
     tilt: float = math.inf
     slew: float = math.inf
@@ -102,7 +103,7 @@ class Envelope:
         u_max = min(controller.u_max, limits.get("supply", math.inf)) if given is None else given
         made = cls(
             u_max=u_max,
-            arm_travel=limits.get("arm_travel", 2 * math.pi),
+            arm_travel=limits.get("arm_travel", ARM_TRAVEL),
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.linearization import linearize
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
 from .design import Weights
 from .predictive import PredictiveBalancer
-from .trials import ARM_TRAVEL, Starts, run_trials
+from .trials import Starts, run_trials
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from .effects.library import NUMBERS
 from .file_remarks import remarks
 from .integration_step import friction_rate, rest_slopes
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
-from .parameters import THETA_NAMES, theta_vector
+from .parameters import FRICTION_SHARPNESS, THETA_NAMES, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
 from .rigid_body import physical_consistency
 
@@ -55,7 +55,7 @@ class Plant:
     """
 
     theta: NDArray[np.float64]
-    friction_sharpness: float | tuple[float, float] = 100.0
+    friction_sharpness: float | tuple[float, float] = FRICTION_SHARPNESS
     unit: str = "V"
     u_max: float = 10.0
     sample_time: float | None = None
