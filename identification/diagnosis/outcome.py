@@ -116,7 +116,7 @@ class Diagnosis:
         return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
 
     @property
-    def floor_in_doubt(self) -> bool:
+    def torque_floor_exceeded(self) -> bool:
         """Whether data that no fit saw are predicted worse than noise alone would, and that noise is nearly all torque
         noise: torques that the plant misses, or wrong parameters, pass for it."""
         after = self.gap.after if self.gap is not None else None
