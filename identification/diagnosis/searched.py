@@ -30,7 +30,7 @@ from .locate.location import Where
 from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
 from .naming.certain import without_uncertain
-from .naming.fits import Fit, Fitter, fit
+from .naming.fits import Fit, Fitter
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
 from .naming.suspects import price_in
@@ -48,7 +48,7 @@ def searched(
     most: int,
     only: Sequence[str] | None,
     progress: Callable[[str], None],
-    fitter: Fitter = fit,
+    fitter: Fitter,
 ) -> Diagnosis:
     """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`."""
     logs, policy = held.logs, held.policy
@@ -142,7 +142,7 @@ def _settled(
     named: Callable[[Mapping[str, Fit]], _Answer],
     other: Callable[[Fit | None], Mapping[str, Fit]],
     search: Search,
-    dragged: bool = False,
+    dragged: bool,
 ) -> _Answer:
     """named(joined): the names. other(known): the best fits of one effect from the logs' own starts. They join the
     search at once where model (5) is `dragged` away by what is missing. Else the search is made again with them, if

@@ -27,8 +27,8 @@ def afresh(
     nominal: Fit,
     starts: Sequence[LogStart],
     search: Search,
-    known: Fit | None = None,
-    remembering: Sequence[LogStart] = (),
+    known: Fit | None,
+    remembering: Sequence[LogStart],
 ) -> dict[str, Fit]:
     """The best fits of model (5) with one effect among those that start at `starts`, by the effect's name.
 

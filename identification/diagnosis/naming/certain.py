@@ -54,7 +54,7 @@ def uncertain(naming: Naming, plant: Plant, level: float) -> list[int]:
 
 
 def without_uncertain(
-    naming: Naming, plant: Plant, search: Search, witness: Witness, needed: Collection[str] = ()
+    naming: Naming, plant: Plant, search: Search, witness: Witness, needed: Collection[str]
 ) -> Naming | None:
     """The names without one that may be absent and that data which no fit saw do not ask for: of several the one that
     is missed least. None if there is no such name. needed: names that are not asked about."""

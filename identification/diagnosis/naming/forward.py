@@ -13,10 +13,10 @@ from furuta_gym.plant import EFFECTS
 
 from ...kalman.noise_model import Noise
 from ..locate.location import Where
-from ..policy import MOST_EFFECTS, DecisionPolicy
+from ..policy import DecisionPolicy
 from .fits import Fit
 from .hung import set_while_hanging
-from .judge import Judge, NoRest, NoWitness, Rest, Witness
+from .judge import Judge, Rest, Witness
 from .next_effect import next_effect
 from .pairs import two_for_one
 from .scores import Score
@@ -104,10 +104,10 @@ class _Grown:
 def name_effects(
     nominal: Fit,
     search: Search,
-    most: int = MOST_EFFECTS,
-    rest: Rest = NoRest(),  # noqa: B008  (no state)
-    witness: Witness = NoWitness(),  # noqa: B008  (no state)
-    joined: Mapping[str, Fit] = NOTHING_YET,
+    most: int,
+    rest: Rest,
+    witness: Witness,
+    joined: Mapping[str, Fit],
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.

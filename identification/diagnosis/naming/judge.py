@@ -27,16 +27,6 @@ class Rest(Protocol):
         ...
 
 
-class NoRest:
-    """A `Rest` that never sees anything."""
-
-    def left(self, fitted: Fit) -> float:
-        return 0.0
-
-    def another_law(self, fitted: Fit, name: str) -> float:
-        return math.nan
-
-
 class Witness(Protocol):
     """Data that no fit saw."""
 
@@ -72,33 +62,6 @@ class Witness(Protocol):
     def excuses(self, without: Fit, fitted: Fit) -> bool:
         """Whether it says nothing if they speak against it, as the arm is elsewhere there."""
         ...
-
-
-class NoWitness:
-    """A `Witness` that never says anything."""
-
-    same_clock = True
-
-    def hears(self, fits: Sequence[Fit]) -> None:
-        pass
-
-    def far(self, fitted: Fit) -> bool:
-        return False
-
-    def off(self, fitted: Fit) -> bool:
-        return False
-
-    def confirms(self, without: Fit, fitted: Fit) -> bool:
-        return False
-
-    def prefers(self, fitted: Fit, other: Fit) -> bool:
-        return False
-
-    def denies(self, without: Fit, fitted: Fit) -> bool:
-        return False
-
-    def excuses(self, without: Fit, fitted: Fit) -> bool:
-        return False
 
 
 @dataclass(frozen=True)

@@ -239,7 +239,7 @@ class Search:
     def reconsidered(
         self,
         found: Sequence[Ranking],
-        asked_for: Callable[[Fit, Fit, Sequence[str]], bool] = lambda without, fitted, beside: False,
+        asked_for: Callable[[Fit, Fit, Sequence[str]], bool],
     ) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
         while the other was missing. Effects that have become superfluous or slight go, others may be exchanged.

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from furuta_gym import Effect
-from identification.diagnosis.naming.judge import Judge, NoRest, NoWitness
+from identification.diagnosis.naming.judge import Judge
 from identification.diagnosis.policy import DecisionPolicy
 from tests.identification.diagnosis.fits import RECORD, a_fit, ranked
+from tests.identification.diagnosis.silence import NoRest, NoWitness
 
 JUDGE = Judge(DecisionPolicy(), NoRest(), NoWitness())
 
