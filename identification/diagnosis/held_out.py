@@ -181,11 +181,12 @@ class HeldOut:
             self.gap(*_asked(fitted))
 
     def far(self, fitted: Fit) -> bool:
-        """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""
+        """Whether a fit predicts much worse than noise would (`policy.far`), or its filter loses the data. As for every
+        `Witness`, False where nobody can tell."""
         return self._beyond(fitted, self.policy.far)
 
     def off(self, fitted: Fit) -> bool:
-        """Whether a fit predicts worse than an adequate plant does."""
+        """Whether a fit predicts worse than an adequate plant (`policy.adequate`), or its filter loses the data."""
         return self._beyond(fitted, self.policy.adequate)
 
     def _beyond(self, fitted: Fit, ratio: float) -> bool:

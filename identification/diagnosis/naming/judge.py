@@ -40,11 +40,11 @@ class Witness(Protocol):
         ...
 
     def far(self, fitted: Fit) -> bool:
-        """Whether a fit predicts them much worse than noise would."""
+        """Whether a fit predicts them much worse than noise would, or loses them; False where nobody can tell."""
         ...
 
     def off(self, fitted: Fit) -> bool:
-        """Whether a fit predicts them worse than noise would."""
+        """Whether a fit predicts them worse than an adequate plant does, or loses them; False where nobody can tell."""
         ...
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
