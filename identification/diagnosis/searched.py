@@ -29,7 +29,7 @@ from .locate.locate import locate
 from .locate.location import Where
 from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
-from .naming.certain import without_uncertain
+from .naming.certain import without_absent
 from .naming.fits import Fit, Fitter
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
@@ -94,10 +94,10 @@ def _named(
     naming = upheld(naming, search, held)
     naming, after, remains = _estimated(naming, before, logs, search)
     needed: set[str] = set()
-    while (fewer := without_uncertain(naming, after.plant, search, held, needed)) is not None:
+    while (fewer := without_absent(naming, after.plant, search, held, needed)) is not None:
         left = _estimated(fewer, before, logs, search)
         if left[2].matters and not remains.matters:
-            needed.add(fewer.uncertain[-1].name)
+            needed.add(fewer.perhaps_absent[-1].name)
         else:
             naming, after, remains = left
     naming = unsettled(naming, remains, policy)

@@ -224,6 +224,6 @@ def further(fitted: Fit, current: Fit) -> tuple[Effect, ...]:
     return tuple(e for e in fitted.plant.effects if e.name not in had)
 
 
-def without(fitted: Fit, current: Fit) -> Plant:
+def without_further(fitted: Fit, current: Fit) -> Plant:
     """The plant of `fitted` with only the effects of `current`."""
     return fitted.plant.keeping(lambda effect: current.plant.effect(effect.name) is not None)

@@ -36,10 +36,10 @@ class Naming:
 
     accepted: the effects found. equals: beside each of them, what cannot be told from it. absorbed: share of each
     effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
-    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw. uncertain:
-    what makes these logs likelier, though its size may be zero. same: of the equals, those that predict the same, so
-    that nobody need tell them apart. laws: which of the effects found only describes another law of which. went: of an
-    effect found, those found before in whose place it came. alone: the model with the best single effect.
+    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
+    perhaps_absent: what makes these logs likelier, though its size may be zero. same: of the equals, those that predict
+    the same, so that nobody need tell them apart. laws: which of the effects found only describes another law of which.
+    went: of an effect found, those found before in whose place it came. alone: the model with the best single effect.
     """
 
     nominal: Fit = field(repr=False)
@@ -50,7 +50,7 @@ class Naming:
     absorbed: dict[str, float]
     refused: Suspect | None = None
     taken_back: tuple[Suspect, ...] = ()
-    uncertain: tuple[Suspect, ...] = ()
+    perhaps_absent: tuple[Suspect, ...] = ()
     same: tuple[tuple[str, ...], ...] = ()
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)

@@ -20,7 +20,7 @@ from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .comparison import Comparison
 from .discrete import starts_of, stepped
-from .dropped import Rest, dropped
+from .dropped import Remainder, dropped
 from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
@@ -197,9 +197,9 @@ class Search:
                 self.progress(f"trying other whole numbers of {name}")
                 comparison.fits[name] = stepped(fitted, current, self, rough=False)
 
-    def _rival(self, rest: Rest, start: Fit, against: Fit) -> Fit:
+    def _rival(self, remainder: Remainder, start: Fit, against: Fit) -> Fit:
         """A plant fitted to compare it with a better one: only as well as the difference asks for."""
-        quick = self.fitted(rest.plant, replace(start, zeros=rest.zeros), "quick")
+        quick = self.fitted(remainder.plant, replace(start, zeros=remainder.zeros), "quick")
         behind = (
             quick.value - against.value - (0.0 if quick.optimum.converged else self.policy.catches_up * quick.promised)
         )

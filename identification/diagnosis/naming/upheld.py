@@ -39,7 +39,7 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
             comparable = asked[gone][1] is final  # a look-alike would be judged beside what follows the clock
             in_place = None if idle or not comparable else _exchanged(naming, gone, reduced[gone], search, witness)
             if in_place or idle or not witness.excuses(*asked[gone]):
-                naming = in_place or without(naming, gone, search.to_the_end(reduced[gone]), taken_back=not idle)
+                naming = in_place or without_name(naming, gone, search.to_the_end(reduced[gone]), taken_back=not idle)
                 break
         else:
             break
@@ -68,7 +68,7 @@ def _asked(
     ]
 
 
-def without(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -> Naming:
+def without_name(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -> Naming:
     """The names without one, which held-out data took back or another made superfluous."""
     return replace(
         naming,
