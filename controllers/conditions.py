@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from furuta_gym.arguments import ArgumentError
 from furuta_gym.plant import EFFECTS, Effect, Plant
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 
 from .statistics import Interval, success_rate, typical, worst
-from .trials import ARM_TRAVEL, Outcome, Starts, balance_starts, run_trials, swing_up_starts
+from .trials import Outcome, Starts, balance_starts, run_trials, swing_up_starts
 from .variations import built_later, built_name, later, noisier, other_plants, possible, weaker
 
 USUAL_GROUPS = ("balance", "push", "parameters", "delay", "quantisation", "effects", "swing_up")

@@ -125,8 +125,7 @@ def balance_point(plant: Plant) -> tuple[float, float]:
     Newton's method on the plant's own equations, without effects that have memory or follow time. Raises DesignError
     if there is none within 0.5 rad.
     """
-    passing = [e for e in plant.effects if e.type.memory or e.type.follows_clock]
-    still = plant.replace(effects=tuple(e for e in plant.effects if e not in passing))
+    still = plant.keeping(lambda effect: not (effect.type.memory or effect.type.follows_clock))
     at = lambda z: state_derivative(still, np.array([0.0, z[0], 0.0, 0.0]), z[1])[2:4]  # noqa: E731
     z = np.zeros(2)
     for _ in range(20):

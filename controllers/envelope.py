@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furuta_gym.plant import Plant
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 
 from .base import Controller
 from .design import choose_sensors
@@ -66,7 +67,7 @@ class Envelope:
     """
 
     u_max: float
-    arm_travel: float = 2 * math.pi
+    arm_travel: float = ARM_TRAVEL
     arm_speed: float = math.inf
     tilt: float = math.inf
     slew: float = math.inf
@@ -107,7 +108,7 @@ class Envelope:
         u_max = min(controller.u_max, limits.get("supply", math.inf)) if given is None else given
         made = cls(
             u_max=u_max,
-            arm_travel=min(limits.get("arm_travel", 2 * math.pi), getattr(controller, "arm_limit", math.inf)),
+            arm_travel=min(limits.get("arm_travel", ARM_TRAVEL), getattr(controller, "arm_limit", math.inf)),
             arm_speed=limits.get("arm_speed", math.inf),
             tilt=math.inf if "swing_up" in controller.tasks else HORIZONTAL,
             slew=limits.get("slew", math.inf),
@@ -234,7 +235,7 @@ class Guarded:
         return 0.0
 
 
-def unlimited(plant: Plant, travel: float = 2 * math.pi) -> str:
+def unlimited(plant: Plant, travel: float = ARM_TRAVEL) -> str:
     """What it means for an exported controller that its plant does not limit the arm; "" for one that does. travel
     [rad]: where the envelope switches off all the same."""
     limits = plant.limits or {}

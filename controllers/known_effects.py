@@ -36,9 +36,10 @@ class KnownEffects:
 
     def __init__(self, plant: Plant, sensors: Sensors | None = None, friction_speed: float = 0.1) -> None:
         # what depends on the time since a log's start cannot be known on the next run
-        lasting = (e for e in plant.effects if not e.type.memory and not e.type.follows_clock)
-        known = tuple(e for e in lasting if e.name != SHARPNESS)  # which the friction_speed takes the place of
-        self.plant = plant.replace(effects=known, friction_sharpness=1.0 / friction_speed)
+        lasting = plant.keeping(lambda effect: not effect.type.memory and not effect.type.follows_clock)
+        # friction_speed takes the place of the effect that is a sharpness
+        self.plant = lasting.without(SHARPNESS).replace(friction_sharpness=1.0 / friction_speed)
+        known = self.plant.effects
         self.offset = np.array(choose_sensors(plant, sensors).offset)
         p, self._codes, self._rows = self.plant.packed()
         self._p = p[:, None]

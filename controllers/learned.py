@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from furuta_gym.arguments import ArgumentError
 from furuta_gym.envs.options import SAMPLE_TIME, SHORTEST_SAMPLE, SPEED_LIMIT, TASKS, Options
 from furuta_gym.plant import Plant
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import FilteredDifference, Sensors
 from furuta_gym.simulation import period_of, same_clock
 
@@ -51,7 +52,7 @@ class LearnedController(Controller):
         trained_u_max: float | None = None,
         every: int = 1,
         sensors: Sensors | None = None,
-        arm_limit: float = 2 * np.pi,
+        arm_limit: float = ARM_TRAVEL,
         tasks: tuple[str, ...] = ("balance",),
         reference: Reference = 0.0,
     ) -> None:
@@ -206,7 +207,7 @@ def load_policy(
         )
     settings: dict[str, Any] = {
         "velocity_cutoff": float(env.get("velocity_cutoff") or choose_sensors(plant, sensors).velocity_cutoff),
-        "arm_limit": float(env.get("arm_limit") or plant.limit("arm_travel", 2 * np.pi)),  # the env's own default
+        "arm_limit": float(env.get("arm_limit") or plant.limit("arm_travel", ARM_TRAVEL)),  # the env's own default
         "tasks": ("balance", "swing_up") if env.get("task") == "swing_up" else ("balance",),
     }
     return LearnedController(

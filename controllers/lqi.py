@@ -14,14 +14,14 @@ from .linear import LinearController, LinearLaw, state_feedback
 INTEGRAL_TIME = 2.0  # s; an arm error held for so long weighs as much as the error itself
 
 
-def lqi_gain(model: DesignModel, weights: Weights, integral_time: float = INTEGRAL_TIME) -> np.ndarray:
+def lqi_gain(model: DesignModel, weights: Weights) -> np.ndarray:
     """K (n + 1,) over the sampled plant and the integral of q1 − r, by `control.dlqr`."""
     import control
 
     n, T = model.size, model.sample_time
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[n, 0], A[n, n] = model.A, T, 1.0
-    Q = block_diag(model.widened(weights.Q), (weights.q1 * integral_time) ** -2)
+    Q = block_diag(model.widened(weights.Q), (weights.q1 * INTEGRAL_TIME) ** -2)
     return riccati(control.dlqr, A, np.vstack([model.B, [[0.0]]]), Q, weights.R)[0].ravel()
 
 

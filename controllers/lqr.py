@@ -1,4 +1,4 @@
-"""Linear quadratic regulators by python-control: continuous (`lqr`), sampled (`dlqr`), with friction compensation."""
+"""Linear quadratic regulators by python-control: continuous (`lqr`) and sampled (`dlqr`)."""
 
 from typing import Any
 

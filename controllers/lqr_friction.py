@@ -16,7 +16,7 @@ SHARE = 0.9
 
 def _without_arm_effects(plant: Plant, sample_time: float | None) -> DesignModel:
     # what is cancelled has no place in the linear design
-    rest = plant.replace(effects=tuple(e for e in plant.effects if e.type.place != "arm"))
+    rest = plant.keeping(lambda effect: effect.type.place != "arm")
     return design_model(rest, choose_sample_time(plant, sample_time))
 
 

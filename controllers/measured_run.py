@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .trials import ARM_TRAVEL, HOLD, Score
+from furuta_gym.plant.plant_file import ARM_TRAVEL
+
+from .trials import HOLD, Score
 
 _ROUNDING = 1e-9  # of a duration
 _LONGEST_GAP = 0.1  # s; over longer ones no figure can be taken

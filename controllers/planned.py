@@ -136,7 +136,7 @@ def _off(effect: Effect) -> bool:
 
 def _moved_by_torque(plant: Plant) -> Plant:
     """The plant whose command is the torque that the motor is asked for: only the lag is left of its command path."""
-    return plant.replace(effects=tuple(e for e in plant.effects if e.name == "actuator_lag"))
+    return plant.keeping(lambda effect: effect.name == "actuator_lag")
 
 
 def _slopes(
@@ -170,7 +170,7 @@ def design_planned(
     A pendulum that does not hang still enough is calmed first. It is a reference for time and effort: a plan knows
     one start, and a rig that differs from the plant leaves it. options: `plan` of one's own, `reference`.
     """
-    plant = plant.replace(effects=tuple(e for e in plant.effects if not _off(e)))
+    plant = plant.keeping(lambda effect: not _off(effect))
     T, seen = choose_sample_time(plant, sample_time), choose_sensors(plant, sensors)
     chosen = weights or Weights.of(plant)
     region = catch_region(plant, T, seen, chosen)  # first, as it is soon known where nothing balances

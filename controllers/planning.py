@@ -17,6 +17,7 @@ from furuta_gym.extras import install
 from furuta_gym.plant import Plant
 from furuta_gym.plant.dynamics import acceleration
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 
 from .base import DesignError
 from .known_effects import KnownEffects
@@ -122,7 +123,7 @@ class Collocation:
         low, high = KnownEffects(plant).torque_limits
         self._largest, self._end = MARGIN * min(-low, high), end
         self._pace, N = pendulum_frequency(plant.theta), intervals
-        travel = 0.8 * plant.limit("arm_travel", 2 * np.pi)
+        travel = 0.8 * plant.limit("arm_travel", ARM_TRAVEL)
         n = 4 + (plant.effect("actuator_lag") is not None)
         self._scale = np.array([1.0, 1.0, self._pace, self._pace, self._largest][:n])
         f, opti = _equations(ca, plant, n), ca.Opti()

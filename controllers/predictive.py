@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, Reference
 from .design import Weights, design_model
 from .lqr import dlqr_gain
 from .predictor import Predictor, feedback_state, lagged_torque_row, without_delay
-from .trials import ARM_TRAVEL
 
 LOST = 1.2  # rad; a pendulum beyond it is swung up anew
 RETURN_TIME = 1.0  # s; the arm's way back to its reference

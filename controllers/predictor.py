@@ -21,7 +21,7 @@ _JUMP = 1.0  # rad; a reading so far from what was expected is taken as a new st
 
 def steady(plant: Plant) -> Plant:
     """The plant without the effects that follow the time since a log's start, which the next run cannot know."""
-    return plant.replace(effects=tuple(e for e in plant.effects if not e.type.follows_clock))
+    return plant.keeping(lambda effect: not effect.type.follows_clock)
 
 
 def _smooth(plant: Plant) -> Plant:
@@ -29,7 +29,7 @@ def _smooth(plant: Plant) -> Plant:
     effect = plant.effect(SHARPNESS)
     other = tuple(effect.parameters.values()) if effect else (0.0, 0.0)  # 0 keeps the plant's own
     r1, r2 = (min(new or own, _SHARPEST) for new, own in zip(other, plant.sharpness, strict=True))
-    return plant.replace(effects=tuple(e for e in plant.effects if e.name != SHARPNESS), friction_sharpness=(r1, r2))
+    return plant.without(SHARPNESS).replace(friction_sharpness=(r1, r2))
 
 
 class Predictor:
@@ -112,7 +112,7 @@ class Predictor:
 
 def without_delay(plant: Plant) -> Plant:
     """The plant as it acts on a command that has arrived: what is controlled from predicted states."""
-    return plant.replace(effects=tuple(e for e in plant.effects if e.name != "input_delay"))
+    return plant.without("input_delay")
 
 
 def lagged_torque_row(plant: Plant) -> int | None:

@@ -8,12 +8,16 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.linearization import linearize
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 
 from .base import Controller, DesignError
 from .design import Weights
 from .predictive import PredictiveBalancer
-from .trials import ARM_TRAVEL, Starts, run_trials
+from .trials import Starts, run_trials
+
+_WIDEST = 1.0  # rad from upright, up to which starts are tried
+_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -35,13 +39,11 @@ def region_of_attraction(
     sensors: Sensors,
     weights: Weights | None = None,
     tries: int = 400,
-    widest: float = 1.0,
-    seed: int = 0,
 ) -> Region:
     """Estimate the region in which `controller` balances `plant`, torque limits, encoders and friction included.
 
     V = xᵀ P x is the cost of the continuous LQR, a Lyapunov function of the linear loop. `tries` random starts with
-    q1 = 0, spread over the levels up to |q2| = `widest` [rad], run for 30/ω with the pendulum's ω = √(θ5/θ4); the level
+    q1 = 0, spread over the levels up to |q2| = `_WIDEST`, run for 30/ω with the pendulum's ω = √(θ5/θ4); the level
     is nine tenths of the lowest from which one failed. Raises DesignError if even the smallest fail.
     """
     import control
@@ -50,8 +52,8 @@ def region_of_attraction(
     linear = linearize(plant)
     P = np.asarray(control.lqr(linear.A, linear.B, weights.Q, weights.R)[1])
     inner = P[1:, 1:]
-    highest = widest**2 / np.linalg.inv(inner)[0, 0]  # of V at which the ellipsoid reaches |q2| = widest
-    rng = np.random.default_rng(seed)
+    highest = _WIDEST**2 / np.linalg.inv(inner)[0, 0]  # of V at which the ellipsoid reaches |q2| = _WIDEST
+    rng = np.random.default_rng(_SEED)
     directions = rng.standard_normal((3, tries))
     directions /= np.sqrt(np.einsum("ik,ij,jk->k", directions, inner, directions))
     levels = highest * np.linspace(1.0 / tries, 1.0, tries)
@@ -62,7 +64,7 @@ def region_of_attraction(
         controller.start_from(x0)
     # a narrow travel makes no state unsafe: the catch counts the way from where the arm is
     outcome = run_trials(
-        plant, controller, starts, duration, controller.sample_time, sensors, arm_travel=ARM_TRAVEL, seed=seed
+        plant, controller, starts, duration, controller.sample_time, sensors, arm_travel=ARM_TRAVEL, seed=_SEED
     )
     lowest = np.flatnonzero(~outcome.success)
     inside = int(lowest[0]) if lowest.size else tries

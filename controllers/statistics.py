@@ -22,7 +22,8 @@ class IntervalEntry(Struct):
         return Interval(value, low, high, self.n)
 
 
-FEWEST_FOR_WORST = 100  # values; below it the worst 5 % are too few for an interval
+WORST_SHARE = 0.05
+FEWEST_FOR_WORST = 100  # values; below it the worst are too few for an interval
 
 
 @dataclass(frozen=True)
@@ -78,14 +79,14 @@ def typical(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval
     return Interval(float(interquartile_mean(sample)), float(low), float(high), n)
 
 
-def worst(values: ArrayLike, share: float = 0.05, resamples: int = 2000, seed: int = 0) -> Interval:
-    """Mean of the largest `share` of the values, one at least, with its percentile bootstrap interval.
+def worst(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval:
+    """Mean of the largest `WORST_SHARE` of the values, one at least, with its percentile bootstrap interval.
 
     The interval is rough: of normal values it covers about 80 % at 100 values and 88 % at 200, not 95 %. With fewer
     than `FEWEST_FOR_WORST` values it has no meaning (36 % at 25), and its ends are NaN."""
     sample = np.asarray(values, dtype=float)
     n = sample.size
-    count = max(1, round(share * n))
+    count = max(1, round(WORST_SHARE * n))
     if n < FEWEST_FOR_WORST:
         return Interval(float(np.sort(sample)[-count:].mean()) if n else np.nan, np.nan, np.nan, n)
     draws = np.random.default_rng(seed).integers(n, size=(resamples, n))

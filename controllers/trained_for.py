@@ -8,6 +8,7 @@ from typing import Any
 
 from furuta_gym.envs.ranges import as_mapping
 from furuta_gym.plant import Plant
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 
 _SAME = 1e-6  # share by which a limit may be narrower
 
@@ -24,7 +25,7 @@ def never_met(record: Mapping[str, Any], plant: Plant) -> list[str]:
     found = [effect.name for effect in plant.effects if effect.name not in had]
     limits = rig.get("limits") or {}
     kept = {
-        "arm_travel": env.get("arm_limit") or limits.get("arm_travel") or 2 * math.pi,
+        "arm_travel": env.get("arm_limit") or limits.get("arm_travel") or ARM_TRAVEL,
         "arm_speed": limits.get("arm_speed") or math.inf,
         "slew": limits.get("slew") or math.inf,
         "supply": 0.0 if "u_max" in drawn else min(limits.get("supply") or math.inf, rig.get("u_max") or math.inf),

@@ -14,6 +14,7 @@ from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import Plant
 from furuta_gym.plant.advance import advance
 from furuta_gym.plant.parameters import pendulum_frequency
+from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step
 
@@ -21,7 +22,6 @@ from .base import Controller
 from .seeds import BUILT_SEED, judging
 
 HORIZONTAL = np.pi / 2  # rad from upright; from below it only a swing-up brings the pendulum back
-ARM_TRAVEL = 2 * np.pi  # rad to either side, where the plant's limits have none; a cable allows no more
 CALM = 0.05  # rad; a pendulum has settled after a push when it stays within
 QUIET = 0.5  # s at the end of a trial; one that leaves `CALM` in them has not settled, it may go on for ever
 PUSH_LENGTH = 0.02  # s

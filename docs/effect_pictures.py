@@ -28,7 +28,7 @@ def draw_effects(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     without = run(plant)
     for name in EFFECTS:
-        at_two = {p.name: 2.0 for p in EFFECTS[name].parameters if p.grid == "times"}
+        at_two = {p.name: 2.0 for p in EFFECTS[name].parameters if p.instant}
         usual = dict(plant.default_effect(name).parameters)
         with_it = run(plant.with_effects(Effect(name, usual | at_two)))
         n = min(len(without.t), len(with_it.t))  # a run ends where the pendulum falls

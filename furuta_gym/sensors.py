@@ -18,6 +18,10 @@ _ROUNDS = 100  # of the search for the angles that a reading stands for
 _CLOSE = 1e-13  # rad
 
 
+VELOCITY_CUTOFF = 100.0
+"""Usual corner [rad/s] of the filtered difference that turns readings into velocities."""
+
+
 @dataclass(frozen=True)
 class Sensors:
     """Two encoders.
@@ -32,7 +36,7 @@ class Sensors:
     encoder_counts: tuple[float, float] | float | None = 4096
     noise_std: tuple[float, float] | float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
-    velocity_cutoff: float = 100.0
+    velocity_cutoff: float = VELOCITY_CUTOFF
 
     def __post_init__(self) -> None:
         for field in structs.fields(SensorsEntry):
@@ -129,7 +133,7 @@ class FilteredDifference:
     cutoff ωc [rad/s]. `update` takes a reading (2,) and the time since the last one, and gives (2,) [rad/s].
     """
 
-    def __init__(self, cutoff: float = 100.0) -> None:
+    def __init__(self, cutoff: float = VELOCITY_CUTOFF) -> None:
         self.cutoff = cutoff
         self.reset()
 

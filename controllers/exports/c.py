@@ -227,13 +227,14 @@ def _encoder_offset(controller: LinearController) -> float:
     if not known.reads_wrong:
         return 0.0
     effects = [e for e in known.plant.effects if e.type.place == "sensor"]
-    if [e.name for e in effects] != ["pendulum_encoder_offset"]:
+    if [e.type.wrong_zero for e in effects] != ["pendulum"]:
         raise ValueError(
             "the C header undoes a constant zero error of the pendulum's encoder, not "
             f"{', '.join(e.name for e in effects)}; correct the readings before the call and export from a plant "
             "without these effects"
         )
-    return effects[0].parameters["b"]
+    (zero,) = effects[0].parameters.values()
+    return zero
 
 
 def _number(x: float, single: bool = False) -> str:

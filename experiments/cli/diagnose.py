@@ -182,7 +182,7 @@ def _evidence(x: Examination) -> list[str]:
         if resting := x.gap.after.at_rest:
             lines.append(f"in doubt: {resting}")
         if x.gap.changed:
-            adequate = x.gap.before.at_the_floor
+            adequate = x.gap.before.at_the_floor(x.diagnosis.policy.adequate)
             closed = "not defined, the error was at the floor before" if adequate else x.gap.closed
             lines.append(f"closed share: {closed}; log-likelihood there: {x.gap.likelier:+.0f} nats")
     elif "gap" in x.remarks:

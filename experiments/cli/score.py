@@ -46,8 +46,9 @@ def score_command(
     """Say how well a controller did in logs of the rig: the figures that `furuta compare` gives for simulated runs."""
     from controllers.known_effects import KnownEffects
     from controllers.measured_run import run_figures
-    from controllers.trials import ARM_TRAVEL, HORIZONTAL
+    from controllers.trials import HORIZONTAL
     from furuta_gym.plant import Plant
+    from furuta_gym.plant.plant_file import ARM_TRAVEL
 
     if arm_travel is not None and not arm_travel > 0:
         raise ValueError(f"--arm-travel {arm_travel:g}: expected rad, above 0")

@@ -105,9 +105,8 @@ def play(condition: Condition, policy: Any, sample_time: float) -> Played:
 
 
 def _plan(plant: Plant) -> tuple[float, float] | str:
-    kept = tuple(e for e in plant.effects if e.name != "input_delay")
     try:
-        plan = plan_swing_up(plant.replace(effects=kept))
+        plan = plan_swing_up(plant.without("input_delay"))
     except DesignError as error:
         return str(error)
     return plan.duration, plan.effort

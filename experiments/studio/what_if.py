@@ -141,7 +141,7 @@ def prepare(plant: Plant, logs: Sequence[Log], zeros: Zeros, which: int, at: flo
 def fitted(logs: Sequence[Log], choice: Choice, pool: Executor | None = None) -> Plant:
     """θ and the effects that act, estimated together from all logs, starting where the sliders stand. pool: as for
     `identify`."""
-    start = choice.plant().replace(effects=(), covariance=None, checks={}, provenance={})
+    start = choice.plant().without_fit().replace(effects=())
     return identify(logs, start, effects=choice.acting(), pool=pool).plant
 
 

@@ -15,6 +15,7 @@ from ..arguments import ArgumentError
 from ..plant.effects import Effect
 from ..plant.parameters import pendulum_frequency
 from ..plant.plant import Plant
+from ..plant.plant_file import ARM_TRAVEL
 from ..plant.sets import with_spread
 from ..sensors import Sensors, difference_gain
 from ..simulation import CLOCK_ROUNDING, MOST_STEPS, too_many_steps
@@ -183,7 +184,7 @@ class Setup:
                 plant = plant.replace(covariance=plant.covariance.without("input_delay.d"))
         self.plant = plant
         self.sensors = _sensors(plant, options)
-        self.arm_limit = float(options.arm_limit or plant.limit("arm_travel", 2 * math.pi))
+        self.arm_limit = float(options.arm_limit or plant.limit("arm_travel", ARM_TRAVEL))
         if not options.arm_margin < self.arm_limit:
             raise ValueError(
                 f"arm_margin must be less than the arm's limit of {self.arm_limit:g} rad, got {options.arm_margin:g}"

@@ -236,7 +236,7 @@ def within_an_episode(wanted: Draws, plant: Plant, episode: float) -> Draws:
         for name in EFFECTS
         if name in wanted.names - carried
         for p in EFFECTS[name].parameters
-        if p.grid == "times"
+        if p.instant
     }
     return replace(wanted, ranges={**added, **wanted.ranges})
 

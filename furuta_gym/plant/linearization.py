@@ -49,11 +49,10 @@ def linearize(plant: Plant, q2: float = UPRIGHT, q1: float = 0.0, coulomb: bool 
     """
     if not abs(np.sin(q2)) < 1e-9:
         raise ValueError(f"q2 = {q2:g} rad is no equilibrium; use 0 (upright) or π (hanging)")
-    effects = tuple(e for e in plant.effects if not e.type.memory)
+    plant = plant.keeping(lambda effect: not effect.type.memory)
     if not coulomb:
         plant = plant.replace(theta=np.concatenate([plant.theta[:7], [0.0, 0.0]]))
-        effects = tuple(e for e in effects if not e.type.dry)
-    plant = plant.replace(effects=effects)
+        plant = plant.keeping(lambda effect: not effect.type.dry)
     x = np.array([q1, q2, 0.0, 0.0])
     base = state_derivative(plant, x, 0.0)
     B = (state_derivative(plant, x, 1.0) - base)[:, None]

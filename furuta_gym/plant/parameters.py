@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 THETA_NAMES = tuple(f"theta{i}" for i in range(1, 10))
 
+FRICTION_SHARPNESS = 100.0
+"""Usual r [s/rad] of tanh(r q̇), which the paper does not give: full friction beyond 0.02 rad/s."""
+
 # Table 2 of the paper. {u} is the unit of the command: with a voltage as command, θ is in volts per …
 THETA_MEANING = {
     "theta1": ("m2 L1² + J1", "{u}·s²/rad"),

@@ -5,7 +5,7 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from .effects.library import NUMBERS
 from .file_remarks import remarks
 from .integration_step import friction_rate, rest_slopes
 from .layout import SHARPNESS_ROWS, THETA_ROWS, ParameterLayout
-from .parameters import THETA_NAMES, theta_vector
+from .parameters import FRICTION_SHARPNESS, THETA_NAMES, theta_vector
 from .plant_file import FIELDS, SCHEMA, PlantFile
 from .rigid_body import physical_consistency
 
@@ -55,7 +55,7 @@ class Plant:
     """
 
     theta: NDArray[np.float64]
-    friction_sharpness: float | tuple[float, float] = 100.0
+    friction_sharpness: float | tuple[float, float] = FRICTION_SHARPNESS
     unit: str = "V"
     u_max: float = 10.0
     sample_time: float | None = None
@@ -112,6 +112,18 @@ class Plant:
         """A copy to which `effects` are added (an effect already there is replaced)."""
         new = {effect.name: effect for effect in (*self.effects, *effects)}
         return self.replace(effects=tuple(new.values()))
+
+    def keeping(self, test: Callable[[Effect], bool]) -> "Plant":
+        """A copy with those of its effects for which `test` is true."""
+        return self.replace(effects=tuple(effect for effect in self.effects if test(effect)))
+
+    def without(self, *names: str) -> "Plant":
+        """A copy without the effects of these names, which it need not have."""
+        return self.keeping(lambda effect: effect.name not in names)
+
+    def without_fit(self) -> "Plant":
+        """A copy without what its fit says of it: covariance, checks, provenance."""
+        return self.replace(covariance=None, checks={}, provenance={})
 
     def effect(self, name: str) -> Effect | None:
         return next((e for e in self.effects if e.name == name), None)

@@ -5,18 +5,22 @@ docs/schema/furuta-plant-1.schema.json follows from it. A list of bounded length
 bounded number, msgspec 0.22 reads a tuple's length from the wrong place.
 """
 
+import math
 from typing import Annotated, Any, Literal
 
 from msgspec import UNSET, Meta, Struct, UnsetType
 from msgspec.structs import fields
 
-from .parameters import THETA_MEANING
+from .parameters import FRICTION_SHARPNESS, THETA_MEANING
 
 SCHEMA = "furuta-plant/1"
 DESCRIPTION = (
     "A Furuta pendulum as `furuta identify` writes it. Nested at most 64 levels; every number is finite. The program "
     "also checks that the mass matrix and the covariance are positive, and the bounds of each effect's parameters."
 )
+
+ARM_TRAVEL = 2.0 * math.pi
+"""Largest angle of the arm to either side of zero [rad] where a plant's limits have none: a cable allows no more."""
 
 Unit = Literal["V", "N·m"]
 Theta = Annotated[float, Meta(ge=-1e12, le=1e12)]
@@ -119,7 +123,7 @@ class PlantFile(Struct):
     friction_sharpness: Annotated[
         Annotated[list[Sharpness], Meta(min_length=1, max_length=2)] | Sharpness,
         Meta(description="r of tanh(r q̇) in s/rad, one or one for each axis"),
-    ] = 100.0
+    ] = FRICTION_SHARPNESS
     covariance: Annotated[
         CovarianceEntry | Matrix | None,
         Meta(description="Over the named parameters, or a bare 9×9 matrix over theta"),

@@ -3,13 +3,13 @@
 import numpy as np
 
 from .covariance import Covariance
-from .parameters import THETA_NAMES, theta_vector
+from .parameters import FRICTION_SHARPNESS, THETA_NAMES, theta_vector
 from .plant import PLANTS, Plant
 from .rigid_body import RigidBody
 
 TABLE_3 = Plant(
     theta=theta_vector([0.19717, 0.03909, 0.01746, 0.01187, 0.40808, 0.0108, 0.00267, 0.11456, 0.00732]),
-    friction_sharpness=100.0,
+    friction_sharpness=FRICTION_SHARPNESS,
     unit="V",
     u_max=10.0,
     provenance={
@@ -31,7 +31,7 @@ QUBE = Plant(
         Fc2=1.5e-5,
         gain=8.4 / 0.042,
     ).theta(),
-    friction_sharpness=100.0,
+    friction_sharpness=FRICTION_SHARPNESS,
     unit="V",
     u_max=10.0,
     sample_time=0.004,
@@ -53,7 +53,7 @@ LARGE_RIG = Plant(
         Fc1=0.08,
         Fc2=0.004,
     ).theta(),
-    friction_sharpness=100.0,
+    friction_sharpness=FRICTION_SHARPNESS,
     unit="N·m",
     u_max=6.0,
     provenance={"source": "a table-top rig with a half-metre rod and a direct-drive motor (assumed values)"},

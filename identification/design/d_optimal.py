@@ -19,6 +19,7 @@ from scipy.optimize import minimize
 
 from furuta_gym.plant import THETA_NAMES, Plant
 
+from ..estimation.most_likely import R_PRIOR
 from ..estimation.pool import shared_pool
 from ..estimation.prediction_error import PredictionError
 from ..estimation.uncertainty import inverse_information
@@ -34,7 +35,6 @@ _SCALINGS = 4  # runs that bring a design near its limits
 _FEWEST = 36  # COBYLA's first simplex in 12 dimensions, twice
 _LINES = 1.0 / PERIOD * np.array([1, 2, 4, 7, 13, 24])  # Hz, of the sums of sines
 _FASTEST = 6.0  # Hz, of the square waves
-_R_PRIOR = (math.log(100.0), 1.0)  # as in `identify`
 _STEP = 0.35  # of the search: factors e^0.35 in amplitude and period, a third of a cycle in phase
 _NAN = np.full(9, math.nan)
 
@@ -122,7 +122,7 @@ class Design:
 def free_coordinates(plant: Plant, records: Sequence[Record]) -> list[Coordinate]:
     """θ first, then r, effect parameters, zeros and noise, as `identify` frees them."""
     found = plant_coordinates(plant)
-    of_plant = [replace(c, weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c for c in found]
+    of_plant = [replace(c, weak_prior=R_PRIOR) if c.name in SHARPNESS_NAMES else c for c in found]
     return of_plant + zero_coordinates(plant, records) + noise_coordinates()
 
 

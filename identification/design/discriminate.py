@@ -195,7 +195,7 @@ def between(
     of the menu can be run.
     """
     suspects = _suspects(plant, names)
-    plant = plant.replace(effects=tuple(e for e in plant.effects if e.name not in {s.name for s in suspects}))
+    plant = plant.without(*(suspect.name for suspect in suspects))
     tell = progress or (lambda text: None)
     trials = []
     for entry in menu(policy is None):

@@ -40,7 +40,7 @@ def added_torque(plant: Plant, names: Sequence[str], signals: Signals) -> NDArra
     """Torque (N, 2) [{u}] that the plant's effects `names` add to the arm's and the pendulum's row at points of a
     motion. Each must be a function of the motion (see `is_function_of_motion`)."""
     effects = [effect for effect in plant.effects if effect.name in names]
-    without = plant.replace(effects=tuple(e for e in plant.effects if e not in effects), covariance=None)
+    without = plant.without(*names).replace(covariance=None)
     command = _commanded(effects, signals)
     rows = []
     for t, q, v, u, tau in zip(signals.t, signals.q, signals.v, signals.u, command, strict=True):

@@ -73,7 +73,7 @@ def diagnose(
         say(f"the logs are of different plants: searching {different.sources[0]} alone")
         held = HeldOut(first_alone(part.logs, different), (), policy)  # its last part judges
         found = names(held).beside_other_plants(different)
-    if found.still_off > 1.0 or found.floor_in_doubt:
+    if found.still_off > 1.0 or found.torque_floor_exceeded:
         say("fitting the parameters a second way: multiple shooting")
         found = with_second_witness(found, held)
     if found.leftover:

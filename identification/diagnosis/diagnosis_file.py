@@ -1,6 +1,7 @@
 """diagnosis.json as it is declared: names, types and meanings of its keys, in the order in which they are written.
 
-`Diagnosis` and `GapChange` fill these structures, and docs/schema/furuta-diagnosis-1.schema.json follows from them.
+The `entry` of each value of a diagnosis (`Diagnosis`, `GapChange`, `Where`, `Learned`, …) fills one, the report adds
+what it measures, and docs/schema/furuta-diagnosis-1.schema.json follows from them.
 """
 
 from __future__ import annotations

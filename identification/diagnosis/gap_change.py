@@ -19,6 +19,7 @@ from .diagnosis_file import Errors, Floors, GapEntry, PartEntry
 from .policy import DecisionPolicy
 
 AXES = ("arm q1", "pendulum q2")
+_DRAWS, _SEED = 500, 0  # of the bootstrap
 
 Array = NDArray[np.float64]
 
@@ -183,7 +184,7 @@ def _of_logs(gap: Gap, which: list[int]) -> Gap:
     return replace(gap, rms=rms, floor=floor, errors=errors, **windows)
 
 
-def rms_interval(gap: Gap, seed: int = 0, draws: int = 500) -> Array | None:
+def rms_interval(gap: Gap) -> Array | None:
     """95 % interval (2, 2) [rad], axis by low and high, of the rms error, by a bootstrap over `time_blocks`; None where
     they are too few."""
     group, groups = time_blocks(gap)
@@ -191,6 +192,6 @@ def rms_interval(gap: Gap, seed: int = 0, draws: int = 500) -> Array | None:
         return None
     columns = (*(gap.errors**2).T, np.ones(len(gap.errors)))
     sums = np.stack([np.bincount(group, x, groups) for x in columns])
-    picked = np.random.default_rng(seed).integers(0, groups, (draws, groups))
+    picked = np.random.default_rng(_SEED).integers(0, groups, (_DRAWS, groups))
     drawn = sums[:, picked].sum(axis=2)
     return np.quantile(np.sqrt(drawn[:2] / drawn[2]), [0.025, 0.975], axis=1).T

@@ -30,7 +30,6 @@ from ..validation.closed_fraction import ClosedFraction, closed_fraction
 from ..validation.gap import Gap, fit_percent, over_floor, validate
 from .gap_change import GapChange, closes, speaks_against
 from .naming.fits import Fit, added, further
-from .naming.suspects import follows_clock, repeats_by_clock
 from .policy import DecisionPolicy
 from .within_reach import arm_angles, share_beyond
 
@@ -132,7 +131,7 @@ class HeldOut:
     @staticmethod
     def _refitted(logs: Sequence[Log], plant: Plant, noise: Noise | None, zeros: Zeros | None) -> Estimate:
         """The plant with its parameters fitted to some logs, without a prior."""
-        start = plant.replace(covariance=None, checks={}, provenance={})
+        start = plant.without_fit()
         # from the noise that the search ended with: from more of it, a fit loses what is small against it again
         return identify(logs, start, noise=noise, zeros=zeros if noise else None, polished=False, model_error=False)
 
@@ -182,11 +181,12 @@ class HeldOut:
             self.gap(*_asked(fitted))
 
     def far(self, fitted: Fit) -> bool:
-        """Whether a fit predicts much worse than noise would. As for every `Witness`, False where nobody can tell."""
+        """Whether a fit predicts much worse than noise would (`policy.far`), or its filter loses the data. As for every
+        `Witness`, False where nobody can tell."""
         return self._beyond(fitted, self.policy.far)
 
     def off(self, fitted: Fit) -> bool:
-        """Whether a fit predicts worse than an adequate plant does."""
+        """Whether a fit predicts worse than an adequate plant (`policy.adequate`), or its filter loses the data."""
         return self._beyond(fitted, self.policy.adequate)
 
     def _beyond(self, fitted: Fit, ratio: float) -> bool:
@@ -198,7 +198,7 @@ class HeldOut:
     def confirms(self, without: Fit, fitted: Fit) -> bool:
         """Whether further effects close some of the gap for certain, and a share of it that matters. Of what follows
         the clock of its own log, other logs say nothing."""
-        if self.whole and all(follows_clock(effect.name) for effect in further(fitted, without)):
+        if self.whole and all(effect.type.follows_clock for effect in further(fitted, without)):
             return False
         change = self._between(without, fitted)
         if change is None:
@@ -220,9 +220,9 @@ class HeldOut:
     def denies(self, without: Fit, fitted: Fit) -> bool:
         """Whether they speak against one effect beside others, or only the plant with it loses them. Of what follows
         the clock of its own log, other logs say nothing; if it repeats, the last parts of the searched logs do."""
-        name = added(fitted, without).name
-        if self.whole and follows_clock(name):
-            return repeats_by_clock(name) and self._own_tails.denies(without, fitted)
+        kind = added(fitted, without).type
+        if self.whole and kind.follows_clock:
+            return kind.repeats and self._own_tails.denies(without, fitted)
         change = self._between(without, fitted)
         if change is None:
             return self._loses(fitted) and not self._loses(without)
@@ -234,7 +234,7 @@ class HeldOut:
 
         What is there explains more of all logs than of the fitted ones. What only imitates something on these, at
         other angles explains less."""
-        if follows_clock(added(fitted, without).name):
+        if added(fitted, without).type.follows_clock:
             return False
         change, plants = self._between(without, fitted), (without.plant, fitted.plant)
         if change is None:  # one of them loses the logs, and with it the arm's place in them

@@ -67,7 +67,7 @@ def learned_from(
     if reason := _no_judge(held):
         return Learned(found, surface.evidence, None, False, reason)
     if refitted:
-        bare = found.replace(covariance=None, checks={}, provenance={})
+        bare = found.without_fit()
         found = with_origin(identify(held.logs, bare, noise=noise, zeros=zeros), plant).plant
     change, reason = _judged(plant, found, held)
     return Learned(found, surface.evidence, change, not reason, reason or _praise(change))

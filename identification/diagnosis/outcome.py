@@ -31,7 +31,7 @@ from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
 from .naming.forward import Naming
-from .naming.suspects import Suspect, follows_clock, repeats_by_clock
+from .naming.suspects import Suspect
 from .policy import DecisionPolicy
 
 ABSORBED = {
@@ -40,8 +40,6 @@ ABSORBED = {
     "arm_encoder_offset": "changes nothing in model (5)",
 }
 """What no log can tell from the parameters of model (5), and what becomes of it: never named, always reported."""
-ONCE_A_TURN = "one period a turn is no cogging: a cable, a spring or a tilted base pulls so; look there"
-"""What a ripple of n = 1 is."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,7 @@ class Diagnosis:
         return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
 
     @property
-    def floor_in_doubt(self) -> bool:
+    def torque_floor_exceeded(self) -> bool:
         """Whether data that no fit saw are predicted worse than noise alone would, and that noise is nearly all torque
         noise: torques that the plant misses, or wrong parameters, pass for it."""
         after = self.gap.after if self.gap is not None else None
@@ -150,11 +148,11 @@ class Diagnosis:
     @property
     def repeating(self) -> bool:
         """Whether every such effect repeats, so that a later part of the same log can speak about it."""
-        return self.timed and all(map(repeats_by_clock, self._timed))
+        return self.timed and all(suspect.type.repeats for suspect in self._timed)
 
     @property
-    def _timed(self) -> list[str]:
-        return [suspect.name for suspect in self.found if follows_clock(suspect.name)]
+    def _timed(self) -> list[Suspect]:
+        return [suspect for suspect in self.found if suspect.type.follows_clock]
 
     @property
     def found(self) -> tuple[Suspect, ...]:
@@ -308,8 +306,8 @@ class Diagnosis:
                     continue
                 if self.confirmed:
                     lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
-                if found is not None and found.name == "arm_ripple" and found.parameters["n"] == 1:
-                    lines.append(f"    {ONCE_A_TURN}")
+                if found is not None and (caution := found.type.caution_at(found.parameters)):
+                    lines.append(f"    {caution}")
                 if equals:
                     lines.append(f"    equals on these logs: {', '.join(equals)}")
         lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []

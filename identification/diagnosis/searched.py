@@ -29,8 +29,8 @@ from .locate.locate import locate
 from .locate.location import Where
 from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
-from .naming.certain import without_uncertain
-from .naming.fits import Fit, Fitter, fit
+from .naming.certain import without_absent
+from .naming.fits import Fit, Fitter
 from .naming.forward import START_NOISE, Naming, name_effects, unsettled
 from .naming.search import NOTHING_YET, Search
 from .naming.suspects import price_in
@@ -48,7 +48,7 @@ def searched(
     most: int,
     only: Sequence[str] | None,
     progress: Callable[[str], None],
-    fitter: Fitter = fit,
+    fitter: Fitter,
 ) -> Diagnosis:
     """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`."""
     logs, policy = held.logs, held.policy
@@ -94,10 +94,10 @@ def _named(
     naming = upheld(naming, search, held)
     naming, after, remains = _estimated(naming, before, logs, search)
     needed: set[str] = set()
-    while (fewer := without_uncertain(naming, after.plant, search, held, needed)) is not None:
+    while (fewer := without_absent(naming, after.plant, search, held, needed)) is not None:
         left = _estimated(fewer, before, logs, search)
         if left[2].matters and not remains.matters:
-            needed.add(fewer.uncertain[-1].name)
+            needed.add(fewer.perhaps_absent[-1].name)
         else:
             naming, after, remains = left
     naming = unsettled(naming, remains, policy)
@@ -142,7 +142,7 @@ def _settled(
     named: Callable[[Mapping[str, Fit]], _Answer],
     other: Callable[[Fit | None], Mapping[str, Fit]],
     search: Search,
-    dragged: bool = False,
+    dragged: bool,
 ) -> _Answer:
     """named(joined): the names. other(known): the best fits of one effect from the logs' own starts. They join the
     search at once where model (5) is `dragged` away by what is missing. Else the search is made again with them, if
@@ -206,9 +206,7 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
     theta[1] = max(theta[1], policy.least_theta2 * theta[3])
     floor = [0.02 * theta[0], 0.02 * theta[3], 0.005 * plant.u_max, 5e-4 * abs(theta[4])]
     theta[5:] = np.maximum(theta[5:], floor)
-    return plant.replace(
-        theta=theta, friction_sharpness=policy.sharpness, covariance=None, checks={}, provenance={}, effects=()
-    )
+    return plant.without_fit().replace(theta=theta, friction_sharpness=policy.sharpness, effects=())
 
 
 def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdict, str]:

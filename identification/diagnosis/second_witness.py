@@ -23,7 +23,7 @@ def with_second_witness(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
     after = diagnosis.after
     if after is None or diagnosis.gap is None or not held.whole or not diagnosis.confirmed:
         return diagnosis
-    if diagnosis.still_off <= 1.0 and not diagnosis.floor_in_doubt:
+    if diagnosis.still_off <= 1.0 and not diagnosis.torque_floor_exceeded:
         return diagnosis
     try:
         shot = shooting(after.plant, held.logs, after.zeros)

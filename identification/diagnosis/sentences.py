@@ -52,7 +52,7 @@ def misses(naming: Naming) -> str:
     if naming.taken_back:
         back = capital(effects([suspect.name for suspect in naming.taken_back]))
         text += f" {back} would explain more of these logs, but predictions of held-out data do not improve with it."
-    for suspect in naming.uncertain:
+    for suspect in naming.perhaps_absent:
         what = capital(effects([suspect.name]))
         text += f" {what} would make these logs likelier, but its size may as well be zero. So it is no name."
     return text

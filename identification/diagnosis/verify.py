@@ -19,7 +19,6 @@ from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
 from .locate.locate import locate
 from .naming.certain import may_be_absent
-from .naming.suspects import follows_clock
 from .origin import with_origin
 from .outcome import Diagnosis
 
@@ -42,15 +41,16 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         return lost if together is not None and together <= diagnosis.policy.far else lost.vetoed()
     except ValueError as error:
         return replace(diagnosis, gap_remark=str(error))
+    at_the_floor = gap.before.at_the_floor(diagnosis.policy.adequate)
     if _sharpness_alone(diagnosis):
-        if gap.before.at_the_floor:
+        if at_the_floor:
             told = sentences.only_sharpness(gap.before.ratio_to_floor)
             without = _with_free_sharpness(diagnosis, held, gap, told)
             if not without.leftover:
                 return without
         elif (fitted := _with_usual_sharpness(diagnosis, held, gap)) is not None:
             return fitted
-    if not diagnosis.leftover and _of_no_size(diagnosis) and gap.before.at_the_floor:
+    if not diagnosis.leftover and _of_no_size(diagnosis) and at_the_floor:
         told = sentences.of_no_size([suspect.name for suspect in diagnosis.named], gap.before.ratio_to_floor)
         without = _with_nothing(diagnosis, diagnosis.before, held, held.change(gap.before, gap.before), told)
         if not without.leftover:
@@ -171,7 +171,7 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None:
         if gap.likelier < 0.0 and gap.closed.value < 0.0:
-            names = [suspect.name for suspect in diagnosis.found if follows_clock(suspect.name)]
+            names = [suspect.name for suspect in diagnosis.found if suspect.type.follows_clock]
             told = sentences.another_clock(names, gap.over_floor(gap.before), gap.after_over_floor)
             return replace(diagnosis, summary=f"{diagnosis.summary} {told}")
         return diagnosis

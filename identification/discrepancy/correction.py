@@ -30,6 +30,7 @@ HIGHEST_FREQUENCY = 25.0
 
 _BELIEVED = 3.0  # nats of evidence below which nothing is corrected
 _CONVERGED = 3.0  # nats
+_ROUNDS = 6
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,14 @@ class Flexible:
     peaks: Peaks
 
 
-def flexible(plant: Plant, record: Record, rounds: int = 6) -> Flexible:
+def flexible(plant: Plant, record: Record) -> Flexible:
     """Correct a plant on a record by whatever the data ask for. Raises ValueError if the filter loses the log."""
     plain = fit_noise(plant, record)
     path, peaks = plain.path, spectral_peaks(plain.path)
     first, value, best = None, np.inf, np.inf
     none = np.zeros((len(record.t), 2))
     found = Flexible(plain, path, path, 0.0, none, none, peaks)
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         smoothed = smooth(path)
         tangent = along(path, smoothed.mean, smoothed.variance[:, 2:4])
         if tangent is None:

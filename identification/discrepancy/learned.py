@@ -21,14 +21,13 @@ from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath, along, smooth
 from ..kalman.record import Record
 from .basis import Family, Signals, parameter_torques
-from .response import answers, most_likely_precision
+from .response import PRECISIONS, answers, most_likely_precision
 
 Array = NDArray[np.float64]
 
 NAME = "arm_learned"
 _EDGE = 0.005  # quantile of the angles at which the surface ends
 _NARROWEST = 0.1  # rad
-_PRECISIONS = 10.0 ** np.arange(-6.0, 4.0, 0.5)  # of what the data say of a coefficient on average
 _FLAT = 0.05  # of the penalty on bends: that on the coefficients themselves, which unseen corners need
 
 
@@ -64,7 +63,7 @@ def most_likely_surface(plant: Plant, records: Sequence[Record], refitted: bool 
     root = np.linalg.inv(np.linalg.cholesky(_bends())).T  # coefficients = root × what a plain ridge weighs alike
     values, vectors = np.linalg.eigh(root.T @ G @ root)
     values, told = np.maximum(values, 0.0), vectors.T @ root.T @ r
-    precision, evidence = most_likely_precision(values, told, _PRECISIONS * max(float(values.mean()), 1e-300))
+    precision, evidence = most_likely_precision(values, told, PRECISIONS * max(float(values.mean()), 1e-300))
     found = root @ vectors @ (told / (values + precision))
     return Surface(Effect(NAME, {**edges, **dict(zip(COEFFICIENTS, found.tolist(), strict=True))}), evidence)
 

@@ -22,7 +22,8 @@ from .basis import Family
 
 Array = NDArray[np.float64]
 
-_PRIORS = 10.0 ** np.arange(-6.0, 4.0, 0.5)  # precisions of normalised coefficients that are tried
+PRECISIONS = 10.0 ** np.arange(-6.0, 4.0, 0.5)
+"""Precisions of a common prior on coefficients that are tried, over the size of the data's own."""
 
 
 def answers(path: FilterPath, family: Family) -> Array:
@@ -100,7 +101,7 @@ def solve(normal: Normal) -> Solution:
     scaled = ScaledGram.of(normal.gram)
     g = np.maximum(scaled.values, 0.0)
     along = scaled.along(normal.right)
-    precision, evidence = most_likely_precision(g, along, _PRIORS * len(g))
+    precision, evidence = most_likely_precision(g, along, PRECISIONS * len(g))
     return Solution(scaled.back(along / (g + precision)), evidence, scaled.vectors**2 @ (g / (g + precision)))
 
 

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import THETA_NAMES, Plant
+from furuta_gym.plant.parameters import FRICTION_SHARPNESS
 
 from ..least_squares.batch import filtered_least_squares
-from ..least_squares.filtered_model import FRICTION_SHARPNESS, filtered_models
+from ..least_squares.filtered_model import filtered_models
 from ..least_squares.recursive import recursive_least_squares
 from ..logs.log import Log
 from .estimate import Estimate

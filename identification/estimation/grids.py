@@ -56,8 +56,8 @@ def from_grids(
     thin = [reduced(r, math.inf, THINNED, clock=True) for r in records]
     given = [e for e in plant.effects if e.name in names]
     hertz: tuple[float, ...] = ()
-    if any(p.grid == "frequencies" and f"{e.name}.{p.name}" not in known for e in given for p in e.type.parameters):
-        hertz = _spectrum(make, plant.replace(effects=tuple(e for e in plant.effects if e not in given)), thin)
+    if any(p.repeats and f"{e.name}.{p.name}" not in known for e in given for p in e.type.parameters):
+        hertz = _spectrum(make, plant.without(*(e.name for e in given)), thin)
     waiting = {e.name: at_grid_points(e, plant, known, clock, hertz) for e in given}
     if not further and len(waiting) < 2 and all(len(points) == 1 for points in waiting.values()):
         return plant
@@ -69,7 +69,7 @@ def from_grids(
         found = minimise(problem, problem.start(), _SHORT, _ROUGH, free, exact=False)
         return found.value, problem.plant_at(found.z) if math.isfinite(found.value) else start
 
-    current = plant.replace(effects=tuple(e for e in plant.effects if e.name not in waiting))
+    current = plant.without(*waiting)
     while waiting:
         starts = [(current.with_effects(effect), name) for name, points in waiting.items() for effect in points]
         for other in further:
@@ -92,7 +92,7 @@ def between(plant: Plant, name: str, known: Container[str], duration: float, apa
     without such a time."""
     effect = plant.effect(name)
     assert effect is not None
-    times = [p.name for p in effect.type.parameters if p.grid == "times" and f"{name}.{p.name}" not in known]
+    times = [p.name for p in effect.type.parameters if p.instant and f"{name}.{p.name}" not in known]
     found = []
     for key in times:
         for t in effect.parameters[key] + _BETWEEN * apart:
@@ -140,10 +140,10 @@ def _points(p: Parameter, usual: float, clock: tuple[float, float], hertz: Seque
     """Values worth starting from; none for what has one optimum."""
     if not _several(p):
         return ()
-    if p.grid == "frequencies":
+    if p.repeats:
         return tuple(hertz)
     first, last = clock
-    return tuple((first + _TIMES * (last - first)).tolist()) if p.grid == "times" else p.grid_on(usual)
+    return tuple((first + _TIMES * (last - first)).tolist()) if p.instant else p.grid_on(usual)
 
 
 def _several(p: Parameter) -> bool:

@@ -147,7 +147,7 @@ def _template(logs: Sequence[Log], start: Plant | str | None) -> Plant:
         plant = Plant.resolve(start)
         if plant.unit != unit:
             raise ValueError(f"the start plant's command is in {plant.unit}, the logs' in {unit}; they must agree")
-        return plant.replace(covariance=None, checks={}, provenance={})
+        return plant.without_fit()
     return Plant(np.array([1e-2, 1e-3, 1e-3, 1e-3, 1e-2, 1e-3, 1e-4, 1e-2, 1e-4]), unit=unit, u_max=_limit(logs))
 
 

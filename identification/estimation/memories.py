@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from furuta_gym.plant import Effect, Plant
+from furuta_gym.plant import EFFECTS, Effect, Plant
 
 from ..friction_memory import bristle, stop
 from ..logs.log import Log
@@ -20,8 +20,10 @@ from .start import SHARPNESS, Array, Motion, PendulumRow, Start, nonnegative, sm
 
 _TRAVELS = tuple(float(d) for d in np.geomspace(0.004, 1.5, 24))  # rad
 _BETTER = 0.98  # of what friction without a memory leaves
-MEMORIES = ("arm_hysteresis", "arm_presliding")
-"""Effects that have such start values."""
+_ELEMENTS = {"stop": stop, "bristle": bristle}
+_DECLARED = {name: kind.friction_memory for name, kind in EFFECTS.items() if kind.friction_memory}
+MEMORIES = tuple(sorted(_DECLARED, key=lambda name: not _DECLARED[name].beside_coulomb))
+"""Effects that have such start values, those beside Coulomb friction first."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,9 @@ def remembering(logs: Sequence[Log], plant: Plant, name: str) -> Remembering:
     row = PendulumRow.of(m)
     soft = np.tanh(SHARPNESS * m.v[:, 0])
     arm = [m.a[:, 0], row.reaction(m), m.v[:, 0]]
-    shape = stop if name == "arm_hysteresis" else bristle
-    frictions = [_frictions(name, soft, _along(m, shape, d)) for d in _TRAVELS]
+    memory = _DECLARED[name]
+    along = [_along(m, _ELEMENTS[memory.element], d) for d in _TRAVELS]
+    frictions = [[soft, column] if memory.beside_coulomb else [column] for column in along]
     residuals = np.array([_residual([*arm, *columns], m.u) for columns in frictions])
     best = int(np.argmin(residuals))
     plain = _residual([*arm, soft], m.u)
@@ -51,16 +54,10 @@ def remembering(logs: Sequence[Log], plant: Plant, name: str) -> Remembering:
     found = []
     for start, levels in starts_with(m, row, plant, m.u, frictions[best]) if left < _BETTER else ():
         level, travel = float(levels[-1]), _TRAVELS[best]
-        own = {"κ": level / travel, "d": travel} if name == "arm_hysteresis" else {"σ0": level / travel}
         if level > 0.0:
-            effect = Effect(name, {**plant.default_effect(name).parameters, **own})
+            effect = Effect(name, {**plant.default_effect(name).parameters, **memory.start(level, travel)})
             found.append(Start(start.plant.with_effects(effect), start.noise))
     return Remembering(tuple(found), left)
-
-
-def _frictions(name: str, soft: Array, memory: Array) -> list[Array]:
-    """What the arm's dry friction goes with: a hysteresis beside Coulomb's, or a bristle in its place."""
-    return [soft, memory] if name == "arm_hysteresis" else [memory]
 
 
 def _residual(columns: Sequence[Array], output: Array) -> float:

@@ -32,7 +32,8 @@ from .uncertainty import inverse_information
 
 Array = NDArray[np.float64]
 
-_ENOUGH = 30_000  # samples that are looked at, the liveliest of a longer log
+ENOUGH = 30_000
+"""Samples that are looked at of what a fit leaves of longer logs: here the liveliest."""
 _STEP = 1e-5  # of a coordinate, for differences of two paths
 _VARIANCES = 10.0 ** np.arange(-3.0, 4.5, 0.5)  # τ² that are tried, for columns whose answers have length one
 _SWEEPS = 6
@@ -129,10 +130,10 @@ def _evidence(gram: Array, right: Array, variance: Array) -> float:
 
 def _enough(records: Sequence[Record]) -> list[Record]:
     total = sum(len(r.t) for r in records)
-    if total <= _ENOUGH:
+    if total <= ENOUGH:
         return list(records)
     steps = [float(np.median(np.diff(r.t))) for r in records]
-    share = _ENOUGH / total
+    share = ENOUGH / total
     return [reduced(r, T * len(r.t) * share, T, clock=True) for r, T in zip(records, steps, strict=True)]
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from furuta_gym.plant import THETA_NAMES, Effect, Plant
+from furuta_gym.plant.parameters import FRICTION_SHARPNESS
 
 from ..kalman.coordinates import (
     SHARPNESS_NAMES,
@@ -43,7 +44,8 @@ from .zeros import bounded_zeros
 _COARSER = 2.0  # times the integration step, for a first look
 _TWICE = 2.0  # times the noise that counts and smoothness say
 _R_RANGE = (3.0, 2000.0)  # s/rad
-_R_PRIOR = (math.log(100.0), 1.0)  # log-normal: where the noise hides friction near rest, r is of no consequence
+R_PRIOR = (math.log(FRICTION_SHARPNESS), 1.0)
+"""Log-normal prior of r: where the noise hides friction near rest, r is of no consequence."""
 
 
 def _most_likely(
@@ -144,7 +146,7 @@ def _coordinates(
 ) -> list[Coordinate]:
     found = plant_coordinates(plant, fixed, priors, negative_friction=negative_friction)
     limited = [
-        replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=_R_PRIOR) if c.name in SHARPNESS_NAMES else c
+        replace(c, low=_R_RANGE[0], high=_R_RANGE[1], weak_prior=R_PRIOR) if c.name in SHARPNESS_NAMES else c
         for c in found
     ]
     return limited + zero_coordinates(plant, records) + noise_coordinates(quietest(plant, records))

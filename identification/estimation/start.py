@@ -40,6 +40,7 @@ _SCALES = (0.08, 0.25, 0.6)  # generic θ3²/(θ1 θ4), which is below 1 for eve
 SHARPNESS = 60.0
 """Of the friction that is regressed [s/rad]."""
 _FEWEST = 5  # samples that a short record of a fast clock keeps
+_FIRST_ITERATIONS, _LAST_ITERATIONS = 5, 25  # of all in the race, and of the two in front
 _REDUCED = (4.0, 4e-3)  # s: duration and sample time of the log that the race runs on
 
 
@@ -230,7 +231,6 @@ def race(
     records: Sequence[Record],
     starts: Sequence[Start],
     coordinates: Sequence[Coordinate],
-    rounds: int = 5,
     physical: bool = False,
     pool: Executor | None = None,
 ) -> tuple[Start, Optimum | None]:
@@ -247,12 +247,12 @@ def race(
         problem = PredictionError(start.plant, short, coordinates, start.noise, coarser=2.0, physical=physical)
         return problem, minimise(problem, problem.start() if z is None else z, iterations, tolerance=0.1)
 
-    results = list(mapped(pool, lambda s: run(s, rounds), starts))
+    results = list(mapped(pool, lambda s: run(s, _FIRST_ITERATIONS), starts))
     order = np.argsort([o.value for _, o in results])
     if not np.isfinite(results[order[0]][1].value):
         return starts[0], None
     finalists = [order[0]] + [i for i in order[1:2] if np.isfinite(results[i][1].value)]
-    finished = list(mapped(pool, lambda i: run(starts[i], 25, results[i][1].z), finalists))
+    finished = list(mapped(pool, lambda i: run(starts[i], _LAST_ITERATIONS, results[i][1].z), finalists))
     _, best = min(finished, key=lambda r: r[1].value)
     noise = filled_noise(coordinates, best.z, starts[0].noise)
     return Start(filled_plant(starts[0].plant, coordinates, best.z), noise), best

@@ -21,14 +21,12 @@ from ..kalman.path import FilterPath
 from ..kalman.record import Record
 from ..logs.log import Log
 from .estimate import Estimate, GainChange
-from .model_error import path_at
+from .model_error import ENOUGH, path_at
 from .pool import one_blas_thread
 from .start import reduced
 
 Array = NDArray[np.float64]
 
-ENOUGH = 30_000
-"""Samples of a log that are looked at; of a longer one every second or further one."""
 _SHORTEST = 4.0  # s of a log; less has no two halves that can be compared
 _BLOCKS = 12  # of time, whose scatter says how sure a change is
 _CERTAIN = 8.0  # standard deviations, by the noise and by the blocks; of other changes of a rig at most 5.2 were seen
@@ -126,7 +124,7 @@ def _regressed(paths: Sequence[FilterPath], shapes: Callable[[Array], list[Array
 
 
 def _looked_at(record: Record) -> Record:
-    """A record with at most `ENOUGH` samples over the same time."""
+    """A record with at most `ENOUGH` samples over the same time: of a longer one every second or further one."""
     if len(record.t) <= ENOUGH:
         return record
     T = float(np.median(np.diff(record.t)))

@@ -15,6 +15,8 @@ from .prediction_error import PredictionError
 
 _BLOCK = 0.5  # s; scores are summed over blocks at least this long, so that correlation inside them counts
 _MOST_BLOCKS = 80
+_POINTS, _ITERATIONS = 4, 15  # of a profile: over three standard deviations, and of the fit at each
+_LEVEL = 3.84  # of the deviance: 95 % of χ² with one degree of freedom
 
 
 @dataclass(frozen=True)
@@ -81,11 +83,9 @@ class Profile:
         return f"Profile of {self.name}: 95 % interval {low} to {high}"
 
 
-def profile(
-    problem: PredictionError, z: NDArray[np.float64], name: str, std: float, points: int = 4, iterations: int = 15
-) -> Profile:
+def profile(problem: PredictionError, z: NDArray[np.float64], name: str, std: float) -> Profile:
     """Refit everything else with `name` held at values on either side, three quarters of a standard deviation `std`
-    (of the coordinate) apart with four `points`, until the deviance passes 6 or a bound is met, nine of them at most.
+    (of the coordinate) apart, until the deviance passes 6 or a bound is met, nine of them at most.
 
     An end of the interval is NaN where the deviance does not reach 3.84 within that, and there is no bound. Raises
     ValueError for a name that is no free parameter.
@@ -99,9 +99,9 @@ def profile(
     found: list[tuple[float, float]] = [(float(z[i]), 0.0)]
     for side in (-1.0, 1.0):
         at = z.copy()
-        for k in range(1, 3 * points + 1):
-            at[i] = np.clip(z[i] + side * k * std * 3.0 / points, problem.low[i], problem.high[i])
-            fit = minimise(problem, at, iterations, free=free)
+        for k in range(1, 3 * _POINTS + 1):
+            at[i] = np.clip(z[i] + side * k * std * 3.0 / _POINTS, problem.low[i], problem.high[i])
+            fit = minimise(problem, at, _ITERATIONS, free=free)
             if not math.isfinite(fit.value):
                 break
             at = fit.z.copy()
@@ -117,16 +117,14 @@ def profile(
     return Profile(name, np.array([to_value(x) for x in zs]), deviance, interval)
 
 
-def _crossing(
-    z: NDArray[np.float64], deviance: NDArray[np.float64], side: int, bound: float, level: float = 3.84
-) -> float:
-    """Where the signed root of the deviance passes the level on one side; else the bound if it was met, or NaN."""
+def _crossing(z: NDArray[np.float64], deviance: NDArray[np.float64], side: int, bound: float) -> float:
+    """Where the signed root of the deviance passes `_LEVEL` on one side; else the bound if it was met, or NaN."""
     low = int(np.argmin(deviance))
     zs, roots = (z[low:], deviance[low:]) if side > 0 else (z[: low + 1][::-1], deviance[: low + 1][::-1])
     roots = np.sqrt(np.maximum(roots - deviance[low], 0.0))
-    past = np.flatnonzero(roots >= math.sqrt(level))
+    past = np.flatnonzero(roots >= math.sqrt(_LEVEL))
     if not past.size:
         return bound if zs[-1] == bound else math.nan
     k = int(past[0])
-    w = (math.sqrt(level) - roots[k - 1]) / (roots[k] - roots[k - 1])
+    w = (math.sqrt(_LEVEL) - roots[k - 1]) / (roots[k] - roots[k - 1])
     return float(zs[k - 1] + w * (zs[k] - zs[k - 1]))

@@ -273,7 +273,7 @@ def zero_coordinates(plant: Plant, records: Sequence[Record], free: Iterable[int
 
 def tells_the_zero(plant: Plant) -> bool:
     """Whether an effect of the plant stands for a wrong zero of the pendulum."""
-    return plant.effect("pendulum_encoder_offset") is not None
+    return any(effect.type.wrong_zero == "pendulum" for effect in plant.effects)
 
 
 def placed(plant: Plant) -> bool:

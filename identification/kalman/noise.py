@@ -25,6 +25,7 @@ from .record import Record
 _BANDWIDTHS = (30.0, 300.0)  # rad/s, of the filters that are tried first
 _SHIFT = 1e-3  # of a coordinate, for derivatives
 _PROMISED = 0.01  # of the tolerance: a smaller decrease of V is not looked for
+_ROUNDS = 3  # of linearising and descending
 _FACTOR_PRIOR = 0.5  # the readings' variances are known from the log itself within about this factor (log scale)
 
 
@@ -44,7 +45,7 @@ class NoiseFit:
         return self.path.noise
 
 
-def fit_noise(plant: Plant, record: Record, rounds: int = 3) -> NoiseFit:
+def fit_noise(plant: Plant, record: Record) -> NoiseFit:
     """Maximum-likelihood torque noise and reading variances of a plant on a record, all else held.
 
     Raises LostLog, a ValueError, if the filter loses the log.
@@ -59,7 +60,7 @@ def fit_noise(plant: Plant, record: Record, rounds: int = 3) -> NoiseFit:
             "and the pendulum's zero of the log, and that both are of the same device."
         )
     value = math.inf
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         new = follow(plant, record, *likeliest(path))
         if new is None:
             break

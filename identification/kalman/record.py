@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from furuta_gym.plant.effects.library import CARRIED, NUMBERS
+from furuta_gym.plant.effects.library import FILTERS
 from furuta_gym.sensors import angles_read
 
 from ..logs.checks import LogError, warn
@@ -77,7 +77,7 @@ class Record:
         C = np.zeros((rows, rows))
         C[[0, 1], [0, 1]] = vague * self.variance
         C[[2, 3], [2, 3]] = self.velocity_std**2
-        lagging = [int(first) for number, _, first in codes if number in _LAGS]
+        lagging = [int(first) for number, _, first in codes if number in FILTERS]
         C[lagging, lagging] = np.mean(self.u**2)
         return C
 
@@ -111,9 +111,6 @@ class Record:
         commands = np.array(u, dtype=float).reshape(-1, 1)
         known = np.array(quantum, dtype=float), np.array(variance, dtype=float)
         return cls(stamps + start, readings, commands, *known, slope, 0.1 + spread)
-
-
-_LAGS = {NUMBERS[effect.name] for effect in CARRIED.values() if "filter" in effect.kernels}
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from furuta_gym.plant.parameters import FRICTION_SHARPNESS
+
 from ..logs.log import Log, as_logs
 from .filtered_model import (
-    FRICTION_SHARPNESS,
     LAMBDA,
     FilteredModel,
     ParameterHistory,

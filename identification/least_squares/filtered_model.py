@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from furuta_gym.plant.parameters import FRICTION_SHARPNESS
 from furuta_gym.plant.regressor import omega_a, omega_b
 
 from ..logs.log import Log, LogError, as_logs
@@ -33,9 +34,6 @@ LAMBDA = 10.0
 The noise in s f(s) Ω_a grows in proportion to λ, and the bias of θ3 … θ5 with it; a much smaller λ gives slow torques
 that the model lacks (a cable, an offset) more weight than the motion.
 """
-
-FRICTION_SHARPNESS = 100.0
-"""Default r [s/rad] of tanh(r q̇), which the paper does not give: full friction beyond 0.02 rad/s."""
 
 _HELD = 10.0  # noise standard deviations, peak to peak: three counts of an encoder
 

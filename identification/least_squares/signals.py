@@ -15,22 +15,20 @@ WC = 0.07
 """Cut-off of Table 1, as a fraction of the Nyquist frequency (the paper does not say of what; see `low_pass`)."""
 
 ORDER = 30
-"""Order of the FIR filter of Table 1; it has one tap more."""
+"""Order of the FIR filter of Table 1; it has one tap more, an odd count: they are symmetric about one."""
 
 
-def low_pass(wc: float = WC, order: int = ORDER) -> np.ndarray:
-    """Coefficients of f_p(z) of Eq. (3), shape (order + 1,), gain 1 at zero frequency.
+def low_pass(wc: float = WC) -> np.ndarray:
+    """Coefficients of f_p(z) of Eq. (3), shape (ORDER + 1,), gain 1 at zero frequency.
 
     `wc` is a fraction of the Nyquist frequency, as in the tool that the paper used: at T = 1 ms, 0.07 is 35 Hz.
     With so few taps the window alone sets the slope, so the filter falls off slowly; see `cutoff_frequency`.
 
-    Raises ValueError unless 0 < wc < 1 and order is an even number of at least 2.
+    Raises ValueError unless 0 < wc < 1.
     """
     if not 0 < wc < 1:
         raise ValueError(f"wc = {wc}: expected a fraction of the Nyquist frequency between 0 and 1, as 0.07")
-    if order < 2 or order % 2:
-        raise ValueError(f"order = {order}: expected an even number (an odd count of taps, symmetric about one)")
-    return np.asarray(firwin(order + 1, wc, window="nuttall"))
+    return np.asarray(firwin(ORDER + 1, wc, window="nuttall"))
 
 
 def cutoff_frequency(taps: np.ndarray, T: float) -> float:

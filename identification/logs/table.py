@@ -10,6 +10,8 @@ import numpy as np
 
 from .checks import LogError
 
+_LISTED = 40  # names in a sentence
+
 
 @dataclass(frozen=True)
 class Table:
@@ -58,10 +60,10 @@ def _start(text: str, most: int = 40) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def listed(names: Sequence[str], most: int = 40) -> str:
-    """Names with commas: the first `most` of them, and of each so many letters as belong in a sentence."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(name if len(name) <= 60 else f"{name[:57]}..." for name in names[:most]) + more
+def listed(names: Sequence[str]) -> str:
+    """Names with commas: the first `_LISTED` of them, and of each so many letters as belong in a sentence."""
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(name if len(name) <= 60 else f"{name[:57]}..." for name in names[:_LISTED]) + more
 
 
 def number(cell: Any) -> float | None:

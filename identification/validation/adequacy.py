@@ -36,11 +36,12 @@ class Judgement:
         return self.mostly_torque or self.adequacy is Adequacy.UNKNOWN
 
     @classmethod
-    def of(cls, ratio: float, torque_share: float) -> Judgement:
-        """From the error over the noise floor and the share of the floor that is torque noise."""
+    def of(cls, ratio: float, torque_share: float, adequate: float = ADEQUATE_BELOW) -> Judgement:
+        """From the error over the noise floor and the share of the floor that is torque noise. adequate: the ratio
+        below which nothing of size is missing."""
         mostly = torque_share > _MOSTLY_TORQUE
         if ratio < _DOUBTFUL or (mostly and ratio < SMALL_BELOW):
             return cls(Adequacy.UNKNOWN, mostly)
-        if ratio < ADEQUATE_BELOW:
+        if ratio < adequate:
             return cls(Adequacy.ADEQUATE, mostly)
         return cls(Adequacy.SMALL if ratio < SMALL_BELOW else Adequacy.INADEQUATE, mostly)

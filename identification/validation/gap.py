@@ -199,11 +199,11 @@ class Gap:
         judged = self.by_size
         return replace(judged, adequacy=Adequacy.UNKNOWN) if self.says_little else judged
 
-    @property
-    def at_the_floor(self) -> bool:
-        """Whether the error is that of an adequate plant, also where an angle rests and the floor is not to be
-        trusted."""
-        return self.by_size.adequacy is Adequacy.ADEQUATE
+    def at_the_floor(self, adequate: float) -> bool:
+        """Whether the error is that of an adequate plant, one below `adequate` times the floor, also where an angle
+        rests and the floor is not to be trusted."""
+        judged = Judgement.of(self.ratio_to_floor, float(self.torque_share.max()), adequate)
+        return judged.adequacy is Adequacy.ADEQUATE
 
     @property
     def by_size(self) -> Judgement:

@@ -23,11 +23,12 @@ ENOUGH = 20_000
 """Samples that are predicted, of longer logs the most informative stretches."""
 DRAWS = 30
 """Plants drawn from the covariance."""
+_SEED = 0
 _WITHIN = 3.84
 """Of the squared error above the floor: up to so many times the expected one is explained (χ² of one parameter)."""
 
 
-def expected_ratio(plant: Plant, logs: Sequence[Log], gap: Gap, seed: int = 0) -> float | None:
+def expected_ratio(plant: Plant, logs: Sequence[Log], gap: Gap) -> float | None:
     """Error over the noise floor that a plant of these error bars has on average, if its equations are right.
 
     Plants are drawn from the covariance and run freely from the states that the plant's own filter finds. How far they
@@ -39,7 +40,7 @@ def expected_ratio(plant: Plant, logs: Sequence[Log], gap: Gap, seed: int = 0) -
     part = informative(logs, ENOUGH)
     apart = []
     try:
-        plants = list(sampled_plants(plant, DRAWS, np.random.default_rng(seed)))
+        plants = list(sampled_plants(plant, DRAWS, np.random.default_rng(_SEED)))
         for stretch in stretches(aligned(plant, logs if part is None else part.logs).logs):
             record = stretch.record
             if not Windows.fit_into(record.t, (gap.horizon,), SETTLE):

@@ -16,22 +16,22 @@ Array = NDArray[np.float64]
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_SPAN = 5.0  # s
 _NAMES = ("arm q1", "pendulum q2")
 _MEASURED, _PREDICTED, _FLOOR = "0.25", "tab:orange", "tab:blue"
 
 
-def plot_predictions(gap: Gap, logs: Log | Sequence[Log], log: int | None = None, span: float = 5.0) -> Figure:
-    """Readings of one log, each window's prediction for its end, and the ± 2 floor band around the predictions.
-
-    Shows `span` seconds, those with the largest errors, by default of the first log that was long enough.
+def plot_predictions(gap: Gap, logs: Log | Sequence[Log]) -> Figure:
+    """Readings of the first log that was long enough, each window's prediction for its end, and the ± 2 floor band
+    around the predictions: over the seconds with the largest errors.
     """
     from matplotlib.figure import Figure
 
-    log = int(gap.log[0]) if log is None else log
+    log = int(gap.log[0])
     source = logs if isinstance(logs, Log) else logs[log]
     mine = gap.log == log
     t, error = gap.times[mine], gap.errors[mine]
-    start, stop = worst_stretch(t, error / gap.floor, span)
+    start, stop = worst_stretch(t, error / gap.floor, _SPAN)
     shown, inside = (t >= start) & (t <= stop), (source.t >= start) & (source.t <= stop)
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
@@ -78,11 +78,12 @@ def plot_horizons(gaps: dict[str, Gap]) -> Figure:
     return figure
 
 
-def plot_innovations(gap: Gap, piece: int = 0) -> Figure:
-    """Correlations of the innovations with their past and with the command's, with the 95 % band of white ones."""
+def plot_innovations(gap: Gap) -> Figure:
+    """Correlations of the first stretch's innovations with their past and with the command's, with the 95 % band of
+    white ones."""
     from matplotlib.figure import Figure
 
-    test = gap.tests[piece]
+    test = gap.tests[0]
     lag = 1e3 * test.lag_s * np.arange(1, len(test.correlation) + 1)
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furuta_gym.plant import Plant
-from furuta_gym.sensors import FilteredDifference, Sensors
+from furuta_gym.sensors import VELOCITY_CUTOFF, FilteredDifference, Sensors
 from furuta_gym.simulation import simulate
 
 from ..logs.log import Log
@@ -30,7 +30,7 @@ class Resimulation:
     fit_percent: NDArray[np.float64]
 
 
-def resimulate(plant: Plant, log: Log, velocity_cutoff: float = 100.0) -> Resimulation:
+def resimulate(plant: Plant, log: Log, velocity_cutoff: float = VELOCITY_CUTOFF) -> Resimulation:
     """Run the log's controller, u = −K x̂ + d, on a plant, with d = u + K x̂ taken from the log.
 
     x̂ are the readings and their filtered difference (corner [rad/s]), the same on both sides.

@@ -84,7 +84,7 @@ def shooting(plant: Plant, logs: Log | Sequence[Log], zeros: Zeros | None = None
     slopes = np.array([c.slope(zi) for c, zi in zip(coordinates, z, strict=True)])
     std = slopes * np.sqrt(np.maximum(np.diag(problem.covariance(z)), 0.0))
     names = tuple(c.name for c in coordinates)
-    fitted = filled_plant(plant, coordinates, z).replace(covariance=None, checks={}, provenance={})
+    fitted = filled_plant(plant, coordinates, z).without_fit()
     return Shooting(_with_errors(fitted, names, std), names, values, std, converged)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ..compiled import compiled
 from ..elementary import exp, log, sincos, tanh
-from .declaration import EffectType, Parameter
+from .declaration import EffectType, FrictionMemory, Parameter
 from .stribeck import other_exponent, stribeck_level, stribeck_parameters
 from .words import Quantity, by_direction, either, near_standstill, percent
 
@@ -167,7 +167,6 @@ ARM_EFFECTS = (
         parameters=(Parameter("c", "{u}·s²/rad²", "drag coefficient", 3.0, relative_to="theta6", lower=0.0),),
         kernels={"torque": _quadratic_drag},
         mistaken_for=("arm_stribeck",),
-        dissipative=True,
     ),
     EffectType(
         name="arm_spring",
@@ -226,6 +225,10 @@ ARM_EFFECTS = (
             ),
         ),
         kernels={"torque": _ripple},
+        periods_a_turn="n",
+        caution=lambda n: (
+            "one period a turn is no cogging: a cable, a spring or a tilted base pulls so; look there" if n == 1 else ""
+        ),
         mistaken_for=("arm_spring", "arm_position_friction", "arm_cable", "arm_taut_cable"),
     ),
     EffectType(
@@ -280,6 +283,8 @@ ARM_EFFECTS = (
         ),
         kernels={"torque": _presliding, "rate": _presliding_rate},
         memory=("z",),
+        travels=lambda σ0, theta8: (theta8 / σ0,) if σ0 else (),
+        friction_memory=FrictionMemory("bristle", False, lambda level, travel: {"σ0": level / travel}),
         friction_of={"arm_hysteresis": _bristle_of_stops},
         wider=_other_shape,
         mistaken_for=("arm_stribeck", "friction_sharpness", "actuator_lag", "arm_hysteresis"),
@@ -345,6 +350,7 @@ ARM_EFFECTS = (
         ),
         kernels={"theta": _backlash_theta, "torque": _backlash, "rate": _backlash_rate},
         memory=("s", "w"),
+        travels=lambda b: (2.0 * b,),
         changes=("theta1",),
         mistaken_for=("input_delay", "input_dead_zone", "actuator_lag"),
     ),

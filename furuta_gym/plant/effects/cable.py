@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from ..compiled import compiled
-from .declaration import EffectType, Parameter
+from .declaration import EffectType, FrictionMemory, Parameter
 
 
 def _cable(q1, k, q1n, k3, q1s):
@@ -207,6 +207,8 @@ CABLE_EFFECTS = (
         ),
         kernels={"torque": _hysteresis, "rate": _hysteresis_rate, "update": _hysteresis_update},
         memory=("y", "y2"),
+        travels=lambda d, κ2, d2: (d, d2) if κ2 else (d,),
+        friction_memory=FrictionMemory("stop", True, lambda level, travel: {"κ": level / travel, "d": travel}),
         wider=_wider_hysteresis,
         mistaken_for=("arm_presliding", "arm_stribeck"),
     ),

@@ -91,6 +91,7 @@ COMMAND_EFFECTS = (
         says=lambda b: f"A constant {b} is added to the command",
         parameters=(Parameter("b", "{u}", "constant added to the command", 0.4, relative_to="theta8"),),
         kernels={"command": _offset},
+        constant=True,
         mistaken_for=("arm_coulomb_asymmetry", "arm_spring"),
     ),
     EffectType(

@@ -10,7 +10,7 @@ from typing import Any
 from ..compiled import compiled
 from ..layout import BASE_NAMES
 from .declaration import EffectType
-from .library import CARRIED, NUMBERS
+from .library import CARRIED, FILTERS, NUMBERS
 
 _STATES = {"q1": 0, "q2": 1, "v1": 2, "v2": 3}
 _SUMS = {"torque": "F", "sensor": "Y"}  # hooks whose results are added up
@@ -77,15 +77,14 @@ memory_rates = _entry("memory_rates", "rate", "t, X, tau, P, codes, TH, K")
 update_memory = _entry("update_memory", "update", "X, P, codes", forceinline=True)
 read_sensors = _entry("read_sensors", "sensor", "X, P, codes, Y")
 
-_FILTERS = frozenset(NUMBERS[e.name] for e in CARRIED.values() if "filter" in e.kernels)
-(_LAG,) = _FILTERS
+_FILTER = next(iter(FILTERS), -1)
 
 
 @compiled(forceinline=True)
 def store_filter(X, codes, value):
     """Keep the filtered command `value` (L,) in the memory of the active filter, if there is one."""
     for i in range(codes.shape[0]):
-        if codes[i, 0] == _LAG:
+        if codes[i, 0] == _FILTER:
             for k in range(X.shape[1]):
                 X[codes[i, 2], k] = value[k]
 

@@ -14,14 +14,12 @@ from ..plant_file import EffectEntry, ParameterEntry
 from .declaration import EffectType
 from .library import CARRIED, EFFECTS
 
-# Names as the equations have them; a keyboard without Greek letters may use these.
-_PLAIN = {"dF": "ΔF", "phi": "φ", "sigma0": "σ0", "kappa": "κ", "kappa2": "κ2", "rho": "ρ", "delta": "δ", "lambda": "λ"}
-_PLAIN |= {"alphax": "αx", "alphay": "αy"}
+_WRITTEN = {p.typed: p.name for kind in CARRIED.values() for p in kind.parameters}
 
 
 def as_written(name: str) -> str:
     """A parameter's name as the equations have it, from that or its spelling without Greek letters."""
-    return _PLAIN.get(name, name)
+    return _WRITTEN.get(name, name)
 
 
 _LARGEST = 1e100  # of any value; an estimate that runs off ends below it

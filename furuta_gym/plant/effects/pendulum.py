@@ -84,7 +84,6 @@ PENDULUM_EFFECTS = (
         ),
         kernels={"torque": _quadratic_drag},
         mistaken_for=("pendulum_stribeck",),
-        dissipative=True,
     ),
     EffectType(
         name="pendulum_stribeck",

@@ -37,6 +37,8 @@ SENSOR_EFFECTS = (
         says=lambda b: f"The pendulum's encoder reads {b} when the pendulum is upright",
         parameters=(Parameter("b", "rad", "zero error of the pendulum's encoder", 0.012, lower=-1.0, upper=1.0),),
         kernels={"sensor": _offset},
+        constant=True,
+        reads="pendulum",
         mistaken_for=("base_tilt", "pendulum_coulomb_asymmetry"),
     ),
     EffectType(
@@ -48,6 +50,7 @@ SENSOR_EFFECTS = (
         says=lambda a, b: off_centre("pendulum", a, b),
         parameters=_eccentricity_parameters(of_a_day=False),
         kernels={"sensor": _pendulum_eccentricity},
+        reads="pendulum",
         mistaken_for=("pendulum_encoder_offset",),
     ),
     EffectType(
@@ -59,6 +62,7 @@ SENSOR_EFFECTS = (
         says=lambda a, b: off_centre("arm", a, b),
         parameters=_eccentricity_parameters(of_a_day=True),  # the arm's zero is where it stood at power-on
         kernels={"sensor": _arm_eccentricity},
+        reads="arm",
         mistaken_for=("arm_position_friction",),
     ),
 )

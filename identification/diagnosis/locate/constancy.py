@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_BLOCKS = 8  # stretches of time in which a parameter may be another
+
 
 @dataclass(frozen=True)
 class Constancy:
@@ -26,7 +28,7 @@ class Constancy:
     moved: Array
 
 
-def constancy(answers: Array, innovations: Array, names: Sequence[str], blocks: int = 8) -> Constancy:
+def constancy(answers: Array, innovations: Array, names: Sequence[str]) -> Constancy:
     """From the answers (N, 2, n) of whitened innovations (N, 2) to each parameter.
 
     Parameters are taken apart: each score is what is left of it after the others (efficient scores), so that one that
@@ -45,8 +47,8 @@ def constancy(answers: Array, innovations: Array, names: Sequence[str], blocks: 
     together = np.linalg.pinv(influence.T @ influence, rcond=1e-10, hermitian=True)
     joint = float(np.einsum("ki,ij,kj->", path, together, path)) / n
     rank = int(np.linalg.matrix_rank(influence.T @ influence / np.sqrt(np.outer(variance, variance)), tol=1e-8))
-    moved = np.zeros((blocks, len(names)))
-    for b, part in enumerate(np.array_split(np.arange(n), blocks)):
+    moved = np.zeros((_BLOCKS, len(names)))
+    for b, part in enumerate(np.array_split(np.arange(n), _BLOCKS)):
         rows = answers[part].reshape(-1, answers.shape[2])
         local = np.linalg.pinv(rows.T @ rows, rcond=1e-8, hermitian=True)
         moved[b] = local @ scores[part].sum(axis=0)

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, Effect, Plant
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Plant
 
 from ...discrepancy.basis import ZEROS, Family, Signals, on_row, stages
 from ...friction_memory import bristle
@@ -43,9 +43,8 @@ def own_variables(name: str) -> frozenset[Variable]:
         elif hook == "command":
             found |= {("input", "command"), ("arm", "constant")}
         elif hook == "sensor":
-            joint = name.split("_")[0]
-            found |= {("sensor", f"{joint} angle")} | {
-                ("sensor", zero) for zero, of in ZEROS.items() if of.startswith(joint)
+            found |= {("sensor", f"{effect.reads} angle")} | {
+                ("sensor", zero) for zero, of in ZEROS.items() if of.startswith(effect.reads)
             }
         elif hook == "theta":
             found |= _SPEEDS if {"r1", "r2"} & set(effect.changes) else set()
@@ -104,7 +103,7 @@ def own_families(name: str, plant: Plant, signals: Signals, span: tuple[float, f
             )
         if (channel, variable) == _BY_ANGLE:
             found.append(Family("arm", _SMOOTH, on_row(0, *_polynomials(signals.q[:, 0]))))
-    if name == "input_offset":
+    if EFFECTS[name].constant and not EFFECTS[name].reads:
         found.append(Family("arm", "time", on_row(0, *stages(signals.t, span))))
     effect = plant.effect(name)
     if effect is not None:
@@ -127,30 +126,21 @@ def _near(v: Array, r: float) -> list[Array]:
 def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
     p = effect.parameters
     q1, v1, t = s.q[:, 0], s.v[:, 0], s.t
-    if travels := [d for d in _travels(effect, plant) if d > 0.0 and math.isfinite(d)]:
+    remembered = effect.type.remembered(p, float(plant.theta[THETA_NAMES.index("theta8")]))
+    if travels := [d for d in remembered if d > 0.0 and math.isfinite(d)]:
         columns = [bristle(s.way(0), factor * d) for d in travels for factor in _TRAVELS]
         return [Family("arm", "memory at its own travel", on_row(0, *columns))]
-    if effect.name == "arm_ripple":
-        return [Family("arm", "its own ripple", on_row(0, *_waves(p["n"] * q1)))]
-    if effect.name == "arm_position_friction":
+    if periods := effect.type.periods_a_turn:
+        return [Family("arm", "its own ripple", on_row(0, *_waves(p[periods] * q1)))]
+    if effect.type.dry and effect.type.of_arm_angle:
         turning = np.tanh(plant.sharpness[0] * v1)
         return [Family("arm", "its own friction", on_row(0, *(w * turning for w in _waves(q1))))]
-    if effect.name == "periodic_torque":
-        return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * p["f"] * t)))]
-    if effect.name.endswith("eccentricity"):
-        row = _ROWS[effect.name.split("_")[0]]
+    if frequency := next((p[known.name] for known in effect.type.parameters if known.repeats), None):
+        return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * frequency * t)))]
+    if effect.type.reads and not effect.type.constant:
+        row = _ROWS[effect.type.reads]
         return [Family("sensor", "its own turn", None, on_row(row, *_waves(s.expected[:, row])))]
     return []
-
-
-def _travels(effect: Effect, plant: Plant) -> Iterable[float]:
-    """The ways [rad] that an effect with a memory of the motion remembers."""
-    p = effect.parameters
-    if effect.name == "arm_hysteresis":
-        return (p["d"], p["d2"]) if p["κ2"] else (p["d"],)
-    if effect.name == "arm_presliding":
-        return (float(plant.theta[7]) / p["σ0"],) if p["σ0"] else ()
-    return (2.0 * p["b"],) if effect.name == "arm_backlash" else ()
 
 
 def _waves(angle: Array) -> list[Array]:

@@ -10,17 +10,19 @@ from ...discrepancy.correction import FEWEST_PERIODS, HIGHEST_FREQUENCY
 Array = NDArray[np.float64]
 
 _FEATURES, _BLOCKS, _LENGTH, _RIDGE = 150, 10, 2.0, 1.0
+_STRIDE = 5  # samples: neighbours say the same
+_SEED = 0
 
 
-def predictable(torque: Array, inputs: Array, seed: int = 0, stride: int = 5) -> float:
+def predictable(torque: Array, inputs: Array) -> float:
     """Cross-validated R² of a torque (N,) on random Fourier features of inputs (N, m) (Rahimi & Recht 2007).
 
     Blocks of time are left out in turn, so that a torque which is merely smooth is not predictable. Below zero: worse
     than its mean.
     """
-    y, Z = torque[::stride], inputs[::stride]
+    y, Z = torque[::_STRIDE], inputs[::_STRIDE]
     Z = (Z - Z.mean(axis=0)) / np.maximum(Z.std(axis=0), 1e-12)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(_SEED)
     W = rng.standard_normal((Z.shape[1], _FEATURES)) / _LENGTH
     F = np.column_stack([np.ones(len(Z)), Z, np.cos(Z @ W + rng.uniform(0, 2 * np.pi, _FEATURES))])
     if np.var(y) < 1e-300:
@@ -35,12 +37,13 @@ def predictable(torque: Array, inputs: Array, seed: int = 0, stride: int = 5) ->
     return float(1.0 - np.mean(error**2) / np.var(y))
 
 
-def largest_line(torque: Array, T: float, highest: float = HIGHEST_FREQUENCY) -> tuple[float, float]:
+def largest_line(torque: Array, T: float) -> tuple[float, float]:
     """(Fisher's g, frequency [Hz]): largest share of one line in the periodogram of a torque sampled every T [s], of
-    lines that have `FEWEST_PERIODS` in it. A slow drift would outweigh them, and does not repeat."""
+    lines up to `HIGHEST_FREQUENCY` that have `FEWEST_PERIODS` in it. A slow drift would outweigh them, and does not
+    repeat."""
     f = np.fft.rfftfreq(len(torque), T)
     power = np.abs(np.fft.rfft(torque - torque.mean())) ** 2
-    inside = (f >= FEWEST_PERIODS / (len(torque) * T)) & (f <= highest)
+    inside = (f >= FEWEST_PERIODS / (len(torque) * T)) & (f <= HIGHEST_FREQUENCY)
     total = float(power[inside].sum())
     if total <= 0.0:
         return 0.0, 0.0

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 VARIABLES = ("arm angle", "arm speed", "pendulum angle", "pendulum speed", "command", "time")
 ROWS = ("arm", "pendulum")
+_BINS = 12
 _BLOCK = 0.25  # s, several times what the filter remembers
 
 
@@ -48,11 +49,11 @@ def variable(signals: Signals, name: str) -> Array:
     return columns[VARIABLES.index(name)]
 
 
-def torque_map(paths: Sequence[FilterPath], row: int, name: str, bins: int = 12) -> Map:
+def torque_map(paths: Sequence[FilterPath], row: int, name: str) -> Map:
     """The map of a row (0 arm, 1 pendulum) over several logs; bins hold equal shares of the samples."""
     signals = [Signals.of(path) for path in paths]
     values = [variable(s, name) for s in signals]
-    edges = np.unique(np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, bins + 1)))
+    edges = np.unique(np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, _BINS + 1)))
     if len(edges) < 2:
         edges = np.array([edges[0] - 0.5, edges[0] + 0.5])
     m = len(edges) - 1

@@ -14,21 +14,20 @@ from dataclasses import replace
 from furuta_gym.plant import EFFECTS
 
 from ...estimation.pool import mapped, shared_pool
-from ...estimation.start import Start as LogStart
-from ...estimation.start import reduced
+from ...estimation.start import Start, reduced
 from .discrete import grid_of
 from .fits import Fit, added
-from .multistart import Start, best_of, catches_up, multi_start, one_round
+from .multistart import EffectStart, best_of, catches_up, multi_start, one_round
 from .search import Search
 from .suspects import price_in
 
 
 def afresh(
     nominal: Fit,
-    starts: Sequence[LogStart],
+    starts: Sequence[Start],
     search: Search,
-    known: Fit | None = None,
-    remembering: Sequence[LogStart] = (),
+    known: Fit | None,
+    remembering: Sequence[Start],
 ) -> dict[str, Fit]:
     """The best fits of model (5) with one effect among those that start at `starts`, by the effect's name.
 
@@ -43,12 +42,13 @@ def afresh(
     plants = [replace(nominal.plant, theta=start.plant.theta) for start in starts[: policy.log_starts]]
     noises = [start.noise for start in starts[: policy.log_starts]]
     effects = [e for n in names for e in grid_of(nominal.plant.default_effect(n), nominal.plant)]
-    tried = {e: [Start((e.name,), p.with_effects(e), v) for p, v in zip(plants, noises, strict=True)] for e in effects}
+    both = list(zip(plants, noises, strict=True))
+    tried = {e: [EffectStart((e.name,), p.with_effects(e), v) for p, v in both] for e in effects}
     for start in remembering:
         (effect,) = start.plant.effects
         if effect.name in names:
             plant = replace(nominal.plant, theta=start.plant.theta, effects=(effect,))
-            tried.setdefault(effect, []).append(Start((effect.name,), plant, start.noise))
+            tried.setdefault(effect, []).append(EffectStart((effect.name,), plant, start.noise))
     if not (plants and effects):
         return {}
     every = [start for group in tried.values() for start in group]
@@ -68,8 +68,8 @@ def _value(fitted: Fit) -> float:
     return fitted.value
 
 
-def _start_at(fitted: Fit, nominal: Fit) -> Start:
-    return Start((added(fitted, nominal).name,), fitted.plant, fitted.noise, fitted.zeros)
+def _start_at(fitted: Fit, nominal: Fit) -> EffectStart:
+    return EffectStart((added(fitted, nominal).name,), fitted.plant, fitted.noise, fitted.zeros)
 
 
 def cost(fitted: Fit) -> float:

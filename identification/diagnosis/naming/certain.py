@@ -16,7 +16,7 @@ from ...estimation.pool import mapped, shared_pool
 from .forward import Naming
 from .judge import Witness
 from .search import Search
-from .upheld import without
+from .upheld import without_name
 
 
 def may_be_absent(plant: Plant, name: str, level: float) -> bool:
@@ -43,7 +43,7 @@ def may_be_absent(plant: Plant, name: str, level: float) -> bool:
     return bool(distance < chi2.ppf(level, len(sizes)))
 
 
-def uncertain(naming: Naming, plant: Plant, level: float) -> list[int]:
+def perhaps_absent(naming: Naming, plant: Plant, level: float) -> list[int]:
     """Places of the names that may be absent as far as `plant`, the estimate with all of them, says. Of one name alone,
     or of one whose law another effect describes, that is not asked."""
     described = {naming.describes(suspect.name) for suspect in naming.accepted}
@@ -53,12 +53,12 @@ def uncertain(naming: Naming, plant: Plant, level: float) -> list[int]:
     return [i for i, s in enumerate(naming.accepted) if s.name in own and may_be_absent(plant, s.name, level)]
 
 
-def without_uncertain(
-    naming: Naming, plant: Plant, search: Search, witness: Witness, needed: Collection[str] = ()
+def without_absent(
+    naming: Naming, plant: Plant, search: Search, witness: Witness, needed: Collection[str]
 ) -> Naming | None:
     """The names without one that may be absent and that data which no fit saw do not ask for: of several the one that
     is missed least. None if there is no such name. needed: names that are not asked about."""
-    places = [i for i in uncertain(naming, plant, search.policy.present) if naming.accepted[i].name not in needed]
+    places = [i for i in perhaps_absent(naming, plant, search.policy.present) if naming.accepted[i].name not in needed]
     if not places:
         return None
     names = [naming.accepted[i].name for i in places]
@@ -67,7 +67,6 @@ def without_uncertain(
     witness.hears([naming.final, *fits])
     for i, reduced in sorted(zip(places, fits, strict=True), key=lambda pair: pair[1].value):
         if not witness.confirms(reduced, naming.final):
-            return replace(
-                without(naming, i, search.to_the_end(reduced)), uncertain=(*naming.uncertain, naming.accepted[i])
-            )
+            fewer = without_name(naming, i, search.to_the_end(reduced))
+            return replace(fewer, perhaps_absent=(*naming.perhaps_absent, naming.accepted[i]))
     return None

@@ -3,17 +3,12 @@ rough."""
 
 from __future__ import annotations
 
-from furuta_gym.plant import EFFECTS, Effect, Parameter, Plant
+from furuta_gym.plant import Effect, Parameter, Plant
 
-from .fits import Fit, added, without
-from .multistart import Setting, Start, multi_start, with_effect
+from .fits import Fit, added, without_further
+from .multistart import EffectStart, Setting, multi_start, with_effect
 
 _FACTORS = (1.25, 1.08)  # on a rough size: wide steps first, then narrow ones
-
-
-def has_whole_number(name: str) -> bool:
-    """Whether an effect has a shape that is a whole number, as the periods a turn of a ripple."""
-    return any(p.integer and p.role == "shape" for p in EFFECTS[name].parameters)
 
 
 def grid_of(effect: Effect, plant: Plant) -> list[Effect]:
@@ -27,7 +22,7 @@ def grid_of(effect: Effect, plant: Plant) -> list[Effect]:
     return effects
 
 
-def starts_of(start: Effect, current: Fit, setting: Setting) -> list[Start]:
+def starts_of(start: Effect, current: Fit, setting: Setting) -> list[EffectStart]:
     """Where the fits of an effect start: at what its score suggests and, for a rough size, at every value of its
     grid."""
     return [with_effect(current, effect, setting) for effect in grid_of(start, current.plant)]
@@ -49,14 +44,14 @@ def _walked(found: Fit, current: Fit, setting: Setting, p: Parameter, moves: tup
     """Moves of one parameter (added to a whole number, a factor on any other), on in the same direction while the fit
     gets better."""
     while moves:
-        effect, plant = added(found, current), without(found, current)
+        effect, plant = added(found, current), without_further(found, current)
         value = effect.parameters[p.name]
         starts = {}
         for move in moves:
             x = value + move if p.integer else value * move
             if p.lower <= x <= p.upper:
                 moved = plant.with_effects(Effect(effect.name, {**effect.parameters, p.name: x}))
-                starts[Start((effect.name,), moved, found.noise, found.zeros)] = move
+                starts[EffectStart((effect.name,), moved, found.noise, found.zeros)] = move
         fits = multi_start(list(starts), current, setting, ahead=found.value)
         best = min(fits, key=lambda start: fits[start].value, default=None)
         if best is None or fits[best].value >= found.value:

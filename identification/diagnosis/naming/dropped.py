@@ -22,27 +22,27 @@ _LARGEST = 3.0
 
 
 @dataclass(frozen=True)
-class Rest:
+class Remainder:
     """A plant, and the zeros of the encoders [rad] in each log, from which a fit starts."""
 
     plant: Plant
     zeros: Zeros = field(default_factory=dict)
 
 
-def dropped(fitted: Fit, name: str) -> Rest:
+def dropped(fitted: Fit, name: str) -> Remainder:
     """Where a fit starts without one effect of another fit. An effect of which that one is a special case takes its
     part over. Else the rest stays as it is, or goes where the information of the fit has it if the dropped effect does
     nothing: whichever is likelier."""
     gone = fitted.plant.effect(name)
     assert gone is not None
     rest = tuple(_with_part_of(gone, e) for e in fitted.plant.effects if e.name != name)
-    as_it_is = Rest(fitted.plant.replace(effects=rest), fitted.zeros)
+    as_it_is = Remainder(fitted.plant.replace(effects=rest), fitted.zeros)
     if any(gone.name in e.type.includes for e in rest):
         return as_it_is
     return _likelier(fitted, gone) or as_it_is
 
 
-def _likelier(fitted: Fit, gone: Effect) -> Rest | None:
+def _likelier(fitted: Fit, gone: Effect) -> Remainder | None:
     """Where the rest of a fit most likely is if an effect does nothing: the mean of the others in the normal
     distribution that the information describes. None if it is likelier to stay where it is, if the sizes of the effect
     have no finite value of doing nothing, or if that is too far away."""
@@ -68,8 +68,7 @@ def _likelier(fitted: Fit, gone: Effect) -> Rest | None:
         return None
     if not problem.value(there) < problem.value(still):
         return None
-    kept = tuple(e for e in plant.effects if e.name != gone.name)
-    return Rest(plant.replace(effects=kept), problem.zeros_at(there))
+    return Remainder(plant.without(gone.name), problem.zeros_at(there))
 
 
 def _with_part_of(gone: Effect, effect: Effect) -> Effect:

@@ -209,8 +209,8 @@ def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:
     Slower than that is a drift, of which no log can say that it repeats."""
     effect, _, parameter = c.name.partition(".")
     declared = EFFECTS[effect].parameters if effect in EFFECTS else ()
-    repeats = any(p.name == parameter and p.grid == "frequencies" for p in declared)
-    return replace(c, low=max(c.low, periods / duration)) if repeats else c
+    frequency = any(p.name == parameter and p.repeats for p in declared)
+    return replace(c, low=max(c.low, periods / duration)) if frequency else c
 
 
 def added(fitted: Fit, current: Fit) -> Effect:
@@ -224,7 +224,6 @@ def further(fitted: Fit, current: Fit) -> tuple[Effect, ...]:
     return tuple(e for e in fitted.plant.effects if e.name not in had)
 
 
-def without(fitted: Fit, current: Fit) -> Plant:
+def without_further(fitted: Fit, current: Fit) -> Plant:
     """The plant of `fitted` with only the effects of `current`."""
-    keep = {e.name for e in current.plant.effects}
-    return fitted.plant.replace(effects=tuple(e for e in fitted.plant.effects if e.name in keep))
+    return fitted.plant.keeping(lambda effect: current.plant.effect(effect.name) is not None)

@@ -13,10 +13,10 @@ from furuta_gym.plant import EFFECTS
 
 from ...kalman.noise_model import Noise
 from ..locate.location import Where
-from ..policy import MOST_EFFECTS, DecisionPolicy
+from ..policy import DecisionPolicy
 from .fits import Fit
-from .hung import OFFSET, set_while_hanging
-from .judge import Judge, NoRest, NoWitness, Rest, Witness
+from .hung import set_while_hanging
+from .judge import Judge, Rest, Witness
 from .next_effect import next_effect
 from .pairs import two_for_one
 from .scores import Score
@@ -36,10 +36,10 @@ class Naming:
 
     accepted: the effects found. equals: beside each of them, what cannot be told from it. absorbed: share of each
     effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
-    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw. uncertain:
-    what makes these logs likelier, though its size may be zero. same: of the equals, those that predict the same, so
-    that nobody need tell them apart. laws: which of the effects found only describes another law of which. went: of an
-    effect found, those found before in whose place it came. alone: the model with the best single effect.
+    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
+    perhaps_absent: what makes these logs likelier, though its size may be zero. same: of the equals, those that predict
+    the same, so that nobody need tell them apart. laws: which of the effects found only describes another law of which.
+    went: of an effect found, those found before in whose place it came. alone: the model with the best single effect.
     """
 
     nominal: Fit = field(repr=False)
@@ -50,7 +50,7 @@ class Naming:
     absorbed: dict[str, float]
     refused: Suspect | None = None
     taken_back: tuple[Suspect, ...] = ()
-    uncertain: tuple[Suspect, ...] = ()
+    perhaps_absent: tuple[Suspect, ...] = ()
     same: tuple[tuple[str, ...], ...] = ()
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class Naming:
 
     def follows(self, name: str) -> str | None:
         """The effect found from which another one follows, as a wrong zero of an encoder may; None for any other."""
-        of = set_while_hanging(self.final) if name == OFFSET else None
+        of = set_while_hanging(self.final) if EFFECTS[name].wrong_zero == "pendulum" else None
         return of if of in {s.name for s in self.accepted} else None
 
     def describes(self, name: str) -> str | None:
@@ -104,10 +104,10 @@ class _Grown:
 def name_effects(
     nominal: Fit,
     search: Search,
-    most: int = MOST_EFFECTS,
-    rest: Rest = NoRest(),  # noqa: B008  (no state)
-    witness: Witness = NoWitness(),  # noqa: B008  (no state)
-    joined: Mapping[str, Fit] = NOTHING_YET,
+    most: int,
+    rest: Rest,
+    witness: Witness,
+    joined: Mapping[str, Fit],
 ) -> Naming:
     """Forward selection; each effect found is reconsidered when another one joins it, and one alone is compared with
     two.

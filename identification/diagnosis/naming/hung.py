@@ -9,9 +9,9 @@ import numpy as np
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import angles_read
 
+from ...kalman.coordinates import tells_the_zero
 from .fits import Fit
 
-OFFSET = "pendulum_encoder_offset"
 _CAUSES = ("base_tilt", "pendulum_encoder_eccentricity")
 _RESTING = 3  # first readings that do not change
 
@@ -26,7 +26,7 @@ def set_while_hanging(fitted: Fit) -> str | None:
     """
     plant = fitted.plant
     causes = [name for name in _CAUSES if plant.effect(name) is not None]
-    if plant.effect(OFFSET) is None or not causes:
+    if not tells_the_zero(plant) or not causes:
         return None
     for record in fitted.records:
         count, first = float(record.quantum[1]), record.y[:_RESTING, 1]
@@ -35,7 +35,7 @@ def set_while_hanging(fitted: Fit) -> str | None:
         read = record.y[0] - np.array(fitted.zeros.get(record.log, (0.0, 0.0)))
         if _rests(plant, read, count):
             for name in causes:
-                others = plant.replace(effects=tuple(e for e in plant.effects if e.name != name))
+                others = plant.without(name)
                 if not _rests(others, read, count):
                     return name
     return None

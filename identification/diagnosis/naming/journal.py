@@ -10,7 +10,6 @@ import hashlib
 import json
 import threading
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -141,8 +140,7 @@ class FitJournal:
 
 def _plain(plant: Plant) -> dict[str, Any]:
     """What a fit depends on of a plant."""
-    bare = replace(plant, covariance=None, checks={}, provenance={})
-    return bare.to_dict()
+    return plant.without_fit().to_dict()
 
 
 def _read(path: Path) -> tuple[dict[str, Optimum], bool]:

@@ -12,7 +12,7 @@ from furuta_gym.plant import EFFECTS
 from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit, added
-from .suspects import RIPPLE, Ranking, Suspect, alike, follows_a_law, of_the_angle, price_in, repeats, slight_beside
+from .suspects import Ranking, Suspect, alike, follows_a_law, price_in, repeats, slight_beside
 
 
 class Rest(Protocol):
@@ -25,16 +25,6 @@ class Rest(Protocol):
     def another_law(self, fitted: Fit, name: str) -> float:
         """The same, of what goes with the variables of an effect's own law; nan where nobody can say."""
         ...
-
-
-class NoRest:
-    """A `Rest` that never sees anything."""
-
-    def left(self, fitted: Fit) -> float:
-        return 0.0
-
-    def another_law(self, fitted: Fit, name: str) -> float:
-        return math.nan
 
 
 class Witness(Protocol):
@@ -50,11 +40,11 @@ class Witness(Protocol):
         ...
 
     def far(self, fitted: Fit) -> bool:
-        """Whether a fit predicts them much worse than noise would."""
+        """Whether a fit predicts them much worse than noise would, or loses them; False where nobody can tell."""
         ...
 
     def off(self, fitted: Fit) -> bool:
-        """Whether a fit predicts them worse than noise would."""
+        """Whether a fit predicts them worse than an adequate plant does, or loses them; False where nobody can tell."""
         ...
 
     def confirms(self, without: Fit, fitted: Fit) -> bool:
@@ -72,33 +62,6 @@ class Witness(Protocol):
     def excuses(self, without: Fit, fitted: Fit) -> bool:
         """Whether it says nothing if they speak against it, as the arm is elsewhere there."""
         ...
-
-
-class NoWitness:
-    """A `Witness` that never says anything."""
-
-    same_clock = True
-
-    def hears(self, fits: Sequence[Fit]) -> None:
-        pass
-
-    def far(self, fitted: Fit) -> bool:
-        return False
-
-    def off(self, fitted: Fit) -> bool:
-        return False
-
-    def confirms(self, without: Fit, fitted: Fit) -> bool:
-        return False
-
-    def prefers(self, fitted: Fit, other: Fit) -> bool:
-        return False
-
-    def denies(self, without: Fit, fitted: Fit) -> bool:
-        return False
-
-    def excuses(self, without: Fit, fitted: Fit) -> bool:
-        return False
 
 
 @dataclass(frozen=True)
@@ -160,13 +123,13 @@ class Judge:
         with its own. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring
         or cable is no law of a ripple: no periodic law pulls as they do."""
         *others, (newest, *_) = together
-        angle = [other.name for other, *_ in others if of_the_angle(other.name)]
+        angle = [other.name for other, *_ in others if other.type.of_angle_alone]
         if follows_a_law(newest, self.policy) and angle:
             return angle[0]
         laws = {
             other.name: self._taken_up(before, newest.fit, other.name)
             for other, *_ in others
-            if not (of_the_angle(newest.name) and other.name == RIPPLE)
+            if not (newest.type.of_angle_alone and other.type.periods_a_turn)
         }
         laws = {name: evidence for name, evidence in laws.items() if not math.isnan(evidence)}
         best = max(laws, key=lambda name: laws[name], default=None)
@@ -178,12 +141,12 @@ class Judge:
         """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
         in the same variables that explains less than half as much, or a change of what that effect's law is made of, as
         the sharpness r of friction is. Held-out data cannot say which it is, as both predict the same. Not so a ripple
-        and what pulls otherwise: see `law_of` and `law_of_ripple`."""
+        and what pulls otherwise: see `law_of` and `ripple_of_law`."""
         *others, (newest, *_) = together
         own = own_variables(newest.name)
         for other, *_ in others:
             of = own_variables(other.name)
-            rippled = RIPPLE in (newest.name, other.name)
+            rippled = newest.type.periods_a_turn or other.type.periods_a_turn
             if (
                 (alike(newest.name, other.name) or _changes_law(newest.name, other.name))
                 and (own <= of or of <= own)
@@ -193,11 +156,14 @@ class Judge:
                 return other.name
         return None
 
-    def law_of_ripple(self, together: Sequence[Ranking]) -> str | None:
-        """The last effect of `together`, where a ripple before it that is not seen to repeat only describes its law."""
+    def ripple_of_law(self, together: Sequence[Ranking]) -> str | None:
+        """The ripple before the last effect of `together` that is not seen to repeat, and so only describes the law of
+        that one."""
         *others, (newest, *_) = together
-        rippled = newest.name != RIPPLE and any(other.name == RIPPLE for other, *_ in others)
-        return newest.name if rippled and of_the_angle(newest.name) and not repeats(newest.fit, self.policy) else None
+        if newest.type.periods_a_turn or not newest.type.of_angle_alone:
+            return None
+        ripples = (other.name for other, *_ in others if other.type.periods_a_turn)
+        return next((name for name in ripples if not repeats(newest.fit, name, self.policy)), None)
 
     def slight(self, together: Sequence[Ranking], suspect: Suspect, before: Fit) -> bool:
         """Whether a further effect, the last of `together`, is too small beside the others to be told from their form.

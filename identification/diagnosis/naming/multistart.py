@@ -21,7 +21,7 @@ from ...estimation.pool import mapped, shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
-from .fits import Fit, Fitter, added, without
+from .fits import Fit, Fitter, added, without_further
 from .related import angles_of, in_place_of_friction, nearest, related
 from .suspects import alike
 
@@ -40,7 +40,7 @@ class Setting(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class EffectStart:
     """Where one fit starts: the effects it stands for, a plant with them, its noise, and the zeros of the
     encoders in each log."""
 
@@ -57,12 +57,12 @@ class Start:
 
 
 def multi_start(
-    starts: Sequence[Start],
+    starts: Sequence[EffectStart],
     current: Fit,
     setting: Setting,
     ahead: float = math.inf,
     halve: bool | None = None,
-) -> dict[Start, Fit]:
+) -> dict[EffectStart, Fit]:
     """Coarse fits from several starts, a few iterations at a time; a start that cannot catch up is pruned.
 
     ahead: value [nats] of a fit that is there already. halve: keep half of the starts after each round (default: only
@@ -70,8 +70,8 @@ def multi_start(
     """
     policy = setting.policy
     halve = math.isinf(ahead) if halve is None else halve
-    fits: dict[Start, Fit] = {}
-    running: list[tuple[Start, Start | Fit]] = [(start, start) for start in starts]
+    fits: dict[EffectStart, Fit] = {}
+    running: list[tuple[EffectStart, EffectStart | Fit]] = [(start, start) for start in starts]
     for turn in range(policy.rounds):
         if not running:
             break
@@ -95,7 +95,7 @@ def catches_up(fitted: Fit, pace: float, best: float, policy: DecisionPolicy) ->
     return fitted.value - policy.catches_up * pace < best + policy.reach
 
 
-def one_round(at: Start | Fit, current: Fit, setting: Setting) -> Fit:
+def one_round(at: EffectStart | Fit, current: Fit, setting: Setting) -> Fit:
     """A few iterations from a start, or on from a fit, on the records of `current`."""
     return setting.fitter(
         at.plant,
@@ -109,7 +109,7 @@ def one_round(at: Start | Fit, current: Fit, setting: Setting) -> Fit:
     )
 
 
-def best_of(found: Mapping[Start, Fit], so_far: Mapping[str, Fit] | None = None) -> dict[str, Fit]:
+def best_of(found: Mapping[EffectStart, Fit], so_far: Mapping[str, Fit] | None = None) -> dict[str, Fit]:
     """The best fit of each effect, from fits by their starts and from those known so far."""
     best = dict(so_far or {})
     for start, fitted in found.items():
@@ -159,21 +159,21 @@ def from_best(
     whose law is related to the best one's, or that are it where no Coulomb friction is left, start from what does
     nearly the same, too."""
     noise = between(fits[best], current)
-    plant = without(fits[best], current)
+    plant = without_further(fits[best], current)
     zeros = fits[best].zeros
     clock = clock_of(current.records)
     starts = []
     for name, effect in rivals.items():
         if related(best, name):
             near = nearest(added(fits[best], current), effect, angles_of(current.records, zeros))
-            starts.append(Start((name,), plant.with_effects(near), fits[best].noise, zeros))
+            starts.append(EffectStart((name,), plant.with_effects(near), fits[best].noise, zeros))
         if (same := in_place_of_friction(fits[best].plant, best, name, setting.policy)) is not None:
-            starts.append(Start((name,), same, fits[best].noise, zeros))
+            starts.append(EffectStart((name,), same, fits[best].noise, zeros))
         tried = [
             effect,
             *(at_grid_points(effect, plant, (), clock) if _degenerate(name, fits, setting.policy) else ()),
         ]
-        starts += [Start((name,), plant.with_effects(e), noise, zeros) for e in tried]
+        starts += [EffectStart((name,), plant.with_effects(e), noise, zeros) for e in tried]
     return best_of(multi_start(starts, current, setting, ahead=fits[best].value), fits)
 
 
@@ -208,7 +208,7 @@ def between(best: Fit, current: Fit) -> Noise:
     return Noise.unpacked(np.sqrt(own * np.maximum(other, own)))
 
 
-def with_effect(current: Fit, start: Effect, setting: Setting) -> Start:
+def with_effect(current: Fit, start: Effect, setting: Setting) -> EffectStart:
     """Where to start with an effect added.
 
     Where the first missing effect has dragged the scale of the pendulum's row away, the way back leads along a narrow
@@ -217,7 +217,8 @@ def with_effect(current: Fit, start: Effect, setting: Setting) -> Start:
     scale = np.maximum(np.abs([current.plant.theta[2:5], setting.anchor.theta[2:5]]), 1e-12)
     if np.abs(np.diff(np.log(scale), axis=0)).max() > setting.policy.dragged and not current.plant.effects:
         return _afresh(current, start, setting)
-    return Start((start.name,), _with_friction(current.plant, start).with_effects(start), current.noise, current.zeros)
+    plant = _with_friction(current.plant, start).with_effects(start)
+    return EffectStart((start.name,), plant, current.noise, current.zeros)
 
 
 def _with_friction(plant: Plant, effect: Effect) -> Plant:
@@ -231,7 +232,7 @@ def _with_friction(plant: Plant, effect: Effect) -> Plant:
     return plant.replace(theta=theta)
 
 
-def _afresh(current: Fit, start: Effect, setting: Setting) -> Start:
+def _afresh(current: Fit, start: Effect, setting: Setting) -> EffectStart:
     """From the anchor's θ, with noise enough to find the way."""
     plant = _with_friction(current.plant.replace(theta=setting.anchor.theta), start).with_effects(start)
-    return Start((start.name,), plant, current.noise.louder(setting.policy.restart_noise), current.zeros)
+    return EffectStart((start.name,), plant, current.noise.louder(setting.policy.restart_noise), current.zeros)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from .fits import Fit
 from .judge import Judge
 from .search import Search
-from .suspects import RIPPLE, Ranking
+from .suspects import Ranking
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ def next_effect(
         laws.pop(newest, None)  # it may have come back, as an effect of its own
         if (law_of := judge.look_alike_law_of(together)) is not None:
             laws = with_law(laws, newest, law_of)
-    if (law_of := judge.law_of_ripple(together)) is not None:
-        laws = with_law(laws, RIPPLE, law_of)
+    if (ripple := judge.ripple_of_law(together)) is not None:
+        laws = with_law(laws, ripple, together[-1][0].name)
     return NextEffect(tuple(together), laws, leaves_more, small)
 
 

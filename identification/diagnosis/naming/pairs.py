@@ -10,8 +10,8 @@ from __future__ import annotations
 from itertools import combinations
 
 from ..policy import DecisionPolicy
-from .fits import Fit, added, without
-from .multistart import Start, between, multi_start
+from .fits import Fit, added, without_further
+from .multistart import EffectStart, between, multi_start
 from .search import Search
 from .suspects import Ranking, Suspect, alike, price_in, slight_beside
 
@@ -27,11 +27,11 @@ def two_for_one(search: Search, ranking: Ranking, nominal: Fit) -> tuple[Ranking
     if not pairs:
         return None
     search.progress(f"trying two effects in place of {one.name}")
-    plant, noise = without(one.fit, nominal), between(one.fit, nominal)
-    starts = [
-        Start((a.name, b.name), plant.with_effects(added(a.fit, nominal), added(b.fit, nominal)), noise, one.fit.zeros)
-        for a, b in pairs
-    ]
+    plant, noise = without_further(one.fit, nominal), between(one.fit, nominal)
+    starts = []
+    for a, b in pairs:
+        with_both = plant.with_effects(added(a.fit, nominal), added(b.fit, nominal))
+        starts.append(EffectStart((a.name, b.name), with_both, noise, one.fit.zeros))
     fits = multi_start(starts, nominal, search, ahead=one.fit.value)
     best = min(fits, key=lambda start: fits[start].value)
     if fits[best].value > one.fit.value + policy.reach:

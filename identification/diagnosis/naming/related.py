@@ -26,7 +26,7 @@ def related(one: str, other: str) -> bool:
     """Whether the law of one effect includes that of the other, or both include a third, as functions of the arm's
     angle alone."""
     laws = [{name, *EFFECTS[name].includes} for name in (one, other)]
-    return one != other and bool(laws[0] & laws[1]) and all(_of_angle(EFFECTS[name]) for name in (one, other))
+    return one != other and bool(laws[0] & laws[1]) and all(EFFECTS[name].of_angle_alone for name in (one, other))
 
 
 def nearest(effect: Effect, start: Effect, angles: Array) -> Effect:
@@ -69,20 +69,14 @@ def in_place_of_friction(plant: Plant, name: str, other: str, policy: DecisionPo
         return None
     theta = plant.theta.copy()
     theta[_COULOMB] += level
-    kept = [e for e in plant.effects if e.name not in (name, other)]
     taken = Effect(other, {**EFFECTS[other].neutral(), **values})
-    return plant.replace(theta=theta, effects=(*kept, taken))
+    return plant.without(name).replace(theta=theta).with_effects(taken)
 
 
 def angles_of(records: Sequence[Record], zeros: Zeros) -> Array:
     """Angles (N,) [rad] of the arm in some records, from the least to the largest, as often as it is there."""
     read = [record.y[:, 0] - zeros.get(record.log, (0.0, 0.0))[0] for record in records]
     return np.quantile(np.concatenate(read), np.linspace(0.0, 1.0, _ANGLES))
-
-
-def _of_angle(kind: EffectType) -> bool:
-    own = {p.name for p in kind.parameters}
-    return list(kind.kernels) == ["torque"] and set(kind.arguments["torque"]) - own == {"q1"}
 
 
 def _torque(kind: EffectType, values: Mapping[str, float], angles: Array) -> Array:

@@ -29,6 +29,7 @@ from ..policy import DecisionPolicy
 from .fits import COARSER, Fit
 from .probes import Cell, cells
 
+_PEAKS = 5  # of the spectrum, that are tried
 _CHUNK = 48  # probes in one pass of the bank
 
 
@@ -78,7 +79,7 @@ def scores(
     return found
 
 
-def _peaks(nominal: Fit, noise: Noise, periods: float, most: int = 5) -> NDArray[np.float64]:
+def _peaks(nominal: Fit, noise: Noise, periods: float) -> NDArray[np.float64]:
     """Frequencies [Hz] of the largest peaks in the whitened innovations of the longest record, each bracketed."""
     record = max(nominal.moved, key=lambda r: r.duration)
     problem = PredictionError(nominal.plant, [record], nominal.coordinates[:1], noise)
@@ -91,7 +92,7 @@ def _peaks(nominal: Fit, noise: Noise, periods: float, most: int = 5) -> NDArray
     f = np.fft.rfftfreq(4 * n, float(np.median(np.diff(record.t))))
     total = np.where((f > periods / record.duration) & (f < HIGHEST_FREQUENCY), power.sum(axis=1), 0.0)
     cell, found = 1.0 / record.duration, []
-    for _ in range(most):
+    for _ in range(_PEAKS):
         top = f[int(np.argmax(total))]
         found += [top - 0.25 * cell, top, top + 0.25 * cell]
         total[np.abs(f - top) < 1.5 * cell] = 0.0

@@ -19,8 +19,8 @@ from ...estimation.pool import mapped, shared_pool
 from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .comparison import Comparison
-from .discrete import has_whole_number, starts_of, stepped
-from .dropped import Rest, dropped
+from .discrete import starts_of, stepped
+from .dropped import Remainder, dropped
 from .fits import Effort, Fit, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
@@ -193,13 +193,13 @@ class Search:
             fitted = comparison.fits[name]
             behind = fitted.value > best + self.policy.reach
             contests = current.value - fitted.value > self.policy.contested * (current.value - best)
-            if behind and contests and has_whole_number(name):
+            if behind and contests and EFFECTS[name].whole_number:
                 self.progress(f"trying other whole numbers of {name}")
                 comparison.fits[name] = stepped(fitted, current, self, rough=False)
 
-    def _rival(self, rest: Rest, start: Fit, against: Fit) -> Fit:
+    def _rival(self, remainder: Remainder, start: Fit, against: Fit) -> Fit:
         """A plant fitted to compare it with a better one: only as well as the difference asks for."""
-        quick = self.fitted(rest.plant, replace(start, zeros=rest.zeros), "quick")
+        quick = self.fitted(remainder.plant, replace(start, zeros=remainder.zeros), "quick")
         behind = (
             quick.value - against.value - (0.0 if quick.optimum.converged else self.policy.catches_up * quick.promised)
         )
@@ -239,7 +239,7 @@ class Search:
     def reconsidered(
         self,
         found: Sequence[Ranking],
-        asked_for: Callable[[Fit, Fit, Sequence[str]], bool] = lambda without, fitted, beside: False,
+        asked_for: Callable[[Fit, Fit, Sequence[str]], bool],
     ) -> list[Ranking]:
         """The rankings of the effects found, in the light of the last: a look-alike may have taken the place of one
         while the other was missing. Effects that have become superfluous or slight go, others may be exchanged.

@@ -8,15 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from furuta_gym.plant import EFFECTS
+from furuta_gym.plant import EFFECTS, EffectType
 
-from ..locate.laws import own_variables
 from ..policy import DecisionPolicy
 from .fits import Fit
 from .scores import Score
-
-RIPPLE = "arm_ripple"
-_POWERS = {"frequencies": 1.5, "times": 1.0}
 
 
 @dataclass(frozen=True)
@@ -29,6 +25,11 @@ class Suspect:
     fit: Fit = field(repr=False)
     score: float = 0.0
 
+    @property
+    def type(self) -> EffectType:
+        """Its declaration."""
+        return EFFECTS[self.name]
+
 
 Ranking = tuple[Suspect, ...]
 """Suspects of one step, the best first."""
@@ -40,8 +41,7 @@ def price(name: str, samples: int, values: Mapping[str, float] | None = None) ->
     1998, "Asymptotic MAP criteria for model selection"). values: of a wider law (default: the plain one)."""
     kind = EFFECTS[name]
     priced = kind.in_play(kind.neutral() if values is None else values)
-    powers = [_POWERS.get(p.grid, 0.5) if isinstance(p.grid, str) else 0.5 for p in priced]
-    return sum(powers) * math.log(samples)
+    return sum(p.information for p in priced) * math.log(samples)
 
 
 def price_in(fitted: Fit, name: str) -> float:
@@ -55,37 +55,23 @@ def alike(one: str, other: str) -> bool:
     return one in EFFECTS[other].mistaken_for or other in EFFECTS[one].mistaken_for
 
 
-def follows_clock(name: str) -> bool:
-    """Whether an effect goes by the clock of its log, and so cannot be looked for in another."""
-    return EFFECTS[name].follows_clock
+def periods(fitted: Fit, ripple: str) -> float:
+    """How many periods of a ripple the arm passes, in the log where it turns furthest."""
+    effect = fitted.plant.effect(ripple)
+    assert effect is not None
+    a_turn = effect.parameters[effect.type.periods_a_turn]
+    return a_turn * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
 
 
-def repeats_by_clock(name: str) -> bool:
-    """Whether an effect that goes by the clock of its log repeats, so that a later part of the log can speak of it."""
-    return any(p.grid == "frequencies" for p in EFFECTS[name].parameters)
-
-
-def periods(fitted: Fit) -> float:
-    """How many periods of its ripple the arm passes, in the log where it turns furthest."""
-    ripple = fitted.plant.effect(RIPPLE)
-    assert ripple is not None
-    return ripple.parameters["n"] * max(float(np.ptp(record.y[:, 0])) for record in fitted.records) / (2.0 * math.pi)
-
-
-def of_the_angle(name: str) -> bool:
-    """Whether an effect's law is a torque on the arm that goes with its angle alone."""
-    return own_variables(name) == own_variables(RIPPLE)
-
-
-def repeats(fitted: Fit, policy: DecisionPolicy) -> bool:
-    """Whether the arm passes enough periods of the ripple in a fit to see that it repeats. With fewer, a ripple follows
+def repeats(fitted: Fit, ripple: str, policy: DecisionPolicy) -> bool:
+    """Whether the arm passes enough periods of a ripple in a fit to see that it repeats. With fewer, a ripple follows
     nearly any law of the angle, also what is left of a smooth one beside a cubic law."""
-    return periods(fitted) >= policy.periods
+    return periods(fitted, ripple) >= policy.periods
 
 
 def follows_a_law(suspect: Suspect, policy: DecisionPolicy) -> bool:
     """Whether a suspect is a ripple that is not seen to repeat."""
-    return suspect.name == RIPPLE and not repeats(suspect.fit, policy)
+    return bool(suspect.type.periods_a_turn) and not repeats(suspect.fit, suspect.name, policy)
 
 
 def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
@@ -94,7 +80,7 @@ def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
     first, *others = ranking
     if not follows_a_law(first, policy):
         return None
-    near = (s for s in others if of_the_angle(s.name) and s.gain > policy.nearly * first.gain)
+    near = (s for s in others if s.type.of_angle_alone and s.gain > policy.nearly * first.gain)
     return next(near, None)
 
 

@@ -13,7 +13,7 @@ from .forward import Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, follows_a_law, follows_clock, of_the_angle, price_in
+from .suspects import Suspect, alike, follows_a_law, price_in
 
 
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -22,23 +22,24 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
     stays."""
     while len(naming.accepted) > 1:
         search.progress("verifying the names one by one")
-        final = naming.final
-        names = [suspect.name for suspect in naming.accepted]
+        final, accepted = naming.final, naming.accepted
+        names = [suspect.name for suspect in accepted]
         reduced = list(mapped(shared_pool(), partial(search.reduced, final), names))
-        asked = _asked(final, reduced, names, search, witness)
-        timed = [not witness.same_clock and follows_clock(name) for name in names]  # of these other logs say nothing
+        asked = _asked(final, reduced, accepted, search, witness)
+        # of what follows the clock other logs say nothing
+        timed = [not witness.same_clock and suspect.type.follows_clock for suspect in accepted]
         witness.hears([fitted for pair, alone in zip(asked, timed, strict=True) if not alone for fitted in pair])
         idle = [
             i
             for i, fitted in enumerate(reduced)
-            if _pays_nothing(naming.accepted[i], fitted, final, search) and not witness.confirms(fitted, final)
+            if _pays_nothing(accepted[i], fitted, final, search) and not witness.confirms(fitted, final)
         ]
         denied = idle or [i for i, pair in enumerate(asked) if witness.denies(*pair)]
         for gone in sorted(denied, key=lambda i: reduced[i].value):
             comparable = asked[gone][1] is final  # a look-alike would be judged beside what follows the clock
             in_place = None if idle or not comparable else _exchanged(naming, gone, reduced[gone], search, witness)
             if in_place or idle or not witness.excuses(*asked[gone]):
-                naming = in_place or without(naming, gone, search.to_the_end(reduced[gone]), taken_back=not idle)
+                naming = in_place or without_name(naming, gone, search.to_the_end(reduced[gone]), taken_back=not idle)
                 break
         else:
             break
@@ -46,13 +47,14 @@ def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
 
 
 def _asked(
-    final: Fit, reduced: Sequence[Fit], names: Sequence[str], search: Search, witness: Witness
+    final: Fit, reduced: Sequence[Fit], accepted: Sequence[Suspect], search: Search, witness: Witness
 ) -> list[tuple[Fit, Fit]]:
     """Each name's fits without and with it that held-out data judge it by.
 
     What follows the clock of the fitted log does not happen again in another one, and would spoil every prediction
     there. The other names are then judged in fits without it."""
-    clocked = [name for name in names if follows_clock(name)]
+    names = [suspect.name for suspect in accepted]
+    clocked = [suspect.name for suspect in accepted if suspect.type.follows_clock]
     if witness.same_clock or not clocked or len(clocked) == len(names):
         return [(fitted, final) for fitted in reduced]
     timeless = reduced[names.index(clocked[0])]
@@ -66,7 +68,7 @@ def _asked(
     ]
 
 
-def without(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -> Naming:
+def without_name(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -> Naming:
     """The names without one, which held-out data took back or another made superfluous."""
     return replace(
         naming,
@@ -148,15 +150,14 @@ def _alternatives(naming: Naming, i: int, search: Search, share: float) -> list[
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
     look_alikes = [s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > share * own.gain]
     found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
-    return [s for s in found if not (of_the_angle(own.name) and follows_a_law(s, search.policy))]
+    return [s for s in found if not (own.type.of_angle_alone and follows_a_law(s, search.policy))]
 
 
 def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:
     """A fit with one effect in the place of another; `start` may have that one still, or be fitted without it."""
     effect = s.fit.plant.effect(s.name)
     assert effect is not None
-    rest = tuple(e for e in start.plant.effects if e.name != false.name)
-    plant = start.plant.replace(effects=rest).with_effects(effect)
+    plant = start.plant.without(false.name).with_effects(effect)
     return search.fitted(plant, replace(start, noise=between(s.fit, start)), "full")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from furuta_gym.plant import Effect
 
 from .fits import Fit
-from .multistart import Start, multi_start, one_round
+from .multistart import EffectStart, multi_start, one_round
 from .search import Search
 
 
@@ -51,8 +51,8 @@ def _wider(name: str, current: Fit, search: Search) -> Fit | None:
     return best
 
 
-def _start(effect: Effect, current: Fit) -> Start:
-    return Start((effect.name,), current.plant.with_effects(effect), current.noise, current.zeros)
+def _start(effect: Effect, current: Fit) -> EffectStart:
+    return EffectStart((effect.name,), current.plant.with_effects(effect), current.noise, current.zeros)
 
 
 def _too_far(name: str, fitted: Fit) -> bool:

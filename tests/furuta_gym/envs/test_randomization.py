@@ -138,7 +138,7 @@ def test_effect_by_chance(name):
     assert on.mean() == pytest.approx(0.3, abs=0.03)
     for p in EFFECTS[name].parameters:
         values = drawn[p.name]
-        if p.grid == "times":  # within the episode, see test_drawn_cases
+        if p.instant:  # within the episode, see test_drawn_cases
             continue
         assert (values[~on] == (neutral[p.name] if p.role == "size" else default.parameters[p.name])).all()
         size = 0.025 if name == "input_delay" else default.parameters[p.name]

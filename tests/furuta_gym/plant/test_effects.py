@@ -1,5 +1,6 @@
 """One family of tests over the whole library: an effect that is declared enters every one of them by itself."""
 
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from furuta_gym.plant import EFFECTS, LARGE_RIG, QUBE, TABLE_3, Effect, Plant
 from furuta_gym.plant.effects.dispatch import map_command, modify_theta
+from furuta_gym.plant.effects.library import FILTERS, NUMBERS, numbered
 from furuta_gym.plant.layout import N_BASE, THETA_ROWS
 from furuta_gym.plant.parameters import theta_vector
 from tests.furuta_gym.plant.helpers import (
@@ -207,6 +209,36 @@ def parameters_of(name: str) -> st.SearchStrategy:
     return st.fixed_dictionaries(fields)
 
 
+@pytest.mark.parametrize(("name", "hook"), [("input_delay", "delay"), ("actuator_lag", "filter")])
+def test_a_second_effect_that_would_take_the_place_of_a_delay_or_filter_is_refused(name, hook):
+    library = dict(EFFECTS)
+    assert numbered(library) == {n: NUMBERS[n] for n in EFFECTS}
+    library["mine"] = EFFECTS[name]
+    with pytest.raises(ValueError, match=f"one effect with a {hook} kernel, got {name}, mine"):
+        numbered(library)
+
+
+def test_the_filter_of_the_command_is_the_lag():
+    assert {NUMBERS["actuator_lag"]} == FILTERS
+
+
+def test_each_spelling_without_greek_letters_is_of_one_parameter():
+    names = {p.name: p.typed for effect in EFFECTS.values() for p in effect.parameters}
+    assert all(typed.isascii() for typed in names.values())
+    assert len(set(names.values())) == len(names)
+    spelt = {name: typed for name, typed in names.items() if name != typed}
+    assert spelt == {
+        **{"ΔF": "dF", "δ": "delta", "φ": "phi", "σ0": "sigma0", "κ": "kappa", "κ2": "kappa2", "ρ": "rho"},
+        **{"λ": "lambda", "αx": "alphax", "αy": "alphay"},
+    }
+
+
+@pytest.mark.parametrize(("name", "reads"), [("pendulum_encoder_offset", ""), ("input_offset", "arm")])
+def test_the_joint_that_a_sensor_effect_reads_is_declared(name, reads):
+    with pytest.raises(ValueError, match=f"effect {name}: reads must be one of .*, got {reads!r}"):
+        dataclasses.replace(EFFECTS[name], reads=reads)
+
+
 @every_effect
 @given(data=st.data())
 def test_rates_are_the_oracles_at_any_state(name, data):
@@ -260,10 +292,6 @@ LOSSES = {
     "arm_viscous_drift": st.fixed_dictionaries({"a": st.floats(0, 1)}),
     "friction_sharpness": st.fixed_dictionaries({"r1": st.floats(0, 1000), "r2": st.floats(0, 1000)}),
 }
-
-
-def test_what_is_declared_dissipative_is_tested_as_such():
-    assert {name for name, effect in EFFECTS.items() if effect.dissipative} <= set(LOSSES)
 
 
 @pytest.mark.parametrize("name", LOSSES)

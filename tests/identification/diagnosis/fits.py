@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.diagnosis.gap_change import GapChange
-from identification.diagnosis.naming.forward import Naming, name_effects
-from identification.diagnosis.naming.judge import NoRest
+from identification.diagnosis.naming.forward import Naming
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
@@ -26,6 +25,7 @@ from identification.kalman.record import Record
 from identification.logs.log import Log
 from identification.validation.closed_fraction import ClosedFraction
 from identification.validation.gap import Gap
+from tests.identification.diagnosis.silence import NoRest, names_found
 
 SAMPLES = 1000
 POLICY = DecisionPolicy()
@@ -346,7 +346,7 @@ def named(values: dict[str, object], *names: str, witness: Any = None, **rest: A
     for question, answer in rest.items():
         assert hasattr(answers, question)
         setattr(answers, question, answer)
-    return name_effects(a_fit(), by, rest=answers, **({"witness": witness} if witness else {}), **more)
+    return names_found(a_fit(), by, rest=answers, witness=witness, **more)
 
 
 def accepted(found: Naming) -> list[str]:

@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from furuta_gym.plant.parameters import FRICTION_SHARPNESS
 from identification.diagnosis.policy import DecisionPolicy
+from identification.estimation.long_logs import THINNED
 from identification.kalman.noise_model import STRONG
 
 PAGE = Path(__file__).parents[3] / "docs" / "decision_policy.md"
@@ -55,6 +57,12 @@ def test_every_rule_has_a_name_of_its_own_a_reason_and_an_origin() -> None:
     for rule in RULES:
         assert rule.why
         assert rule.chosen_on
+
+
+def test_a_search_has_the_usual_sharpness_and_thins_as_an_identification_does() -> None:
+    policy = DecisionPolicy()
+    assert policy.sharpness == FRICTION_SHARPNESS
+    assert policy.thinned == THINNED
 
 
 def test_a_search_and_an_identification_call_the_same_torque_strong() -> None:

@@ -86,5 +86,5 @@ def test_what_passes_for_adequate_is_the_policys(monkeypatch: pytest.MonkeyPatch
     change = a_change()
     after = replace(a_gap(1.2), reading_floor=0.1 * change.after.floor)
     found = replace(a_diagnosis("arm_spring"), gap=replace(change, after=after))
-    assert found.floor_in_doubt
-    assert not replace(found, policy=replace(POLICY, adequate=1.5)).floor_in_doubt
+    assert found.torque_floor_exceeded
+    assert not replace(found, policy=replace(POLICY, adequate=1.5)).torque_floor_exceeded

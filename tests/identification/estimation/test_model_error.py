@@ -114,7 +114,7 @@ def test_a_long_log_is_looked_at_in_part(lacking: Estimate, monkeypatch: pytest.
     assert lacking.problem is not None
     assert lacking.optimum is not None
     whole = np.sqrt(np.diag(model_error(lacking.problem, lacking.optimum.z)))
-    monkeypatch.setattr(room, "_ENOUGH", len(lacking.problem.records[0].t) // 2)
+    monkeypatch.setattr(room, "ENOUGH", len(lacking.problem.records[0].t) // 2)
     part = np.sqrt(np.diag(model_error(lacking.problem, lacking.optimum.z)))
     seen = whole > 0
     assert np.all((part > 0) == seen)

@@ -35,6 +35,12 @@ def test_a_plant_is_judged_by_its_error_and_by_its_floor(
     assert judged.floor_in_doubt is in_doubt
 
 
+@pytest.mark.parametrize(("adequate", "there"), [(1.1, False), (1.3, True)])
+def test_what_is_called_adequate_says_whether_an_error_is_at_the_floor(adequate: float, there: bool) -> None:
+    gap = replace(a_gap(), rms=np.array([1.2, 1.2]), floor=np.ones(2), reading_floor=np.ones(2))
+    assert gap.at_the_floor(adequate) is there
+
+
 def test_a_floor_far_above_the_errors_is_no_measure() -> None:
     """As of a plant that the filter hardly follows: its floor says nothing, and neither does a ratio to it."""
     gap = replace(a_gap(), rms=np.array([0.9, 1.7]), floor=np.array([1e5, 1e5]), reading_floor=np.array([3e2, 3e2]))

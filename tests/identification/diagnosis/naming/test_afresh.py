@@ -31,7 +31,7 @@ def strong():
 
 def test_a_strong_effect_is_found_where_model_5_is_far_away(strong):
     log, nominal, anchor = strong
-    fits = afresh(nominal, candidates([log], TABLE_3), Search(anchor, ONLY))
+    fits = afresh(nominal, candidates([log], TABLE_3), Search(anchor, ONLY), None, ())
     assert len(fits) == 3
     assert min(fits, key=lambda name: cost(fits[name])) == "input_gain_asymmetry"
     found = fits["input_gain_asymmetry"]
@@ -47,7 +47,7 @@ def test_what_cannot_catch_up_with_a_known_fit_costs_less(strong):
     """Beside the right effect's fit, the others are given up early; without it the best of them are followed."""
     log, nominal, anchor = strong
     starts, right = candidates([log], TABLE_3), "input_gain_asymmetry"
-    known = afresh(nominal, starts, Search(anchor, [right]))[right]
+    known = afresh(nominal, starts, Search(anchor, [right]), None, ())[right]
     rounds: list[str] = []
 
     def counting(plant, *args, **asked):
@@ -55,9 +55,9 @@ def test_what_cannot_catch_up_with_a_known_fit_costs_less(strong):
         return fit(plant, *args, **asked)
 
     wrong = Search(anchor, [name for name in ONLY if name != right], fitter=counting)
-    without = afresh(nominal, starts, wrong)
+    without = afresh(nominal, starts, wrong, None, ())
     spent = len(rounds)
-    beside = afresh(nominal, starts, wrong, known)
+    beside = afresh(nominal, starts, wrong, known, ())
     assert len(rounds) - spent - 1 < spent  # one round is of the known fit
     assert all(cost(found) > cost(known) + 100.0 for found in (*without.values(), *beside.values()))
 
@@ -73,7 +73,7 @@ def test_what_derivatives_promise_too_little_is_left_after_its_first_round(stron
     def spent(nats: float) -> int:
         rounds.clear()
         monkeypatch.setattr(Fit, "promised", property(lambda self: nats))
-        fits = afresh(nominal, candidates([log], TABLE_3), Search(anchor, ONLY, fitter=counting))
+        fits = afresh(nominal, candidates([log], TABLE_3), Search(anchor, ONLY, fitter=counting), None, ())
         assert min(fits, key=lambda name: cost(fits[name])) == "input_gain_asymmetry"
         return len(rounds)
 
@@ -82,8 +82,8 @@ def test_what_derivatives_promise_too_little_is_left_after_its_first_round(stron
 
 def test_without_starts_nothing_is_found(strong):
     _, nominal, anchor = strong
-    assert afresh(nominal, [], Search(anchor, ONLY)) == {}
-    assert afresh(nominal, [Start(TABLE_3, START_NOISE)], Search(anchor, ["no_effect"])) == {}
+    assert afresh(nominal, [], Search(anchor, ONLY), None, ()) == {}
+    assert afresh(nominal, [Start(TABLE_3, START_NOISE)], Search(anchor, ["no_effect"]), None, ()) == {}
 
 
 def test_the_torque_of_an_effect_is_its_law():

@@ -8,10 +8,10 @@ from scipy.stats import chi2
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from furuta_gym.plant.covariance import Covariance
-from identification.diagnosis.naming.certain import may_be_absent, uncertain, without_uncertain
-from identification.diagnosis.naming.forward import name_effects
+from identification.diagnosis.naming.certain import may_be_absent, perhaps_absent, without_absent
 from identification.diagnosis.sentences import misses
 from tests.identification.diagnosis.fits import POLICY, Told, a_fit, naming, search, suspect
+from tests.identification.diagnosis.silence import names_found
 
 VALUES = {
     "input_delay": -2000.0,
@@ -71,18 +71,18 @@ def test_without_an_error_bar_nobody_can_say() -> None:
 @pytest.mark.parametrize(("needed", "goes"), [((), True), (("base_tilt",), True), (("arm_spring",), False)])
 def test_a_name_that_may_be_absent_goes_unless_held_out_data_ask_for_it(needed: tuple[str, ...], goes: bool) -> None:
     by = search({"": 0.0, **VALUES}, "input_delay", "arm_spring", "base_tilt")
-    found = name_effects(a_fit(), by)
+    found = names_found(a_fit(), by)
     assert {s.name for s in found.accepted} == {"input_delay", "arm_spring", "base_tilt"}
     spring = known(Effect("arm_spring", {"k": 0.1}), {"k": 0.09})
     plant = spring.with_effects(*(TABLE_3.default_effect(name) for name in ("input_delay", "base_tilt")))
-    fewer = without_uncertain(found, plant, by, Told(far_off=False, needed=needed))
+    fewer = without_absent(found, plant, by, Told(far_off=False, needed=needed), ())
     assert (fewer is not None) is goes
     if fewer is None:
         return
     assert {s.name for s in fewer.accepted} == {"input_delay", "base_tilt"} == set(_effects(fewer.final.plant))
-    assert [s.name for s in fewer.uncertain] == ["arm_spring"]
+    assert [s.name for s in fewer.perhaps_absent] == ["arm_spring"]
     assert "(arm_spring) would make these logs likelier, but its size may as well be zero" in misses(fewer)
-    assert without_uncertain(fewer, fewer.final.plant, by, Told(far_off=False)) is None
+    assert without_absent(fewer, fewer.final.plant, by, Told(far_off=False), ()) is None
 
 
 @pytest.mark.parametrize(
@@ -91,11 +91,11 @@ def test_a_name_that_may_be_absent_goes_unless_held_out_data_ask_for_it(needed: 
 def test_of_two_that_may_be_absent_the_one_that_is_missed_least_goes(needed: tuple[str, ...], goes: str | None) -> None:
     """And whichever was found first: without the tilt 1500 nats are lost, without the delay 1900."""
     by = search({"": 0.0, **VALUES}, "input_delay", "arm_spring", "base_tilt")
-    found = name_effects(a_fit(), by)
+    found = names_found(a_fit(), by)
     plant = known(Effect("input_delay", {"d": 0.005}), {"d": 0.004})
     plant = _both(plant, known(Effect("base_tilt", {"αx": 0.01, "αy": 0.0}), {"αx": 0.02, "αy": 0.02}))
-    fewer = without_uncertain(found, plant, by, Told(far_off=False), needed)
-    assert (fewer and fewer.uncertain[-1].name) == goes
+    fewer = without_absent(found, plant, by, Told(far_off=False), needed)
+    assert (fewer and fewer.perhaps_absent[-1].name) == goes
 
 
 def _both(one: Plant, other: Plant) -> Plant:
@@ -111,10 +111,10 @@ def test_a_name_alone_or_with_a_law_of_its_own_is_not_asked() -> None:
     """The last name is judged by predictions without it; a law without its effect would become a name."""
     plant = known(Effect("arm_spring", {"k": 0.1}), {"k": 0.09})
     spring, delay, ripple = (suspect(name, 200.0) for name in ("arm_spring", "input_delay", "arm_ripple"))
-    assert uncertain(naming(spring), plant, POLICY.present) == []
-    assert uncertain(naming(delay, spring), plant, POLICY.present) == [1]
-    assert uncertain(naming(delay, spring, ripple, laws={"arm_ripple": "arm_spring"}), plant, POLICY.present) == []
-    assert uncertain(naming(delay, ripple, spring, laws={"arm_spring": "arm_ripple"}), plant, POLICY.present) == []
+    assert perhaps_absent(naming(spring), plant, POLICY.present) == []
+    assert perhaps_absent(naming(delay, spring), plant, POLICY.present) == [1]
+    assert perhaps_absent(naming(delay, spring, ripple, laws={"arm_ripple": "arm_spring"}), plant, POLICY.present) == []
+    assert perhaps_absent(naming(delay, ripple, spring, laws={"arm_spring": "arm_ripple"}), plant, POLICY.present) == []
 
 
 def _effects(plant: Plant) -> list[str]:

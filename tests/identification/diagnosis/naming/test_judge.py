@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from furuta_gym import Effect
-from identification.diagnosis.naming.judge import Judge, NoRest, NoWitness
+from identification.diagnosis.naming.judge import Judge
 from identification.diagnosis.policy import DecisionPolicy
 from tests.identification.diagnosis.fits import RECORD, a_fit, ranked
+from tests.identification.diagnosis.silence import NoRest, NoWitness
 
 JUDGE = Judge(DecisionPolicy(), NoRest(), NoWitness())
 
@@ -52,27 +53,27 @@ class Laws:
 
 
 @pytest.mark.parametrize(
-    ("n", "newest", "law_of", "ripples_law"),
+    ("n", "newest", "law_of", "ripple"),
     [
         (16.0, "arm_spring", None, None),  # pulls one way, turn after turn
         (16.0, "arm_cable", None, None),
-        (14.0, "arm_spring", None, "arm_spring"),  # less than two periods: the ripple followed the spring's law
+        (14.0, "arm_spring", None, "arm_ripple"),  # less than two periods: the ripple followed the spring's law
         (14.0, "arm_position_friction", "arm_ripple", None),  # no function of the angle alone
     ],
 )
 def test_a_spring_beside_a_ripple_is_an_effect_and_the_ripple_may_be_its_law(
-    n: float, newest: str, law_of: str | None, ripples_law: str | None
+    n: float, newest: str, law_of: str | None, ripple: str | None
 ) -> None:
-    ripple = Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0})
-    before = a_fit(ripple)
+    cogging = Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0})
+    before = a_fit(cogging)
     together = [
         ranked(("arm_ripple", 2000.0), fit=before),
-        ranked((newest, 500.0), fit=a_fit(ripple, newest, value=-500.0)),
+        ranked((newest, 500.0), fit=a_fit(cogging, newest, value=-500.0)),
     ]
     judge = Judge(DecisionPolicy(), Laws({"arm_ripple": 400.0}, before), NoWitness())
     assert judge.law_of(together, before) == law_of
     assert judge.look_alike_law_of(together) is None
-    assert judge.law_of_ripple(together) == ripples_law
+    assert judge.ripple_of_law(together) == ripple
 
 
 @pytest.mark.parametrize(

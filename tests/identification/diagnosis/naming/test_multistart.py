@@ -11,7 +11,7 @@ import pytest
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
 from identification.diagnosis.naming.fits import added
 from identification.diagnosis.naming.multistart import (
-    Start,
+    EffectStart,
     best_of,
     from_best,
     from_other_sizes,
@@ -25,8 +25,8 @@ from tests.identification.diagnosis.fits import NOISE, Bowl, a_fit, search
 CURRENT = a_fit(value=1000.0)
 
 
-def start(*names: str, x: float = 0.0) -> Start:
-    return Start(names, a_fit(*names, x=x).plant, NOISE)
+def start(*names: str, x: float = 0.0) -> EffectStart:
+    return EffectStart(names, a_fit(*names, x=x).plant, NOISE)
 
 
 def raced(bowls: dict[str, Bowl], policy: DecisionPolicy | None = None, ahead: float | None = None) -> dict[str, float]:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
-from identification.diagnosis.naming.forward import name_effects
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Bowls, Scores, a_fit, ranked, search
+from tests.identification.diagnosis.silence import names_found
 
 
 def ranking_of(by: Search, current: Any, *names: str, **more: Any) -> Ranking:
@@ -23,6 +23,10 @@ def ranking_of(by: Search, current: Any, *names: str, **more: Any) -> Ranking:
 def best_of(by: Search, current: Any, *names: str, **more: Any) -> tuple[str, float]:
     best = ranking_of(by, current, *names, **more)[0]
     return best.name, best.fit.value
+
+
+def nobody_asks(without: Any, fitted: Any, beside: Any) -> bool:
+    return False
 
 
 STUCK = [Bowl(50.0, x=1.0), Bowl(5.0, x=-1.5)]  # from 1, and from the anchor's θ, only the first is reached
@@ -69,7 +73,7 @@ def test_a_cable_comes_before_a_ripple_that_is_not_seen_to_repeat(cable: float, 
     assert ranking[0].name == first
     assert sorted(s.name for s in ranking) == ["arm_cable", "arm_ripple", "input_offset"]
     assert ranking[0].gain == pytest.approx(1000.0 - ranking[0].fit.value)
-    naming = name_effects(a_fit(value=1000.0), by, most=1)
+    naming = names_found(a_fit(value=1000.0), by, most=1)
     assert [s.name for s in naming.accepted] == [first]
     assert naming.equals == ((("arm_ripple",) if first == "arm_cable" else ()),), "it explains no less"
 
@@ -229,7 +233,7 @@ def test_a_name_that_stood_in_for_two_is_exchanged_if_it_was_contested(share: fl
         ranked(("base_tilt", 1400.0), ("input_offset", share * net + PER_PARAMETER), fit=a_fit("base_tilt", value=100)),
         ranked(("pendulum_coulomb_asymmetry", 250.0), fit=a_fit("base_tilt", "pendulum_coulomb_asymmetry", value=60.0)),
     ]
-    again = by.reconsidered(found)
+    again = by.reconsidered(found, nobody_asks)
     first, value = ("input_offset", -300.0) if exchanged else ("base_tilt", 60.0)
     assert [ranking[0].name for ranking in again] == [first, "pendulum_coulomb_asymmetry"]
     assert again[1][0].fit.value == pytest.approx(value, abs=0.05)
@@ -247,7 +251,7 @@ def test_what_the_last_effect_makes_superfluous_goes(net: float, stays: bool) ->
         ranked(("arm_ripple", 60.0), fit=a_fit("arm_ripple", value=40.0)),
         ranked(("pendulum_stribeck", 40.0), fit=a_fit("arm_ripple", "pendulum_stribeck", value=0.0)),
     ]
-    names = [ranking[0].name for ranking in by.reconsidered(found)]
+    names = [ranking[0].name for ranking in by.reconsidered(found, nobody_asks)]
     assert names == [*(["arm_ripple"] if stays else []), "pendulum_stribeck"]
 
 
@@ -260,7 +264,7 @@ def test_what_the_last_effect_leaves_little_for_goes() -> None:
         ranked(("input_delay", 400.0), fit=a_fit("arm_ripple", "input_delay", value=-300.0)),
         ranked(("input_saturation", 880.0), fit=a_fit(*names, value=-1200.0)),
     ]
-    again = by.reconsidered(found)
+    again = by.reconsidered(found, nobody_asks)
     assert [ranking[0].name for ranking in again] == ["arm_ripple", "input_saturation"]
     assert [e.name for e in again[-1][0].fit.plant.effects] == ["input_saturation", "arm_ripple"]
 
@@ -279,7 +283,7 @@ def test_whole_numbers_of_an_earlier_effect_are_stepped_again() -> None:
         ranked(("arm_ripple", 900.0), fit=a_fit(thirteen, value=100.0)),
         ranked(("arm_quadratic_drag", 700.0), fit=a_fit(thirteen, "arm_quadratic_drag", value=-600.0)),
     ]
-    again = by.reconsidered(found)
+    again = by.reconsidered(found, nobody_asks)
     assert [ranking[0].name for ranking in again] == ["arm_ripple", "arm_quadratic_drag"]
     ripple = again[-1][0].fit.plant.effect("arm_ripple")
     assert ripple.parameters["n"] == 12.0

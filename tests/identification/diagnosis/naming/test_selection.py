@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from identification.diagnosis.naming.forward import name_effects
 from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Scores, Told, a_fit, accepted, named, search
+from tests.identification.diagnosis.silence import names_found
 
 
 @pytest.mark.parametrize(("net", "believed"), [(7.0, False), (14.0, True)])
@@ -62,7 +62,7 @@ def test_where_the_fit_with_what_was_found_had_stalled_the_search_goes_on_from_t
         seen = "pendulum_quadratic_drag" if current.value < -800.0 else "base_tilt" if current.value else "input_delay"
         return Scores({seen: 500.0})(current, only, quieter, policy)
 
-    found = name_effects(a_fit(), replace(by, scorer=scorer))
+    found = names_found(a_fit(), replace(by, scorer=scorer))
     assert accepted(found) == ["input_delay", "pendulum_quadratic_drag"]
     assert found.final.value == pytest.approx(-1300.0, abs=0.05)
     assert found.rankings[0][0].gain == pytest.approx(900.0, abs=1.0)
@@ -142,7 +142,7 @@ def test_what_theta_imitates_is_told_from_the_first_step() -> None:
 
     by = search({"": 0.0, "input_delay": -200.0}, "input_delay", "arm_spring")
     by = replace(by, scorer=replace(by.scorer, absorbed={"arm_spring": 0.999}))  # type: ignore[type-var]
-    assert name_effects(a_fit(), by).absorbed == {"input_delay": 0.0, "arm_spring": 0.999}
+    assert names_found(a_fit(), by).absorbed == {"input_delay": 0.0, "arm_spring": 0.999}
 
 
 SMALL = {"input_delay": -2000.0, "input_delay arm_presliding": -2080.0}
@@ -206,7 +206,7 @@ def test_effects_suggested_by_a_score_are_fitted_from_a_joined_fit_only() -> Non
     told: list[str] = []
     values = {"arm_spring": -700.0, "input_delay": -5000.0}
     by = replace(search({"": 0.0, **values}, "arm_spring"), progress=told.append)
-    found = name_effects(a_fit(), by, joined=joined)
+    found = names_found(a_fit(), by, joined=joined)
     assert accepted(found) == ["input_delay"]
     assert {s.name for s in found.rankings[0]} >= {"arm_spring", "input_delay"}
     at_first = told[1 : told.index("scoring the library (step 2)")]

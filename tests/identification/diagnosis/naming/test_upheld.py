@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from furuta_gym.plant import Effect
-from identification.diagnosis.naming.forward import Naming, name_effects
+from identification.diagnosis.naming.forward import Naming
 from identification.diagnosis.naming.upheld import preferred, upheld
 from tests.identification.diagnosis.fits import Told, a_fit, naming, search, suspect
+from tests.identification.diagnosis.silence import names_found
 
 THREE = {
     "input_delay": -2000.0,
@@ -24,7 +25,7 @@ THREE = {
 
 def verified(values: dict[str, float], witness: Any, *names: str) -> Naming:
     by = search({"": 0.0, **values}, *names)
-    return upheld(name_effects(a_fit(), by), by, witness)
+    return upheld(names_found(a_fit(), by), by, witness)
 
 
 @pytest.mark.parametrize("false", [(), ("base_tilt",), ("input_delay", "base_tilt")])
@@ -151,7 +152,7 @@ def test_a_name_that_pays_nothing_beside_those_found_after_it_goes_unless_held_o
 ) -> None:
     """They need not speak against it: of what follows a clock they cannot."""
     names = ("input_delay", "base_tilt", "pendulum_stribeck")
-    found = name_effects(a_fit(), search({"": 0.0, **THREE}, *names))
+    found = names_found(a_fit(), search({"": 0.0, **THREE}, *names))
     better = search({"": 0.0, **THREE, "input_delay base_tilt": -4499.0}, *names)
     left = upheld(found, better, Told(far_off=False, needed=("pendulum_stribeck",) if asked_for else ()))
     assert [s.name for s in found.accepted] == list(names)
@@ -176,7 +177,7 @@ def test_held_out_data_choose_among_look_alikes(
 ) -> None:
     names = ("input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
     by = search({"": 0.0, **CABLES, "input_delay arm_spring": CABLES["input_delay arm_taut_cable"] + lost}, *names)
-    found = preferred(name_effects(a_fit(), by), by, Told(far_off=far, needed=needed, by=gained))
+    found = preferred(names_found(a_fit(), by), by, Told(far_off=far, needed=needed, by=gained))
     assert [s.name for s in found.accepted] == ["input_delay", kept]
     assert {e.name for e in found.final.plant.effects} == {"input_delay", kept}
     assert found.accepted[1].fit is found.final
@@ -200,7 +201,7 @@ def test_of_predictions_that_are_far_off_any_look_alike_is_asked(
     alone = CABLES["input_delay"]
     by = search({"": 0.0, **CABLES, "input_delay arm_spring": alone + share * (both - alone)}, "input_delay", *FORMS)
     witness = Told(far_off=far, a_little_off=True, needed=("arm_spring",), by=gained)
-    found = preferred(name_effects(a_fit(), by), by, witness)
+    found = preferred(names_found(a_fit(), by), by, witness)
     assert [s.name for s in found.accepted] == ["input_delay", kept]
 
 
@@ -210,7 +211,7 @@ def test_held_out_data_are_not_asked_where_nothing_else_may_be_named() -> None:
             pytest.fail("predictions cost seconds")
 
     by = search({"": 0.0, **THREE}, "input_delay", "base_tilt", "pendulum_stribeck")
-    found = name_effects(a_fit(), by)
+    found = names_found(a_fit(), by)
     assert preferred(found, by, Asked()) is found
 
 
@@ -219,7 +220,7 @@ def test_what_describes_the_law_of_a_name_describes_that_of_its_look_alike() -> 
     names = ("input_delay", "arm_taut_cable", "arm_spring")
     near = {"input_delay arm_spring": CABLES["input_delay arm_taut_cable"] + 8.0}
     by = search({"": 0.0, **CABLES, **near}, *names)
-    found = replace(name_effects(a_fit(), by), laws={"input_delay": "arm_taut_cable"})
+    found = replace(names_found(a_fit(), by), laws={"input_delay": "arm_taut_cable"})
     exchanged = preferred(found, by, Told(needed=("arm_spring",)))
     assert [s.name for s in exchanged.accepted] == ["input_delay", "arm_spring"]
     assert exchanged.describes("input_delay") == "arm_spring"
@@ -242,7 +243,7 @@ CONTESTED = STOP | {"arm_hysteresis": -300.0}
 def test_what_went_when_another_joined_is_asked_again(values: dict[str, float], gained: float, kept: str) -> None:
     """A stop that hardly slips is a spring: beside it a spring has nothing left to explain. Neither is declared a
     look-alike of the other, as a rig has both."""
-    found = name_effects(a_fit(), by := search({"": 0.0, **values}, "arm_spring", "input_delay", "arm_hysteresis"))
+    found = names_found(a_fit(), by := search({"": 0.0, **values}, "arm_spring", "input_delay", "arm_hysteresis"))
     assert {s.name for s in found.accepted} == {"input_delay", "arm_hysteresis"}
     assert [s.name for s in found.went["arm_hysteresis"]] == ["arm_spring"]
     exchanged = preferred(found, by, Told(needed=("arm_spring",), by=gained))
