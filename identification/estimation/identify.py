@@ -165,12 +165,17 @@ def _with_limit(plant: Plant, logs: Sequence[Log]) -> Plant:
     return plant.replace(u_max=limit)
 
 
+_FEW_VALUES = 20  # of a command that is made of square waves or steps
+
+
 def _limit(logs: Sequence[Log]) -> float:
-    """u_max from the logs: where the command stops at one value, that; else somewhat above the largest seen."""
+    """u_max from the logs: where the command stops at one value, that; else somewhat above the largest seen. A command
+    of few values, as of square waves, always stops at its largest and says nothing of the amplifier."""
     size = np.concatenate([np.abs(log.u) for log in logs])
     largest = float(size.max())
     if largest <= 0:
         return 1.0
-    if np.sum(size >= largest * (1 - 1e-9)) >= 3 and np.quantile(size, 0.5) < 0.9 * largest:
+    stops = np.sum(size >= largest * (1 - 1e-9)) >= 3 and np.quantile(size, 0.5) < 0.9 * largest
+    if stops and np.unique(np.round(size / largest, 6)).size > _FEW_VALUES:
         return largest
     return float(f"{1.5 * largest:.1g}") if float(f"{1.5 * largest:.1g}") >= largest else 2.0 * largest

@@ -59,15 +59,17 @@ def fit_noise(plant: Plant, record: Record) -> NoiseFit:
             "the Kalman filter of this plant loses the log. The plant does not describe this rig: check signs, units "
             "and the pendulum's zero of the log, and that both are of the same device."
         )
-    value = math.inf
+    best, value = NoiseFit(path, innovation_cost(path.e, path.S)), math.inf
     for _ in range(_ROUNDS):
-        new = follow(plant, record, *likeliest(path))
-        if new is None:
+        path = follow(plant, record, *likeliest(path))
+        if path is None:
             break
-        before, value, path = value, innovation_cost(new.e, new.S), new
+        before, value = value, innovation_cost(path.e, path.S)
+        if value < best.value:
+            best = NoiseFit(path, value)
         if abs(before - value) < 0.5:
             break
-    return NoiseFit(path, innovation_cost(path.e, path.S))
+    return best
 
 
 def unit_intensity(plant: Plant, record: Record) -> NDArray[np.float64]:

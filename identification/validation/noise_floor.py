@@ -92,8 +92,10 @@ def _same_times(log: Log, other: Log) -> bool:
 
 
 def _same_start(log: Log, other: Log) -> bool:
-    """Whether first readings differ by no more than a small part of how far the axes go, or by their noise."""
-    reach = np.maximum(_SAME_PLACE * np.ptp(log.angles, axis=0), 5.0 * np.asarray(log.noise_std))
+    """Whether first readings differ by no more than a small part of how far the axes go, or by their noise. Of a free
+    decay only by their noise: from elsewhere it swings at another frequency, and soon out of step."""
+    place = _SAME_PLACE * np.ptp(log.angles, axis=0) if np.ptp(log.u) > 0 else 0.0
+    reach = np.maximum(place, 5.0 * np.asarray(log.noise_std))
     return bool(np.all(np.abs(log.angles[0] - other.angles[0]) <= reach))
 
 

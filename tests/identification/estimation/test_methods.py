@@ -15,8 +15,10 @@ from experiments.cli.app import app
 from furuta_gym import Plant
 from furuta_gym.plant import TABLE_3
 from identification import Estimate, Log, identify, read_log, write_log
+from identification.design.signals import paper_signal
 from identification.estimation.estimate import GainChange
 from identification.estimation.identifiability import Motion, judge
+from identification.estimation.identify import _limit
 from identification.estimation.methods import METHODS, Method
 from identification.kalman.noise_model import Noise
 from identification.logs.rig_mapping import RigMapping
@@ -116,6 +118,15 @@ def test_the_limits_and_ranges_of_a_start_plant_stay(log: Log) -> None:
     assert found.plant.limits == limits
     assert found.plant.randomize == randomize
     assert identify(log, method="table3").plant.limits is None
+
+
+def test_a_command_of_few_values_says_nothing_of_the_amplifier(log: Log) -> None:
+    """The paper's square waves stop at their largest sum; a clipped sine stops at what the amplifier gives."""
+    squares = replace(log, u=np.asarray(paper_signal()(log.t)))
+    clipped = replace(log, u=np.clip(4.0 * np.sin(9.0 * log.t) * np.sin(log.t), -3.0, 3.0))
+    assert np.abs(squares.u).max() == 1.75
+    assert _limit([squares]) == pytest.approx(3.0)
+    assert _limit([clipped]) == 3.0
 
 
 @pytest.mark.parametrize("u_max", [0.01, -1.0, float("nan")])

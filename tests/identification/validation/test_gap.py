@@ -197,6 +197,8 @@ def test_runs_repeat_each_other_whatever_a_clock_that_is_read_jitters(jitter, pa
 
 def test_free_decays_from_different_places_are_no_repeats():
     """Nor may a wrong plant's own errors pass for their spread."""
+    near = [open_loop_log(np.zeros(1500), q2, seed=seed) for seed, q2 in enumerate((np.pi + 1.0, np.pi + 1.07))]
+    assert repeats(near) == []  # let go by hand: nearly the same start, and out of step after some swings
     logs = [open_loop_log(np.zeros(1500), q2, seed=seed) for seed, q2 in enumerate((np.pi + 1.0, np.pi - 0.7))]
     wrong = TABLE_3.replace(theta=TABLE_3.theta * np.r_[np.ones(4), 1.1, np.ones(4)])
     gap = validate(wrong, logs)
@@ -220,6 +222,13 @@ def test_the_closed_loop_runs_again():
     unknown = Log(log.t, log.q1, log.q2, log.u)
     with pytest.raises(ValueError, match="controller_gain"):
         resimulate(plant, unknown)
+
+
+def test_a_log_that_is_too_short_is_named():
+    log, plant = loop_log()
+    with pytest.warns(UserWarning, match=r"short.csv: too short to be predicted 0.3 s ahead"):
+        both = validate(plant, [log, replace(log.slice(stop=0.9), source="short.csv")])
+    assert both.ratio_to_floor == pytest.approx(validate(plant, log).ratio_to_floor)
 
 
 def test_bad_input_is_refused():
