@@ -43,7 +43,9 @@ HELD = 0.5  # s for which a controller may push an arm whose reading stands
 FROZEN = 1.0  # s for which it may push while neither reading changes; friction may hold both axes for a moment
 MOST_BAD_READINGS = 1000  # in a row; a rig that reads nothing for so long is not controlled
 
-REASONS = ("on", "reading", "arm", "speed", "tilt", "law", "held")  # indexed by the C header's numbers
+REASONS = ("on", "reading", "arm", "speed", "tilt", "law", "held", "late")
+"""Why a controller is off, indexed by the C header's numbers. The header is called by a timer, and is never late."""
+LATE = 0.1  # s that a loop may stall, while the motor holds its last command
 FARTHEST = 1e4  # rad; no rig turns so far
 LARGEST = 1e30  # a single-precision number still, and no command
 JUMP = math.pi  # rad; neither arm nor pendulum turns so far in a sample
@@ -159,8 +161,10 @@ def speed_samples(sample_time: float) -> int:
 class Guarded:
     """A controller inside its envelope; called like the controller, with readings (2,).
 
-    A second argument is added to the controller's command, within the envelope: an excitation, in the command's unit.
-    `off` is why it is off, "on" while it works; `reset` starts anew.
+    extra is added to the controller's command, within the envelope: an excitation, in the command's unit. t [s] is
+    when the readings were taken, by a clock that goes on: a loop that is late by whole samples is then known to be, as
+    if these had been missed (rule 3), and one that stalls for longer than `LATE` is switched off, "late". Without t
+    each call is taken for the next sample. `off` is why it is off, "on" while it works; `reset` starts anew.
     """
 
     def __init__(self, controller: Controller, envelope: Envelope | None = None) -> None:
@@ -177,13 +181,29 @@ class Guarded:
         self._last = np.zeros(2)  # good reading
         self._from, self._since = 0.0, 0  # the arm's reading that its speed is taken from, and samples since then
         self._low = self._high = 0.0  # of the pendulum, while the arm's reading stands
-        self._good = self._missed = self._samples = self._pushed = 0
+        self._good = self._missed = self._behind = self._samples = self._pushed = 0
+        self._time: float | None = None
 
-    def __call__(self, y: ArrayLike, extra: float = 0.0) -> float:
+    def __call__(self, y: ArrayLike, extra: float = 0.0, t: float | None = None) -> float:
+        if t is not None:
+            self._behind += self._samples_late(float(t))
         reference = self.controller.reference_at(self._samples)
         self._samples += 1
         self._u = self._step(np.array(y, dtype=float), reference, float(extra))
         return self._u
+
+    def _samples_late(self, t: float) -> int:
+        """Whole samples that a loop has left out before time t [s]."""
+        before, self._time = self._time, t
+        if before is None:
+            return 0
+        if not 0.0 < t - before <= LATE + self.sample_time:
+            self.off = "late" if self.off == REASONS[0] else self.off
+            return 0
+        late = max(round((t - before) / self.sample_time) - 1, 0)
+        self._samples += late
+        self._since += late if self._good > 0 else 0
+        return late
 
     def _step(self, q: NDArray[np.float64], reference: float, extra: float) -> float:
         e, T = self.envelope, self.sample_time
@@ -205,9 +225,10 @@ class Guarded:
         if self._stands(q):
             return self._latch("held")
         if self._good > 0:
-            for part in np.arange(1, self._missed + 1) / (self._missed + 1):
+            missed = self._missed + self._behind
+            for part in np.arange(1, missed + 1) / (missed + 1):
                 self.controller.follow(self._last + part * (q - self._last), reference)
-        self._missed, self._last = 0, q
+        self._missed, self._behind, self._last = 0, 0, q
         self._good += 1
         u = float(self.controller.follow(q, reference)) + extra
         if not abs(u) <= LARGEST:

@@ -12,7 +12,8 @@ from furuta_gym.plant.rigid_body import nearest_rigid_body, physical_consistency
 
 GRAVITY = 9.81
 STEP = 0.0005  # s of the simulation
-CARRIED = ("arm_spring", "actuator_lag", "input_saturation")
+ARM = 0.1  # of the arm's length, where its own weight sits at most; a weight nearer the axis has less inertia
+CARRIED = ("arm_spring", "actuator_lag", "input_saturation", "input_offset", "base_tilt")
 """The effects that MJCF has words for."""
 
 _MODEL = """\
@@ -30,7 +31,7 @@ _MODEL = """\
 -->
 <mujoco model="furuta">
   <compiler angle="radian" autolimits="true"/>
-  <option timestep="{step}" gravity="0 0 -{gravity}" integrator="RK4">
+  <option timestep="{step}" gravity="{gravity}" integrator="RK4">
     <flag contact="disable"/>
   </option>
   <default>
@@ -40,7 +41,7 @@ _MODEL = """\
     <light pos="0 0 {far:.6g}"/>
     <body name="arm">
       <joint name="q1" type="hinge" axis="0 0 1" armature="{J1!r}" damping="{Fv1!r}" frictionloss="{Fc1!r}"{spring}/>
-      <inertial pos="0 0 0" mass="{tiny!r}" diaginertia="{tiny!r} {tiny!r} {tiny!r}"/>
+      <inertial pos="{arm_at!r} 0 0" mass="{arm_mass!r}" diaginertia="{tiny!r} {tiny!r} {tiny!r}"/>
       <geom type="capsule" fromto="0 0 0 {L1!r} 0 0" size="{thick:.6g}" rgba="0.24 0.26 0.30 1" mass="0"/>
       <body name="pendulum" pos="{L1!r} 0 0">
         <joint name="q2" type="hinge" axis="-1 0 0" armature="{J2!r}" damping="{Fv2!r}" frictionloss="{Fc2!r}"/>
@@ -85,7 +86,12 @@ def mjcf(plant: Plant) -> str:
             f"MJCF cannot carry {', '.join(strange)} (it can: {', '.join(CARRIED)}); export the plant without, or "
             "simulate it with FurutaID-v0"
         )
-    saturation = plant.effect("input_saturation")
+    saturation, offset = plant.effect("input_saturation"), plant.effect("input_offset")
+    if saturation is not None and offset is not None:
+        raise ValueError(
+            "MJCF limits a command before it adds an offset to it, and this plant's input_saturation limits the sum; "
+            "export the plant without one of them, or simulate it with FurutaID-v0"
+        )
     if saturation is not None and saturation.parameters["knee"] > 0:
         raise ValueError(
             f"MJCF has no round knee, and this input_saturation has {saturation.parameters['knee']:.2g}; fit it again "
@@ -96,15 +102,20 @@ def mjcf(plant: Plant) -> str:
     moved = "" if np.array_equal(theta, plant.theta) else "  Moved within its error bars to the nearest rigid body.\n"
     L1, l2 = GRAVITY * th3 / th5, GRAVITY * th2 / th5
     J1, J2 = max(th1 - th3 * th3 / th2, 0.0), max(th4 - th2, 0.0)
-    spring, lag = plant.effect("arm_spring"), plant.effect("actuator_lag")
+    spring, lag, tilt = (plant.effect(name) for name in ("arm_spring", "actuator_lag", "base_tilt"))
+    lean = tilt.parameters if tilt else {"αx": 0.0, "αy": 0.0, "G1": 0.0}
+    arm_at, arm_mass = _weight_of_the_arm(lean["G1"] - th5 * th3 / th2, L1, J1) if tilt else (0.0, 0.0)
     limit = min(plant.supply, saturation.parameters["m"]) if saturation else plant.supply
     motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
+    if offset:
+        motor += f' biastype="affine" biasprm="{offset.parameters["b"]!r} 0 0"'
     T = lag.parameters["T"] if lag else 0.0
     short, carried = "", [effect.name for effect in plant.effects]
     if lag and T < 0.5 * STEP:  # RK4 diverges where the step is 2.8 times as long, and no rig shows so short a lag
         short = f"the actuator's lag of {T:g} s, too short for this time step, " if T > 0 else ""
         carried.remove(lag.name)
         T = 0.0
+    tiny = max(1e-9 * th4, 2e-15)  # MuJoCo wants moving bodies to have some mass and inertia of their own
     # where a rig is switched off; as a range of the joint it would be a stop that the arm does not have
     told = [
         (name, unit) for name, unit in (("arm_travel", "rad"), ("arm_speed", "rad/s")) if name in (plant.limits or {})
@@ -117,27 +128,38 @@ def mjcf(plant: Plant) -> str:
         step=STEP,
         short=short,
         sharpness=" and ".join(f"{r:g}" for r in dict.fromkeys(plant.sharpness)),
-        gravity=GRAVITY,
+        gravity=f"{GRAVITY * lean['αx']!r} {GRAVITY * lean['αy']!r} {-GRAVITY!r}",
         slew="" if plant.limit("slew", math.inf) == math.inf else "the largest slew of the command, ",
         limits="".join(f"the rig's {name} of {plant.limit(name, 0.0):g} {unit}, " for name, unit in told),
         far=4 * (abs(L1) + l2),
         moved=moved,
-        J1=J1,
+        J1=J1 - arm_mass * arm_at**2,
+        arm_at=arm_at,
+        arm_mass=max(arm_mass, tiny),
         J2=J2,
         Fv1=Fv1,
         Fv2=Fv2,
         Fc1=Fc1,
         Fc2=Fc2,
         spring=f' stiffness="{spring.parameters["k"]!r}" springref="{spring.parameters["q1n"]!r}"' if spring else "",
-        tiny=max(1e-9 * th4, 2e-15),  # MuJoCo wants moving bodies to have some mass and inertia of their own
+        tiny=tiny,
         L1=L1,
         l2=l2,
         m2=th2 / l2**2,
         thick=0.06 * abs(L1),
         thin=0.04 * abs(L1),
         rod=1.5 * GRAVITY * th4 / th5,  # of a uniform rod, to look at
-        actuator=f'<general {motor} dyntype="filter" dynprm="{T!r}"/>' if T > 0 else f"<motor {motor}/>",
+        actuator=f'<general {motor} dyntype="filter" dynprm="{T!r}"/>' if T > 0 else f"<general {motor}/>",
     )
+
+
+def _weight_of_the_arm(moment: float, length: float, inertia: float) -> tuple[float, float]:
+    """Where on the arm [m], and how heavy, a weight of a moment is that a tilted base shows; behind the axis for a
+    moment below 0. It takes no more than half of the arm's own inertia, which the armature has without it."""
+    if moment == 0.0:
+        return 0.0, 0.0
+    at = math.copysign(min(ARM * abs(length), 0.5 * inertia * GRAVITY / abs(moment)), moment)
+    return at, moment / (GRAVITY * at) if at else 0.0
 
 
 def export_mjcf(plant: Plant, path: str | os.PathLike[str]) -> Path:

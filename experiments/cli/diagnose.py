@@ -16,7 +16,7 @@ from identification.diagnosis.policy import MOST_EFFECTS
 from . import options as opt
 from .command import INTERRUPTED, Command
 from .output import check_folder, print_json, write_json
-from .reading import Reading, reads_logs
+from .reading import Reading, reads_logs, tell_undriven
 from .reading import read as read_logs
 from .steps import steps
 
@@ -122,6 +122,7 @@ def diagnose_command(
     known = None if plant is None else Plant.resolve(plant)
     read = read_logs(logs, reading, known, beside=held_out or ())
     held = read_logs(held_out, reading, known, "ignore", logs) if held_out else ()
+    tell_undriven(held)
     from identification.diagnosis.diagnose import diagnose
     from identification.diagnosis.policy import DecisionPolicy
 

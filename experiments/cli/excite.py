@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import options as opt
-from .output import busy, print_json
+from .output import print_json
+from .steps import steps
 
 if TYPE_CHECKING:
     from furuta_gym.plant import Plant
@@ -62,8 +63,11 @@ def excite_command(
     policy = _policy(controller, rig, sample_time)
     if doubted := doubt(rig):
         warnings.warn(doubted, stacklevel=1)
-    with busy("designing …"):
-        result = excite(rig, between, policy, limits=given, duration=duration, sample_time=sample_time, seed=seed)
+    with steps("excite") as tell:
+        tell("designing")
+        result = excite(
+            rig, between, policy, limits=given, duration=duration, sample_time=sample_time, seed=seed, progress=tell
+        )
     column = "u" if result.whole_command else "d"
     _write(output, result, column, {"plant": plant, "controller": getattr(policy, "name", "none")})
     if as_json:

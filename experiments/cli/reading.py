@@ -226,6 +226,16 @@ def read(
     return logs
 
 
+def tell_undriven(logs: Sequence[Log]) -> None:
+    """Say on stderr which logs have no command: they cannot judge what a command does."""
+    if still := [log.source for log in logs if not log.u.any()]:
+        typer.echo(
+            f"Warning: the command is 0 in every sample of {', '.join(still)}. A free decay says nothing of what the "
+            "command does, such as its gain or a delay. If it is none, name the column: --columns u=NAME.",
+            err=True,
+        )
+
+
 def sources_of(paths: Sequence[Path], reading: Reading, plant: Plant | None = None) -> list[_Source]:
     """Each log with the mapping that applies to it: the options, over the file of --mapping or a rig.toml beside the
     log, over the plant file's, over the rig.toml of the working folder."""

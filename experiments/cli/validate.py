@@ -13,7 +13,7 @@ import typer
 
 from . import options as opt
 from .output import busy, check_folder, print_json, write_json
-from .reading import Reading, reads_logs
+from .reading import Reading, reads_logs, tell_undriven
 from .reading import read as read_logs
 
 if TYPE_CHECKING:
@@ -60,12 +60,7 @@ def validate_command(
         raise ValueError(f"{plant} stands where the plant file is expected: furuta validate PLANT LOG…")
     rig = Plant.resolve(plant)
     read = read_logs(logs, reading, rig, "ignore")
-    if still := [log.source for log in read if not log.u.any()]:
-        typer.echo(
-            f"Warning: the command is 0 in every sample of {', '.join(still)}. A free decay says nothing of what the "
-            "command does, such as its gain or a delay. If it is none, name the column: --columns u=NAME.",
-            err=True,
-        )
+    tell_undriven(read)
     from experiments.report.by_part import parts_of
     from furuta_gym.files import write_whole
     from identification.validation.adequacy import Adequacy

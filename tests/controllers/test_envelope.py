@@ -283,6 +283,29 @@ class TestEachRule:
         slow = guarded(slew=25.0)
         assert np.abs(np.diff([0.0] + [slow((0.0, 0.3)) for _ in range(20)])) == pytest.approx(0.1)
 
+    def test_a_loop_that_is_late_sees_no_speed_that_is_not_there(self):
+        """40 ms of a stall: with the time, the arm's speed is the true one, and the filters step through it."""
+        turn = lambda t: (0.5 * t, 0.02)  # noqa: E731
+        times = [0.004 * k for k in range(50)]
+        late = [t for t in times if not 0.1 < t < 0.14]
+        commands = {}
+        for name, clock in (("all", times), ("stamped", late)):
+            inside = guarded(arm_speed=1.0)
+            commands[name] = {t: inside(turn(t), t=t) for t in clock}
+            assert inside.off == "on"
+        assert commands["stamped"][late[-1]] == pytest.approx(commands["all"][late[-1]], abs=1e-9)
+        blind = guarded(arm_speed=1.0)
+        for t in late:
+            blind(turn(t))
+        assert blind.off == "speed"
+
+    @pytest.mark.parametrize("then", [0.3, -0.1, 0.0, math.nan])
+    def test_a_loop_that_stalls_goes_off(self, then):
+        inside = guarded()
+        inside((0.0, 0.01), t=0.0)
+        assert inside((0.0, 0.01), t=then) == 0.0
+        assert inside.off == "late"
+
     def test_a_law_that_gives_no_number(self):
         inside = guarded()
         inside.controller._command = lambda y, r: math.nan

@@ -16,6 +16,9 @@ SMOOTH = {
     "large": LARGE_RIG,
     "left-handed": LARGE_RIG.replace(theta=LARGE_RIG.theta * [1, 1, -1, 1, 1, 1, 1, 1, 1]),
     "spring": QUBE.with_effects(QUBE.default_effect("arm_spring")),
+    "tilt": QUBE.with_effects(Effect("base_tilt", {"αx": 0.03, "αy": -0.02, "G1": 9.0})),
+    "tilt and counterweight": LARGE_RIG.with_effects(Effect("base_tilt", {"αx": -0.1, "αy": 0.05, "G1": 0.0})),
+    "offset": QUBE.with_effects(Effect("input_offset", {"b": 0.7})),
     "saturation": QUBE.with_effects(Effect("input_saturation", {"m": 2.0})),
 }
 
@@ -31,8 +34,10 @@ def accelerations(plant: Plant, x: np.ndarray, u: float) -> tuple[np.ndarray, np
     data.qpos[:], data.qvel[:], data.ctrl[:] = x[:2], x[2:], u
     mujoco.mj_forward(model, data)
     saturation = plant.effect("input_saturation")
+    offset = plant.effect("input_offset")
     m = saturation.parameters["m"] if saturation else np.inf
-    return data.qacc.copy(), state_derivative(plant, x, np.clip(u, -m, m))[2:4]
+    torque = np.clip(u, -m, m) + (offset.parameters["b"] if offset else 0.0)
+    return data.qacc.copy(), state_derivative(plant, x, torque)[2:4]
 
 
 @pytest.mark.parametrize("name", SMOOTH)
