@@ -121,7 +121,8 @@ class Judge:
         """The effect before it of which a further one, the last of `together`, only describes another law: it takes up
         what goes with that effect's own variables, to a share of its own gain (`policy`), and no less than what goes
         with its own. So does a ripple that is not seen to repeat, beside another function of the arm's angle. A spring
-        or cable is no law of a ripple: no periodic law pulls as they do."""
+        or cable is no law of a ripple: no periodic law pulls as they do. Nor is it what else explains all that was
+        left: see `_whole_beside`."""
         *others, (newest, *_) = together
         angle = [other.name for other, *_ in others if other.type.of_angle_alone]
         if follows_a_law(newest, self.policy) and angle:
@@ -130,12 +131,25 @@ class Judge:
             other.name: self._taken_up(before, newest.fit, other.name)
             for other, *_ in others
             if not (newest.type.of_angle_alone and other.type.periods_a_turn)
+            and not self._whole_beside(newest, other, before)
         }
         laws = {name: evidence for name, evidence in laws.items() if not math.isnan(evidence)}
         best = max(laws, key=lambda name: laws[name], default=None)
         if best is None or not laws[best] > max(self.policy.left, self.policy.another_law * newest.net):
             return None
         return best if laws[best] >= self._taken_up(before, newest.fit, newest.name) else None
+
+    def _whole_beside(self, newest: Suspect, other: Suspect, before: Fit) -> bool:
+        """Whether a further effect is all that was missing beside another one, explains a good share of what that does,
+        and is nothing that it is mistaken for. A library law that stands in for what the law of an effect lacks meets
+        it closely only where both are declared look-alikes."""
+        return (
+            not alike(newest.name, other.name)
+            and not _changes_law(newest.name, other.name)
+            and newest.gain >= self.policy.own_share * other.gain
+            and self.rest.left(newest.fit) <= 0.0
+            and self.rest.left(before) > self.policy.believed
+        )
 
     def look_alike_law_of(self, together: Sequence[Ranking]) -> str | None:
         """The effect before it of which a further one, the last of `together`, may as well be another law: a look-alike
