@@ -1,10 +1,11 @@
 """Intervals over trials: Wilson's for success rates, bootstrapped interquartile means for everything else."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from furuta_gym.plant.covariance import NORMAL_95
 
@@ -22,6 +23,7 @@ class IntervalEntry(Struct):
         return Interval(value, low, high, self.n)
 
 
+RESAMPLES = 2000  # of a bootstrap
 WORST_SHARE = 0.05
 FEWEST_FOR_WORST = 100  # values; below it the worst are too few for an interval
 
@@ -68,7 +70,7 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
     return ordered @ (weight / weight.sum())
 
 
-def typical(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval:
+def typical(values: ArrayLike, resamples: int = RESAMPLES, seed: int = 0) -> Interval:
     """Interquartile mean with its percentile bootstrap interval (Agarwal et al. 2021, "rliable")."""
     sample = np.asarray(values, dtype=float)
     n = sample.size
@@ -92,3 +94,29 @@ def worst(values: ArrayLike, resamples: int = 2000, seed: int = 0) -> Interval:
     draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
     low, high = np.quantile(np.sort(sample[draws], axis=1)[:, -count:].mean(axis=1), [0.025, 0.975])
     return Interval(float(np.sort(sample)[-count:].mean()), float(low), float(high), n)
+
+
+def over_seeds(
+    groups: Sequence[NDArray[np.float64]], statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> Interval:
+    """A figure of all values, with a 95 % bootstrap interval that draws seeds first and their trials then."""
+    groups = [g for g in groups if g.size]
+    if not groups:
+        return Interval(np.nan, np.nan, np.nan, 0)
+    rng = np.random.default_rng(0)
+    drawn = []
+    for _ in range(RESAMPLES):
+        some = [groups[i] for i in rng.integers(len(groups), size=len(groups))]
+        drawn.append(float(statistic(np.concatenate([g[rng.integers(g.size, size=g.size)] for g in some]))))
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    whole = np.concatenate(groups)
+    return Interval(float(statistic(whole)), float(low), float(high), int(whole.size))
+
+
+def over_seeds_rate(groups: Sequence[NDArray[np.float64]]) -> Interval:
+    """The success rate of a way to train, from the outcomes (0 or 1) of the trials of each training.
+
+    Its interval is the wider of Wilson's over all trials and the one over trainings: few trainings say little, however
+    many trials each has."""
+    pooled, spread = success_rate(np.concatenate(groups)), over_seeds(groups, lambda x: x.mean(axis=-1))
+    return Interval(pooled.value, min(pooled.low, spread.low), max(pooled.high, spread.high), pooled.n)

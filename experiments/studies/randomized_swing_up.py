@@ -21,14 +21,14 @@ from rich.table import Table
 from controllers import make_controller
 from controllers.design import choose_sensors
 from controllers.recipes import RECIPES
-from controllers.statistics import Interval
+from controllers.statistics import Interval, over_seeds, over_seeds_rate
 from controllers.training import Training, train
 from controllers.trials import run_trials, swing_up_starts
 from controllers.variations import built_later
 from experiments.bench import Rig
 from experiments.bench_runs import SWING_UP
 from experiments.studies.hidden_rigs import SWING_UP_RIGS, TASKS, as_the_lab_knows, recorded
-from experiments.studies.leaderboard.summary import WORST, over_seeds, over_seeds_rate
+from experiments.studies.leaderboard.summary import WORST
 from furuta_gym.envs.ranges import draws
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controllers.statistics import Interval, interquartile_mean, success_rate
+from controllers.statistics import Interval, interquartile_mean, over_seeds, over_seeds_rate
 
 from .blocks import Block
 
-RESAMPLES = 2000
 WORST = 0.05
 
 
@@ -59,29 +57,6 @@ def cell(blocks: Sequence[Block], duration: float) -> Cell:
         largest_q1=float(reached.max()) if reached.size else float("nan"),
         left_travel=sum(sum(b.left_travel) for b in blocks),
     )
-
-
-def over_seeds(
-    groups: Sequence[NDArray[np.float64]], statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-) -> Interval:
-    """A figure of all values, with a 95 % bootstrap interval that draws seeds first and their trials then."""
-    groups = [g for g in groups if g.size]
-    if not groups:
-        return Interval(np.nan, np.nan, np.nan, 0)
-    rng = np.random.default_rng(0)
-    drawn = []
-    for _ in range(RESAMPLES):
-        some = [groups[i] for i in rng.integers(len(groups), size=len(groups))]
-        drawn.append(float(statistic(np.concatenate([g[rng.integers(g.size, size=g.size)] for g in some]))))
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    whole = np.concatenate(groups)
-    return Interval(float(statistic(whole)), float(low), float(high), int(whole.size))
-
-
-def over_seeds_rate(groups: Sequence[NDArray[np.float64]]) -> Interval:
-    """A success rate; its interval is the wider of Wilson's over all trials and the one over seeds."""
-    pooled, spread = success_rate(np.concatenate(groups)), over_seeds(groups, lambda x: x.mean(axis=-1))
-    return Interval(pooled.value, min(pooled.low, spread.low), max(pooled.high, spread.high), pooled.n)
 
 
 def as_json(cell: Cell) -> dict:

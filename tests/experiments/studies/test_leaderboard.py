@@ -14,13 +14,14 @@ pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
 from controllers import recipes
 from controllers.conditions import conditions
 from controllers.design import choose_sensors
+from controllers.statistics import over_seeds_rate
 from experiments.studies import robust_policy, sb3_defaults
 from experiments.studies.leaderboard import blocks as blocks_module
 from experiments.studies.leaderboard.blocks import Block, block_file, collected, run
 from experiments.studies.leaderboard.contestants import Contestant, chosen, learn, made
 from experiments.studies.leaderboard.page import cells_of, draw, spent_on, tables
 from experiments.studies.leaderboard.rigs import leaderboard_conditions, robust_conditions
-from experiments.studies.leaderboard.summary import cell, over_seeds_rate
+from experiments.studies.leaderboard.summary import cell
 from furuta_gym.plant import QUBE
 
 DESIGNED, LEARNED = chosen("swing-up")[0], Contestant("tiny", "one update", algorithm="ppo", steps=1)

@@ -52,6 +52,36 @@ class Laws:
         return self.of.get(name, 0.0) if fitted is self.before else 0.0
 
 
+@dataclass(frozen=True)
+class Closed(Laws):
+    """The same, where the fit `before` leaves structure of 300 nats, and every other one so much."""
+
+    rest: float = 0.0
+
+    def left(self, fitted: Any) -> float:
+        return 300.0 if fitted is self.before else self.rest
+
+
+@pytest.mark.parametrize(
+    ("newest", "gain", "rest", "law_of"),
+    [
+        ("arm_coulomb_asymmetry", 520.0, 0.0, None),  # two effects, and nothing else is left
+        ("arm_coulomb_asymmetry", 520.0, 40.0, "input_dead_zone"),  # something is: another law may be all of it
+        ("arm_coulomb_asymmetry", 150.0, 0.0, "input_dead_zone"),  # a small part, as laws differ by
+        ("input_cubic_gain", 520.0, 0.0, "input_dead_zone"),  # a look-alike bends the same curve
+    ],
+)
+def test_what_is_all_that_was_missing_is_no_law_of_an_effect_unlike_it(
+    newest: str, gain: float, rest: float, law_of: str | None
+) -> None:
+    """Friction that differs by direction beside a dead zone: its torque goes with the sign of the command too."""
+    before = a_fit("input_dead_zone")
+    both = a_fit("input_dead_zone", newest, value=-gain)
+    together = [ranked(("input_dead_zone", 1200.0), fit=before), ranked((newest, gain), fit=both)]
+    judge = Judge(DecisionPolicy(), Closed({"input_dead_zone": 320.0}, before, rest), NoWitness())
+    assert judge.law_of(together, before) == law_of
+
+
 @pytest.mark.parametrize(
     ("n", "newest", "law_of", "ripple"),
     [
