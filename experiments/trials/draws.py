@@ -39,8 +39,12 @@ TWINS = (
     {"arm_spring", "arm_cable"},
     {"arm_spring", "arm_taut_cable"},
     {"arm_cable", "arm_taut_cable"},
+    {"input_offset", "arm_spring"},
+    {"input_offset", "arm_cable"},
+    {"input_offset", "arm_taut_cable"},
 )
-"""Pairs of effects that are equal to first order or exclude each other: not hidden together."""
+"""Pairs of effects that are equal to first order or exclude each other: not hidden together. A constant torque beside
+what draws the arm to an angle is that angle's change: no log can tell them apart."""
 
 _NO_HARD_FRICTION = {"arm_presliding", "friction_sharpness"}  # they replace the friction that would be hard
 
