@@ -162,9 +162,10 @@ class Guarded:
     """A controller inside its envelope; called like the controller, with readings (2,).
 
     extra is added to the controller's command, within the envelope: an excitation, in the command's unit. t [s] is
-    when the readings were taken, by a clock that goes on: a loop that is late by whole samples is then known to be, as
-    if these had been missed (rule 3), and one that stalls for longer than `LATE` is switched off, "late". Without t
-    each call is taken for the next sample. `off` is why it is off, "on" while it works; `reset` starts anew.
+    when the readings were taken, by a fine clock that goes on, as `time.perf_counter` does: the arm's speed then counts
+    from the true time, samples that a slow loop leaves out are made up for (rule 3), and a loop that stalls for longer
+    than `LATE` is switched off, "late". Without t each call is taken for the next sample. `off` is why it is off, "on"
+    while it works; `reset` starts anew.
     """
 
     def __init__(self, controller: Controller, envelope: Envelope | None = None) -> None:
@@ -179,31 +180,39 @@ class Guarded:
         self.off = REASONS[0]
         self._u = 0.0
         self._last = np.zeros(2)  # good reading
-        self._from, self._since = 0.0, 0  # the arm's reading that its speed is taken from, and samples since then
+        self._from, self._since = 0.0, 0.0  # the arm's reading that its speed is taken from, and samples since then
         self._low = self._high = 0.0  # of the pendulum, while the arm's reading stands
         self._good = self._missed = self._behind = self._samples = self._pushed = 0
         self._time: float | None = None
+        self._begun, self._ticks = 0.0, 0  # first stamp, and samples since
 
     def __call__(self, y: ArrayLike, extra: float = 0.0, t: float | None = None) -> float:
         if t is not None:
-            self._behind += self._samples_late(float(t))
+            self._clocked(float(t))
         reference = self.controller.reference_at(self._samples)
         self._samples += 1
         self._u = self._step(np.array(y, dtype=float), reference, float(extra))
         return self._u
 
-    def _samples_late(self, t: float) -> int:
-        """Whole samples that a loop has left out before time t [s]."""
+    def _clocked(self, t: float) -> None:
+        """Take in when a sample was read [s]: how far the loop is behind its clock, and how long the sample took. A
+        stamp that is no later than the one before, as of a clock that is coarse or was set, says neither."""
+        if not math.isfinite(t) or t == self._time:
+            self._ticks += 1
+            return
         before, self._time = self._time, t
-        if before is None:
-            return 0
-        if not 0.0 < t - before <= LATE + self.sample_time:
+        if before is None or t < before:
+            self._begun, self._ticks = t, 0
+            return
+        if t - before > LATE + self.sample_time:
             self.off = "late" if self.off == REASONS[0] else self.off
-            return 0
-        late = max(round((t - before) / self.sample_time) - 1, 0)
+            return
+        self._since += (t - before) / self.sample_time - 1.0 if self._good > 0 else 0.0
+        self._ticks += 1
+        late = max(round((t - self._begun) / self.sample_time) - self._ticks, 0)
+        self._ticks += late
         self._samples += late
-        self._since += late if self._good > 0 else 0
-        return late
+        self._behind += late
 
     def _step(self, q: NDArray[np.float64], reference: float, extra: float) -> float:
         e, T = self.envelope, self.sample_time
@@ -218,8 +227,8 @@ class Guarded:
             return self._latch("arm")
         if abs(q[0] - (self._from if self._good > 0 else q[0])) > e.arm_speed * T * self._since + e.resolution:
             return self._latch("speed")
-        if self._good == 0 or self._since >= speed_samples(T):
-            self._from, self._since = q[0], 0
+        if self._good == 0 or self._since > speed_samples(T) - 0.5:
+            self._from, self._since = q[0], 0.0
         if abs(q[1]) > e.tilt:
             return self._latch("tilt")
         if self._stands(q):

@@ -207,7 +207,7 @@ def load_policy(
         )
     settings: dict[str, Any] = {
         "velocity_cutoff": float(env.get("velocity_cutoff") or choose_sensors(plant, sensors).velocity_cutoff),
-        "arm_limit": float(env.get("arm_limit") or plant.limit("arm_travel", ARM_TRAVEL)),  # the env's own default
+        "arm_limit": float(env.get("arm_limit") or _trained_travel(rig, plant)),
         "tasks": ("balance", "swing_up") if env.get("task") == "swing_up" else ("balance",),
     }
     return LearnedController(
@@ -260,6 +260,13 @@ def _check_actions(path: Path, largest: float, normalized: bool | None, u_max: f
             f"{str(normalized).lower()}, so up to {1.0 if normalized else u_max:g}. Mend the record: true for actions "
             'in [-1, 1], false for commands. If it was trained on a plant with u_max = 1, add "plant": {"u_max": 1.0}'
         )
+
+
+def _trained_travel(rig: Mapping[str, Any], plant: Plant) -> float:
+    """The env's own default of the arm's limit [rad]: that of the plant of the training, where the record has it."""
+    if rig.get("theta"):
+        return float((rig.get("limits") or {}).get("arm_travel") or ARM_TRAVEL)
+    return plant.limit("arm_travel", ARM_TRAVEL)
 
 
 # as the env and the plant file have them

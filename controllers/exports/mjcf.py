@@ -105,6 +105,8 @@ def mjcf(plant: Plant) -> str:
     spring, lag, tilt = (plant.effect(name) for name in ("arm_spring", "actuator_lag", "base_tilt"))
     lean = tilt.parameters if tilt else {"αx": 0.0, "αy": 0.0, "G1": 0.0}
     arm_at, arm_mass = _weight_of_the_arm(lean["G1"] - th5 * th3 / th2, L1, J1) if tilt else (0.0, 0.0)
+    if tilt and lean["G1"] != th5 * th3 / th2 and not arm_mass:
+        raise ValueError("this plant's arm has no inertia of its own that could carry the weight G1 of base_tilt")
     limit = min(plant.supply, saturation.parameters["m"]) if saturation else plant.supply
     motor = f'name="u" joint="q1" ctrlrange="{-limit!r} {limit!r}"'
     if offset:

@@ -104,7 +104,9 @@ def reveal_command(
     truths = {file: opened(file, passphrase) for file in sealed}
     marks = None if answer is None else marked(truths[sealed[0]], answer)
     if answer is not None and (others := foreign_logs(sealed[0], answer)):
-        typer.echo(f"Warning: {diagnosis} is of other logs than this rig's: {', '.join(others)}.", err=True)
+        typer.echo(
+            f"Warning: {diagnosis} is of files that were not handed out with this rig: {', '.join(others)}.", err=True
+        )
     if as_json:
         facts: list[dict[str, Any]] = [{"sealed": str(file)} | truth for file, truth in truths.items()]
         if marks is not None:
@@ -145,7 +147,7 @@ def _all_marks(sealed: Sequence[Path], handed_in: Path, passphrase: str, as_json
         else:
             outcome, said, _ = marked(truth, answer)
             if others := foreign_logs(file, answer):
-                said = f"It is of other logs than this rig's: {', '.join(others)}. {said}"
+                said = f"It is of files that were not handed out with this rig: {', '.join(others)}. {said}"
             row |= {"verdict": answer["verdict"], "named": list(outcome.named), "says": said, "outcome": outcome.result}
         rows.append(row)
     if as_json:

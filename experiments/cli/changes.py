@@ -102,9 +102,9 @@ def _cell(d: Difference | None, comparable: bool) -> str:
 
     if d is None:
         return "not compared"
-    if d.percent is None:
-        return f"{d.after[0]:.4g}"
     mark = " !" if d.certain and comparable else ""
+    if d.percent is None:
+        return f"to {d.after[0]:.3g} ± {d.after[1]:.2g}{mark}"
     return f"{d.percent[0]:+.2f} ± {d.percent[1] / NORMAL_95:.2g} %{mark}"
 
 

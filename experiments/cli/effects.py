@@ -39,7 +39,9 @@ def effects_command(
     if as_json:
         print_json([described(kind) for kind in CARRIED.values()])
         return
-    table = Table("effect", "acts on", "on the rig", "parameters", title=f"{len(EFFECTS)} effects")
+    table = Table(
+        "effect", "acts on", "on the rig", "parameters", title=f"{len(EFFECTS)} effects, and one to be learned"
+    )
     for kind in CARRIED.values():
         units = ", ".join(f"{p.name} [{_unit(p)}]" if _unit(p) else p.name for p in kind.parameters[:_SHOWN])
         units += f" … ({len(kind.parameters)} parameters)" if len(kind.parameters) > _SHOWN else ""
@@ -50,7 +52,9 @@ def effects_command(
 
 
 def described(kind: EffectType) -> dict[str, Any]:
-    """An effect as JSON has it."""
+    """An effect as JSON has it. named: whether a diagnosis can name it."""
+    from furuta_gym.plant import EFFECTS
+
     return {
         "name": kind.name,
         "place": kind.place,
@@ -58,6 +62,7 @@ def described(kind: EffectType) -> dict[str, Any]:
         "symptom": kind.symptom,
         "parameters": [{"name": p.name, "unit": p.unit, "meaning": p.meaning, "role": p.role} for p in kind.parameters],
         "mistaken_for": list(kind.mistaken_for),
+        "named": kind.name in EFFECTS,
     }
 
 

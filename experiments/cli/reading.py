@@ -194,7 +194,7 @@ def read(
     constant_command: str | None = None,
     beside: Sequence[Path] = (),
 ) -> tuple[Log, ...]:
-    """Logs as the options say, else a rig.toml, else the plant file, and checked against what the data show.
+    """Logs as the options say, else as `sources_of` finds, and checked against what the data show.
 
     beside: other logs of the command, as logs of one file name are called by their folders too. Prints on stderr where
     the mapping comes from. Raises LogError with all that is wrong at once.

@@ -78,7 +78,8 @@ def read_diagnosis(file: Path) -> dict[str, Any]:
 
 
 def foreign_logs(sealed: Path, answer: Mapping[str, Any]) -> list[str]:
-    """Names of the logs of a diagnosis that do not lie beside a sealed file; none where no log lies there."""
+    """Names of the logs of a diagnosis that are no files beside a sealed file; none where no log lies there. A log that
+    was opened and saved by another program is no longer the file that was handed out."""
     own = {file_hash(log) for log in sealed.parent.rglob("*.csv")}
     logs = answer.get("logs")
     given = [log for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []

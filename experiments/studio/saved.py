@@ -92,8 +92,10 @@ def save_session(session: Session, path: Path) -> Path:
     with zipfile.ZipFile(raw, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in members.items():
             archive.writestr(name, data)
-    if len(raw.getvalue()) > LARGEST_FILE or sum(map(len, members.values())) > LARGEST_FILE + _BESIDE:
+    if len(raw.getvalue()) > LARGEST_FILE:
         raise ValueError(f"this session is larger than {LARGEST_FILE} bytes; save one with fewer logs")
+    if sum(map(len, members.values())) > LARGEST_FILE + _BESIDE:
+        raise ValueError(f"what was fitted in this session is larger than {_BESIDE} bytes; save it before the search")
     return write_whole(path, raw.getvalue())
 
 

@@ -12,6 +12,7 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.effects import EFFECTS, where_to_look
 
 from ..estimation.pool import one_blas_thread
+from ..kalman.record import sharing_counts
 from ..logs.log import Log, as_logs, check_each_once
 from .held_out import HeldOut
 from .learning import with_learned
@@ -49,7 +50,9 @@ def diagnose(
     another unit.
     """
     began = time.monotonic()
-    logs, held_out = as_logs(logs), as_logs(held_out or ())
+    searched_logs = len(as_logs(logs))
+    every = sharing_counts((*as_logs(logs), *as_logs(held_out or ())))
+    logs, held_out = every[:searched_logs], every[searched_logs:]
     say, policy = progress or _silent, policy or DecisionPolicy()
     _check(logs, held_out, most, only)
     if start is not None:  # effects are for the search to find, and to be judged

@@ -88,10 +88,8 @@ def track(
     torque = 0.01 * (0.02 * np.std(first.u) * np.array([1.0, theta[3] / theta[0]])) ** 2
     times, etas, variances, offset, spent = [], [], [], 0.0, 0.0
     for piece, record in ((stretch.piece, stretch.record) for stretch in stretches(logs)):
-        rounding = record.quantum**2 / 12.0
-        # a record's variance is the rounding's, or a share of what the log shows where that is more
-        shown = np.where(record.variance > 1.001 * rounding, record.variance / SHOWN - rounding, 0.0)
-        before_rounding = np.maximum(shown, 0.05 * rounding)
+        # of readings that are not rounded a record has a share of the noise that the log shows
+        before_rounding = np.where(record.quantum > 0, 0.05 * record.quantum**2 / 12.0, record.variance / SHOWN)
         noise = RecordNoise(torque, before_rounding).packed()
         state = Gaussian(np.concatenate([record.y[0], record.velocity, eta]), C)
         C[:4], C[:, :4] = 0.0, 0.0

@@ -13,6 +13,7 @@ from furuta_gym.plant import Effect, Plant
 
 from ..kalman.coordinates import Zeros
 from ..kalman.noise_model import Noise
+from ..kalman.record import sharing_counts
 from ..logs.checks import warn
 from ..logs.log import Log, as_logs, check_each_once
 from .completed import with_plant
@@ -88,7 +89,7 @@ def identify(
     Raises ValueError for bad arguments, among them an option that the method does not use, and NotIdentifiable (a
     ValueError) where the logs cannot tell a parameter.
     """
-    logs = as_logs(logs)
+    logs = sharing_counts(as_logs(logs))
     chosen = method_named(method)
     _check(logs, u_max)
     options: dict[str, Any] = {

@@ -59,7 +59,8 @@ def model_error(problem: PredictionError, z: Array) -> Array:
         return found
     equations, groups = normal
     k = len(own)
-    information = more * equations.gram[:k, :k] + problem.priors.at(z)[2][np.ix_(own, own)]
+    prior = problem.priors.at(z)[2] - problem.priors.of_rigid_body(z)
+    information = more * equations.gram[:k, :k] + prior[np.ix_(own, own)]
     inverse = inverse_information(information)
     across = equations.gram[:k, k:]
     # of columns with answers of length one, what the parameters cannot imitate

@@ -37,7 +37,7 @@ from .optimise import TOLERANCE, Optimum, minimise
 from .pool import shared_pool
 from .prediction_error import PredictionError, quietest
 from .restarts import restarted
-from .start import Start, candidates, race
+from .start import NoMotion, Start, candidates, race
 from .uncertainty import fit_covariance, inverse_information, recommended
 from .zeros import bounded_zeros
 
@@ -108,7 +108,7 @@ def _most_likely(
         given = [] if start is None else [Start(template, restless(template))]
         try:
             starts = [*given, *candidates([stretch.piece for stretch in used], template, told)]
-        except ValueError:  # a regression needs longer stretches than a filter
+        except NoMotion:  # a regression needs longer stretches than a filter
             if not given:
                 raise
             starts = given
@@ -252,6 +252,6 @@ def _warnings(
         else:
             advice = "something acts that model (5) does not hold; run `furuta diagnose`"
         yield f"the model misses torques of about {share}: {advice}"
-    least = [np.maximum(r.quantum**2 / 12.0, np.square(logs[r.log].noise_std)) for r in records]
+    least = [np.maximum(r.variance, np.square(logs[r.log].noise_std)) for r in records]
     if any((noise.on(r).variance > _TWICE**2 * low).any() for r, low in zip(records, least, strict=True)):
         yield "the readings are at least twice as noisy as their counts and smoothness say; check the encoder counts"

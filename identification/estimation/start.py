@@ -114,29 +114,35 @@ def candidates(logs: Sequence[Log], plant: Plant, known: Mapping[str, float] | N
     rows = (pendulum, *(PendulumRow(*ratios, 0.1, 0.1, generic=True) for ratios in _RATIOS))
     starts = [start for row in rows for start, _ in starts_with(m, row, plant, command, [soft], known)]
     if not starts:
-        raise ValueError(f"in {', '.join(dict.fromkeys(log.source for log in logs))} {_why_none(m, logs)}")
+        silent, why = _why_none(m, logs)
+        kind = NoMotion if silent else ValueError
+        raise kind(f"in {', '.join(dict.fromkeys(log.source for log in logs))} {why}")
     return starts
 
 
-def _why_none(m: Motion, logs: Sequence[Log]) -> str:
-    """Why logs of this smoothed motion give no start, and what to do."""
+class NoMotion(ValueError):
+    """Nothing in the logs gives start values, and nothing contradicts a plant that is given."""
+
+
+def _why_none(m: Motion, logs: Sequence[Log]) -> tuple[bool, str]:
+    """Whether logs of this smoothed motion only say nothing, and why they give no start, with what to do."""
     if not np.ptp(m.q, axis=0).any():
         seconds, samples = SHORTEST_STRETCH
-        return (
+        return True, (
             "no motion is long enough to be smoothed for start values. Expected axes that move, in a stretch of at "
             f"least {seconds:g} s and {samples} samples without a gap of the clock; record a longer one"
         )
     if np.ptp(m.u) <= _NO_COMMAND * max(float(np.abs(log.u).max()) for log in logs):
-        return (
+        return True, (
             "the command does not change where the motion can be smoothed for start values, so nothing tells the scale "
             "of the inertias. Expected a command that drives the arm there; add a driven log"
         )
     if np.ptp(m.q[:, 1]) > _TURNS:
-        return (
+        return True, (
             "the pendulum turns over again and again, which hides what the command does to the arm. Expected one that "
             "swings or balances; record a log with smaller commands, or leave the turns out (--cut)"
         )
-    return (
+    return False, (
         "a positive command does not drive the arm to the positive side: no inertia explains that. Check the signs "
         "(--flip u, q1 or q2), the column mapping and the units"
     )

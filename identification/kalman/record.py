@@ -193,7 +193,6 @@ def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np
         known.append((quantum, np.maximum(np.maximum(quantum**2 / 12.0, SHOWN * measured**2), _LEAST)))
         changes = np.count_nonzero(np.diff(log.angles, axis=0), axis=0)
         silent.append((quantum == 0.0) & (changes < FEWEST_STEPS))
-    _share_steps(logs, known)
     told = [(i, a) for a in range(2) for i in range(len(logs)) if not silent[i][a]]
     for i, axis in [(i, a) for i in range(len(logs)) for a in range(2) if silent[i][a]]:
         same, other = [j for j in told if j[1] == axis], [j for j in told if j[1] != axis]
@@ -201,18 +200,6 @@ def _encoders(logs: Sequence[Log]) -> list[tuple[NDArray[np.float64], NDArray[np
             known[i][0][axis] = known[k][0][a]
             known[i][1][axis] = max(known[i][1][axis], known[k][1][a])
     return known
-
-
-def _share_steps(logs: Sequence[Log], known: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
-    """Fill in the steps of logs that are too fast to show them, where another log of the rig shows a step by which they
-    move: else one encoder would have two floors of noise."""
-    for axis in range(2):
-        steps = [float(quantum[axis]) for quantum, _ in known if quantum[axis] > 0]
-        for log, (quantum, variance) in zip(logs, known, strict=True):
-            angle = log.angles[:, axis]
-            if quantum[axis] == 0 and (step := next((s for s in steps if moves_by(angle, s)), 0.0)):
-                quantum[axis] = step
-                variance[axis] = max(variance[axis], step**2 / 12.0)
 
 
 def counts_of(log: Log) -> tuple[float, float]:
@@ -226,6 +213,21 @@ def counts_of(log: Log) -> tuple[float, float]:
 
     arm, pendulum = map(of, log.encoder_steps, log.encoder_counts or (0.0, 0.0))
     return arm, pendulum
+
+
+def sharing_counts(logs: Sequence[Log]) -> tuple[Log, ...]:
+    """The logs of a rig, with counts for those that are too fast to show them, where other logs show steps by which
+    both angles move. Else one encoder would have two models of its readings, by what else is fitted beside a log."""
+    counts = [counts_of(log) for log in logs]
+    shared = []
+    for log, own in zip(logs, counts, strict=True):
+        found = list(own)
+        for axis in (axis for axis in range(2) if own[axis] <= 0):
+            known = (other[axis] for other in counts if other[axis] > 0)
+            found[axis] = next((c for c in known if moves_by(log.angles[:, axis], 2 * math.pi / c)), 0.0)
+        changed = tuple(found) != own and all(found)  # a log has the counts of both encoders, or of none
+        shared.append(replace(log, encoder_counts=(found[0], found[1])) if changed else log)
+    return tuple(shared)
 
 
 def _step(seen: float | None, declared: float) -> float:

@@ -24,7 +24,7 @@ from ..estimation.zeros import aligned
 from ..kalman.coordinates import Zeros
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath
-from ..kalman.record import Record, Stretch, stretches
+from ..kalman.record import Record, Stretch, sharing_counts, stretches
 from ..kalman.taken import FEWEST
 from ..kalman.whiteness import Innovations, innovations
 from ..logs.checks import warn
@@ -251,7 +251,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
     for what is no `Log`, and ValueError for logs that are too short or given twice, whose command is in another unit
     than the plant's, or that the filter cannot follow with this plant.
     """
-    plant, logs = Plant.resolve(plant), list(as_logs(logs))
+    plant, logs = Plant.resolve(plant), list(sharing_counts(as_logs(logs)))
     if not logs:
         raise ValueError("validate needs at least one log, got none")
     check_each_once(logs, "the noise floor would be that of a repeated run without noise: zero")

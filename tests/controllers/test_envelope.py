@@ -299,12 +299,36 @@ class TestEachRule:
             blind(turn(t))
         assert blind.off == "speed"
 
-    @pytest.mark.parametrize("then", [0.3, -0.1, 0.0, math.nan])
-    def test_a_loop_that_stalls_goes_off(self, then):
+    def test_a_loop_that_stalls_goes_off(self):
         inside = guarded()
         inside((0.0, 0.01), t=0.0)
-        assert inside((0.0, 0.01), t=then) == 0.0
+        assert inside((0.0, 0.01), t=0.3) == 0.0
         assert inside.off == "late"
+
+    @pytest.mark.parametrize("pace", [1.4, 0.7])
+    def test_the_arms_speed_is_that_of_the_clock(self, pace):
+        """In a loop that is always slower or faster than its controller."""
+        for speed, off in ((0.9, "on"), (1.1, "speed")):
+            inside = guarded(arm_speed=1.0, resolution=0.0)
+            for k in range(60):
+                inside((speed * pace * 0.004 * k - 0.1, 0.001 * (k % 2)), t=pace * 0.004 * k)
+            assert inside.off == off
+
+    def test_a_slow_loop_is_made_up_for(self):
+        """Its filters see as many samples as went by."""
+        inside, seen = guarded(), []
+        follow = inside.controller.follow
+        inside.controller.follow = lambda y, r: seen.append(1) or follow(y, r)
+        for k in range(100):
+            inside((0.0, 1e-3), t=0.0056 * k)
+        assert len(seen) == pytest.approx(1.4 * 99 + 1, abs=1)
+
+    @pytest.mark.parametrize("stamps", [[0.0, 0.0, 0.0, 0.0156, 0.0156], [5.0, 5.004, 1.0, 1.004], [0.0, math.nan]])
+    def test_a_clock_that_is_coarse_or_was_set_says_nothing(self, stamps):
+        inside = guarded()
+        for t in stamps:
+            inside((0.0, 0.01), t=t)
+        assert inside.off == "on"
 
     def test_a_law_that_gives_no_number(self):
         inside = guarded()

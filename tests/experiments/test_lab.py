@@ -170,7 +170,7 @@ def test_all_groups_are_marked_in_one_table(group: Path, tmp_path: Path) -> None
     assert [row["group"] for row in rows] == ["group-01", "group-02", "group-03", "group-04"]
     assert all(row["hidden"] == ["arm_spring"] for row in rows)
     assert rows[0]["says"].startswith("Wrong: an effect is hidden")
-    assert "other logs than this rig's: friend.csv" in rows[1]["says"]
+    assert "files that were not handed out with this rig: friend.csv" in rows[1]["says"]
     assert "is not JSON" in rows[2]["says"]
     assert rows[3]["says"].startswith("No ")
     table = furuta(*command)

@@ -14,7 +14,7 @@ from identification.estimation.ekf import track
 from identification.estimation.estimate import Estimate
 from identification.estimation.identify import identify
 from identification.estimation.start import reduced
-from identification.kalman.record import SHORTEST, Record, stretches
+from identification.kalman.record import SHORTEST, Record, sharing_counts, stretches
 from identification.kalman.taken import informative
 from identification.logs.checks import LogError
 from identification.logs.encoders import encoder_step
@@ -118,11 +118,14 @@ def test_one_encoder_has_one_step_in_slow_and_fast_logs() -> None:
     fast = Log(t, rounded(2.0 * np.sin(9 * t)), rounded(2.5 * np.sin(13 * t)), np.sin(t), source="fast.csv")
     other = Log(t, 2.0 * np.sin(9 * t), rounded(2.5 * np.sin(13 * t)), np.sin(t), source="no counts.csv")
     assert fast.encoder_steps == (None, None)
-    first, second, third = (stretch.record for stretch in stretches([slow, fast, other]))
+    first, second, third = (stretch.record for stretch in stretches(sharing_counts([slow, fast, other])))
     assert first.quantum == pytest.approx([step, step], rel=1e-6)
     assert second.quantum == pytest.approx(first.quantum)
-    assert third.quantum == pytest.approx([0.0, step], rel=1e-6)
+    assert third.quantum.tolist() == [0.0, 0.0]  # its arm has no counts
     assert (stretches([fast])[0].record.quantum == 0.0).all()
+    assert sharing_counts([slow])[0] is slow
+    told = replace(fast, encoder_counts=(4096.0, 2048.0))  # what is declared stays
+    assert sharing_counts([slow, told])[1] is told
 
 
 def test_a_short_race_may_keep_the_clock() -> None:
