@@ -61,7 +61,8 @@ Cut = Annotated[
 MappingFile = Annotated[
     Path | None,
     _option(
-        "The rig's rig.toml. none: no mapping, not even the plant file's. Default: beside the log, or here.",
+        "The rig's rig.toml. none: no mapping, not even the plant file's. Default: beside the log, "
+        "else what the plant file has, else here.",
         "--mapping",
         "--rig",
     ),

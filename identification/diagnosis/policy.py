@@ -67,8 +67,8 @@ class DecisionPolicy:
     nearly: float = _rule(0.98, "any effect is an equal from this share of the best gain, if structure is left", DEV)
     own_share: float = _rule(
         0.2,
-        "a further effect must explain at least this share of the largest gain by itself; with less of an earlier one's "
-        "gain, it may be another law of that",
+        "a further effect must explain at least this share of the largest gain by itself; with less of an earlier "
+        "one's gain, it may be another law of that",
         DEV,
     )
     least_share: float = _rule(0.1, "the same share, if the effect removes all structure that was left", DEV)

@@ -27,7 +27,6 @@ from ..kalman.path import FilterPath
 from ..kalman.record import Record, Stretch, sharing_counts, stretches
 from ..kalman.taken import FEWEST
 from ..kalman.whiteness import Innovations, innovations
-from ..logs.checks import warn
 from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .free_run import PER_HORIZON, Windows
@@ -272,8 +271,6 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
             f"the clock, in which {2 * PER_HORIZON} samples lie after the first {SETTLE:g} s and before the last "
             f"{horizon:g} s"
         )
-    if short := [source.source for i, source in enumerate(logs) if i not in {stretch.log for stretch in long}]:
-        warn(f"{', '.join(short)}: too short to be predicted {horizon:g} s ahead. The gap is that of the other logs.")
     error, reading = (np.concatenate([getattr(p, name) for p in kept]) for name in ("errors", "readings"))
     rms = np.sqrt(np.mean(error**2, axis=0))
     own = floors_of(logs, kept)

@@ -40,7 +40,7 @@ def test_actions_of_another_size_are_refused(shares: Path, tmp_path: Path) -> No
     path = recorded(shares, tmp_path, env={"normalize_action": False})
     with pytest.raises(ValueError, match=r"gives actions up to 1, .*normalize_action = false, so up to 10"):
         make_controller(path, QUBE, trust=True)
-    right = recorded(shares, tmp_path, env={"normalize_action": True})
+    right = recorded(shares, tmp_path, env={"normalize_action": True}, plant={"u_max": QUBE.u_max})
     assert make_controller(right, QUBE, trust=True).scale == QUBE.u_max
 
 
@@ -63,10 +63,11 @@ def test_a_policy_that_was_saved_again_does_not_show_its_statistics(shares: Path
     again = tmp_path / "again.zip"
     env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, normalize_action=True)
     PPO.load(shares, env=env, device="cpu").save(again)  # which forgets the observations that it saw last
-    path = recorded(again, tmp_path, env={"task": "balance"})
+    rig = {"u_max": QUBE.u_max}
+    path = recorded(again, tmp_path, env={"task": "balance"}, plant=rig)
     with pytest.warns(UserWarning, match="does not show whether it learned from VecNormalize"):
         make_controller(path, QUBE, trust=True)
-    known = recorded(again, tmp_path, env={"task": "balance"}, normalized_observations=False)
+    known = recorded(again, tmp_path, env={"task": "balance"}, normalized_observations=False, plant=rig)
     make_controller(known, QUBE, trust=True)
     scaled = recorded(again, tmp_path, env={"task": "balance"}, normalized_observations=True)
     with pytest.raises(ValueError, match="normalised observations: its record says so"):

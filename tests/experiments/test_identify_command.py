@@ -217,7 +217,8 @@ def test_what_a_rig_toml_says_need_not_be_typed_again(tmp_path: Path, monkeypatc
     assert Reading(RigMapping()).again([Path("log.csv")], [log]) == " --skip 0.5"
     save_mapping(tmp_path / "rig.toml", mapping)
     assert Reading(RigMapping()).again([Path("log.csv")], [log]) == ""
-    assert Reading(RigMapping(skip=1.0), as_given=True).again([Path("log.csv")], [log]) == " --skip 1 --as-given"
+    later = replace(log, mapping=RigMapping(skip=1.0))
+    assert Reading(RigMapping(skip=1.0), as_given=True).again([Path("log.csv")], [later]) == " --skip 1 --as-given"
     assert Reading(RigMapping(), Path("my rig.toml")).again([Path("log.csv")], [log]) == " --mapping 'my rig.toml'"
 
 

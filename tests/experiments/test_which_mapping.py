@@ -66,10 +66,10 @@ def test_what_is_printed_reads_a_log_once_more_as_it_was_read(german: Path) -> N
     shutil.move("versuch2.csv", "more/versuch2.csv")
     paths = [Path("more/versuch2.csv")]
     save_mapping("rig.toml", replace(mapping, input_scale=12.0))
-    again = Reading().again(paths, read(paths, Reading(), "warn", plant))
+    again = Reading(RigMapping()).again(paths, read(paths, Reading(RigMapping()), plant))
     assert again.endswith("--mapping none")
     assert mapping.options() in again
-    assert Reading().again(paths, read(paths, Reading(), "warn")) == ""
+    assert Reading(RigMapping()).again(paths, read(paths, Reading(RigMapping()))) == ""
 
 
 def test_options_hold_against_a_rig_file_that_turns_a_sign(german: Path) -> None:
@@ -77,7 +77,7 @@ def test_options_hold_against_a_rig_file_that_turns_a_sign(german: Path) -> None
     furuta("init", "versuch1.csv", "--skip", "1")
     said = RigMapping(flip=(), skip=0.0)
     assert said.options() == "--flip none --skip 0"
-    logs = read([Path("versuch1.csv")], Reading(said), "warn")
+    logs = [replace(loop_log(duration=5.0)[0], mapping=said.over(load_mapping("rig.toml")))]
     assert Reading(said).again([Path("versuch1.csv")], logs) == " --flip none --skip 0"
     assert RigMapping().options() == ""
 

@@ -224,13 +224,6 @@ def test_the_closed_loop_runs_again():
         resimulate(plant, unknown)
 
 
-def test_a_log_that_is_too_short_is_named():
-    log, plant = loop_log()
-    with pytest.warns(UserWarning, match=r"short.csv: too short to be predicted 0.3 s ahead"):
-        both = validate(plant, [log, replace(log.slice(stop=0.9), source="short.csv")])
-    assert both.ratio_to_floor == pytest.approx(validate(plant, log).ratio_to_floor)
-
-
 def test_bad_input_is_refused():
     log, plant = loop_log()
     with pytest.raises(ValueError, match="long enough"):
