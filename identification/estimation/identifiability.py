@@ -127,7 +127,7 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
     if m.duration < _SHORTEST:
         lost += EVERYTHING
         advice.append(
-            f"the log is too short: {m.duration:.2g} s of motion; record at least {_SHORTEST:g} s, better 20 s"
+            f"the log is too short: {m.duration:.3g} s of motion; record at least {_SHORTEST:g} s, better 20 s"
         )
     elif arm_still and pendulum_still:
         lost += EVERYTHING

@@ -44,6 +44,9 @@ PRESENT = (
     "66",
     "67",
     "68",
+    "71",
+    "71b",
+    "73",
 )
 PRESENT_COMPOSITE = (
     "41_composite",
@@ -55,6 +58,7 @@ PRESENT_COMPOSITE = (
     "59_composite",
     "62_composite",
     "66_composite",
+    "71_composite",
 )
 
 names = st.from_regex(r"[a-zφω][a-z0-9_φω]{0,12}", fullmatch=True)
@@ -134,6 +138,10 @@ def test_the_documented_figures_of_each_run_are_those_of_its_file():
         ("67", "research-log/diagnosis_runs.md"),
         ("66_composite", "research-log/diagnosis_runs.md"),
         ("68", "research-log/diagnosis_runs.md"),
+        ("71", "research-log/diagnosis_runs.md"),
+        ("71_composite", "research-log/diagnosis_runs.md"),
+        ("71b", "research-log/diagnosis_runs.md"),
+        ("73", "research-log/diagnosis_runs.md"),
         ("60", "research-log/diagnosis_runs.md"),
         ("59", "research-log/diagnosis_runs.md"),
         ("58", "research-log/diagnosis_runs.md"),
