@@ -97,8 +97,7 @@ def test_a_diagnosis_file_follows_its_schema(kept: Path) -> None:
     "name", [pytest.param(name, marks=pytest.mark.thorough if name in LONG else []) for name in TUTORIALS]
 )
 def test_a_tutorial_runs_as_it_stands_and_prints_what_it_shows(name: str, tmp_path: Path) -> None:
-    """Same words, and numbers within 5 %, as processors round differently. A trained policy's may differ more, but it
-    succeeds."""
+    """Same words, and numbers within 5 %, as processors round differently. A trained policy succeeds."""
     blocks = run_pages.kept(DOCS / "tutorials" / f"{name}.md")
     assert blocks
     trains = any("train(" in code for code, _ in blocks)
@@ -122,8 +121,7 @@ def test_a_tutorial_runs_as_it_stands_and_prints_what_it_shows(name: str, tmp_pa
 
 
 def _check_beside_training(said: str, shown: str, single_runs: bool) -> None:
-    """Every success that is said, and the numbers of the lines that no policy has part in. single_runs: a controller
-    reads encoder counts, and another processor's last bits give another motion, a few per cent from the page's."""
+    """Every success that is said, and numbers without a policy. single_runs: encoder counts turn by last bits."""
     for printed, kept in zip(said.splitlines(), shown.splitlines(), strict=True):
         assert all(int(success) >= 90 for success in re.findall(r"held (\d+) %", printed))
         if "policy" in printed or "trials" in printed:
