@@ -18,6 +18,15 @@ def studio_command(
     port: Annotated[
         int | None, typer.Option(help="Port on this machine; default: a free one.", min=1, max=65535)
     ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(
+            "--mapping",
+            "--rig",
+            help="The rig's rig.toml; none: no rig.toml. Default: beside the first log, else here. "
+            "The page can change what it says.",
+        ),
+    ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Open no browser; the address is printed.")] = False,
 ) -> None:
     """Open a local page to look at logs, fit them, move effects by sliders and search for what is missing.
@@ -33,6 +42,10 @@ def studio_command(
             raise ValueError(f"{log} is a folder; the studio opens files. Write its log to one, such as a .csv")
         if not log.is_file():
             raise FileNotFoundError(f"no log at {log}; expected a file that exists")
+    from identification.logs.rig_file import load_mapping
+    from identification.logs.rig_mapping import RigMapping
+
+    stated = None if mapping is None else RigMapping() if str(mapping) == "none" else load_mapping(mapping)
     from experiments.studio.server import serve
 
-    serve(logs or (), port, not no_browser, typer.echo)
+    serve(logs or (), port, not no_browser, typer.echo, stated)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from nicegui import context, ui
 
+from identification import RigMapping
+
 from .frame import VIEWS, Frame, view
 
 
@@ -17,15 +19,15 @@ def load() -> None:
         view(name)
 
 
-async def draw(folder: Path, logs: Sequence[Path]) -> Frame:
-    """Draw the page for one tab, with a session of its own."""
+async def draw(folder: Path, logs: Sequence[Path], stated: RigMapping | None = None) -> Frame:
+    """Draw the page for one tab, with a session of its own. stated: how the command line says that logs are read."""
     from .session import Session
     from .views.log import add
 
     ui.add_css(Path(__file__).with_name("style.css"))
     ui.add_head_html(f"<script>{Path(__file__).with_name('client.js').read_text(encoding='utf-8')}</script>")
     ui.colors(primary="#0b5cad")
-    frame = Frame(Session(folder))
+    frame = Frame(Session(folder, stated))
     ui.page_title("furuta studio")
     with ui.header().classes("header"):
         ui.label("furuta studio").classes("brand")

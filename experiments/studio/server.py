@@ -19,6 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 from furuta_gym.processes import temporary_folder
+from identification import RigMapping
 
 from . import LARGEST_FILE, MOST_FILES
 from .frame import close_all
@@ -95,8 +96,8 @@ class Guard:
         await self.inside(scope, receive, with_policy)
 
 
-def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> str:
-    """Add the page to the application and give its path, which holds the token."""
+def register(folder: Path, logs: Sequence[Path], stated: RigMapping | None = None, token: str | None = None) -> str:
+    """Add the page to the application and give its path, which holds the token. stated: how logs are read."""
     token = token or secrets.token_urlsafe(24)
     path = f"/{token}/"
 
@@ -104,7 +105,7 @@ def register(folder: Path, logs: Sequence[Path], token: str | None = None) -> st
 
     @ui.page(path, title="furuta studio", dark=None)
     async def page() -> None:
-        await draw(folder, logs)
+        await draw(folder, logs, stated)
 
     return path
 
@@ -126,15 +127,22 @@ def end(folder: Path) -> None:
     end_soon()
 
 
-def serve(logs: Sequence[Path], port: int | None, show: bool, told: Callable[[str], None]) -> None:
+def serve(
+    logs: Sequence[Path],
+    port: int | None,
+    show: bool,
+    told: Callable[[str], None],
+    stated: RigMapping | None = None,
+) -> None:
     """Serve until interrupted, and end what is computed then. told: called with the address once the server listens.
+    stated: how logs are read, in place of any rig.toml.
 
     Raises ValueError where the port is taken."""
     if port is not None:
         require_free(port)
     port = port or free_port()
     keep_little()
-    path = register(Path.cwd(), [log.resolve() for log in logs])
+    path = register(Path.cwd(), [log.resolve() for log in logs], stated)
 
     async def tell() -> None:
         while not Server.instance.started:  # start-up ends before the port is bound, or found taken

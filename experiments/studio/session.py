@@ -40,13 +40,15 @@ class Found:
 
 @dataclass
 class Session:
-    """folder: the working folder, the only place where files are written. given: what was said of how logs are read.
+    """folder: the working folder, the only place where files are written. stated: how logs are read by the command
+    line, in place of any rig.toml. given: what was said of how these logs are read.
 
     estimate, gap: of model (5) on the logs. kept: the plant of the what-if view that was kept. examination: the
     diagnosis and what its report measures; found: what the page shows of it, which a saved session keeps. policy: a
     dropped policy file; trusted: whether somebody said that code in it may run."""
 
     folder: Path
+    stated: RigMapping | None = None
     paths: list[Path] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     given: RigMapping = field(default_factory=RigMapping)
@@ -113,21 +115,28 @@ class Session:
         path.write_bytes(content)
 
     def add(self, path: Path, by_rig_file: bool = True) -> None:
-        """Take in a file, or read it again. by_rig_file: read it as the user's rig.toml says. Raises LogError."""
+        """Take in a file, or read it again. by_rig_file: read it as the command line or the user's rig.toml says.
+        Raises LogError."""
         table = read_table(path)
         others = self._without(path)
         if len(others) >= MOST_FILES:
             raise LogError(f"{path.name}: there are {MOST_FILES} logs already. Remove one first.")
         before = self.paths, self.tables, self.given
-        known = find_mapping(path) if by_rig_file and not self.paths and not self.was_dropped(path) else None
-        if known is not None:
-            self.given = load_mapping(known)
+        if by_rig_file and not self.paths:
+            self.given = self._said_of(path)
         self._open([*others, (path, table)])
         try:
             self.look()
         except LogError:
             self.paths, self.tables, self.given = before
             raise
+
+    def _said_of(self, path: Path) -> RigMapping:
+        """How the command line, or else a rig.toml of the user, says that a file is read."""
+        if self.stated is not None:
+            return self.stated
+        known = None if self.was_dropped(path) else find_mapping(path)
+        return RigMapping() if known is None else load_mapping(known)
 
     def remove(self, path: Path) -> None:
         """Leave out a log."""

@@ -22,6 +22,7 @@ def test_options_win_over_the_file_and_none_reads_none(german: Path) -> None:
     refused(furuta("validate", "qube", "versuch2.csv", "--unit", "rad"), "is read in rad", "--unit q2=deg")
     refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "none"), "no column t, q1, q2, u")
     refused(furuta("validate", "qube", "versuch2.csv", "--mapping", "other.toml"), "other.toml", "furuta init LOG")
+    refused(furuta("studio", "versuch2.csv", "--mapping", "other.toml"), "other.toml", "furuta init LOG")
 
 
 def test_the_file_of_the_working_folder_serves_logs_elsewhere(german: Path) -> None:

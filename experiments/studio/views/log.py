@@ -189,6 +189,7 @@ async def reopen(frame: Frame, name: str, content: bytes) -> None:
     """Go on with a saved session in place of this one, which stays where the file holds none."""
     found = await frame.run("Opening the session", open_session, name, content, frame.session.folder)
     if found is not None:
+        found.stated = frame.session.stated
         frame.session.close()
         frame.session = found
         frame.mark_saved()

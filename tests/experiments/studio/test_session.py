@@ -19,7 +19,7 @@ from experiments.studio.saved import open_session, save_session
 from experiments.studio.session import Session, bare_name
 from experiments.studio.written import write_mapping
 from furuta_gym.plant import TABLE_3
-from identification import LogError, LogWarning, load_mapping, read_log, read_logs, save_mapping, write_log
+from identification import LogError, LogWarning, RigMapping, load_mapping, read_log, read_logs, save_mapping, write_log
 from tests.commands import furuta
 
 
@@ -137,6 +137,20 @@ def test_logs_of_one_file_name_are_told_apart(tmp_path: Path, spring_log: Path) 
     assert session.paths == paths[1:]
     assert session.names == [session.logs[0].source] == ["log.csv"]
     again.close()
+
+
+def test_the_mapping_of_the_command_line_wins_over_the_file_beside_the_log(tmp_path: Path, spring_log: Path) -> None:
+    path = two_logs(tmp_path, spring_log)[0]
+    save_mapping(path.with_name("rig.toml"), RigMapping(flip=("q2",)), {}, "beside the log")
+    beside, stated, none = (Session(tmp_path, said) for said in (None, RigMapping(flip=("u",)), RigMapping()))
+    for session, turned in ((beside, ("q2",)), (stated, ("u",)), (none, None)):
+        session.add(path)
+        assert session.given.flip == turned
+        session.remove(path)
+        session.add(path)  # as at first
+        assert session.given.flip == turned
+        session.add(path, by_rig_file=False)
+        assert session.given.flip == turned  # the logs that are open stay as they are read
 
 
 def test_a_dropped_log_takes_the_place_of_none_of_its_name(tmp_path: Path, spring_log: Path) -> None:

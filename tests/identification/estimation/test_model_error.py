@@ -98,6 +98,16 @@ def test_the_covariance_is_the_sum_of_its_parts_and_stays_one(lacking: Estimate)
     assert np.sqrt(np.diag(lacking.plant.covariance.matrix)) == pytest.approx(lacking.std)
 
 
+def test_a_limit_that_holds_is_no_knowledge_of_what_the_model_lacks() -> None:
+    log = loop_log("input_delay", 0.3)[0]
+    held, free = identify(log, physical=True), identify(log)
+    assert held.log_likelihood < free.log_likelihood - 1.0  # the limit binds
+    apart = np.zeros(len(held.names))
+    apart[[1, 3]] = -1.0, 1.0  # θ4 − θ2, which is not negative for a rigid body
+    of_it = [math.sqrt(apart @ e.model_error @ apart) for e in (held, free) if e.model_error is not None]
+    assert of_it[0] > 0.3 * of_it[1]
+
+
 def test_what_the_model_lacks_is_no_parameter_identified(lacking: Estimate) -> None:
     assert lacking.model_error is not None
     wide = 900.0 * lacking.model_error  # thirty times the deviation
