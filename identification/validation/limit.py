@@ -15,8 +15,8 @@ from .noise_floor import RESTING_SAYS
 class Answer(Enum):
     """What a check found, in words; `exit_code` is that of `furuta validate --limit`."""
 
-    HOLDS = "the plant still describes the rig"
-    FAILS = "the plant does not describe the rig any more"
+    HOLDS = "the plant describes the rig in these logs"
+    FAILS = "the plant does not describe the rig in these logs"
     UNKNOWN = "nobody can say"
 
     @property
