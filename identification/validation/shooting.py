@@ -8,7 +8,7 @@ methods agree within their errors; this one is the less precise then.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..estimation.pool import mapped, one_blas_thread, shared_pool
 from ..estimation.zeros import moved
 from ..kalman.coordinates import Coordinate, Zeros, filled_plant, plant_coordinates
 from ..kalman.noise import fit_noise
-from ..kalman.path import FilterPath, smooth
+from ..kalman.path import FilterPath, follow, smooth
 from ..kalman.record import Record, stretches
 from ..logs.log import Log, as_logs
 from .free_run import Windows, free_run
@@ -99,7 +99,7 @@ class _Problem:
     """Errors of free runs from states that are smoothed under the plant at z0, over their size there."""
 
     def __init__(self, plant: Plant, coordinates: Sequence[Coordinate], records: Sequence[Record], z0: Array) -> None:
-        self.plant, self.coordinates = plant, coordinates
+        self.plant, self.coordinates, self.records = plant, coordinates, records
         low, high = np.array([c.z_bounds for c in coordinates]).T
         self.bounds = low, high
         start = filled_plant(plant, coordinates, z0)
@@ -118,24 +118,43 @@ class _Problem:
         runs = [free_run(replace(path, plant=plant), w) for path, w in zip(self.paths, self.windows, strict=True)]
         return np.clip((np.concatenate(runs) / self.size).ravel(), -_LOST, _LOST)
 
+    def errors_of_own_starts(self, z: Array) -> Array:
+        """Errors from states that are smoothed under the plant at z itself, with the noise at z0."""
+        plant = filled_plant(self.plant, self.coordinates, z)
+        own = [follow(plant, path.record, path.noise) for path in self.paths]
+        runs = [
+            np.full((len(w.starts), len(HORIZONS), 2), np.nan)
+            if path is None
+            else free_run(replace(path, filtered=smooth(path).mean), w)
+            for path, w in zip(own, self.windows, strict=True)
+        ]
+        return (np.concatenate(runs) / self.size).ravel()
+
     def jacobian(self, z: Array) -> Array:
+        return self.slopes(z, self.errors)
+
+    def slopes(self, z: Array, errors: Callable[[Array], Array]) -> Array:
+        """By differences."""
         steps = np.array([c.step for c in self.coordinates])
         steps = np.where(z + steps > self.bounds[1], -steps, steps)
         tried = np.repeat(z[None], len(z) + 1, axis=0)
         tried[np.arange(1, len(z) + 1), np.arange(len(z))] += steps
-        base, *others = mapped(shared_pool(), self.errors, tried)
+        base, *others = mapped(shared_pool(), errors, tried)
         return np.stack([(other - base) / step for other, step in zip(others, steps, strict=True)], axis=1)
 
     def covariance(self, z: Array) -> Array:
         """Of z, by the scores of blocks of time (White's sandwich): windows overlap, and a wrong model repeats its
-        errors."""
+        errors. A smoothed start goes along with z and hides a part of its error, so the bread has the slopes of
+        starts that are smoothed under the tried plant."""
         J, e = self.jacobian(z), self.errors(z)
         weight = np.minimum(1.0, _HUBER / np.maximum(np.abs(e), 1e-12))
         scores = np.zeros((int(self.block.max()) + 1, len(z)))
         np.add.at(scores, self.block, (weight * e)[:, None] * J)
         inside = np.abs(e) < _HUBER
-        inverse = np.linalg.pinv(J[inside].T @ J[inside], rcond=1e-12, hermitian=True)
-        return inverse @ (scores.T @ scores) @ inverse
+        inverse = np.linalg.pinv(J[inside].T @ self.slopes(z, self.errors_of_own_starts)[inside], rcond=1e-9)
+        independent = sum(r.duration for r in self.records) / HORIZONS[-1]
+        taken = independent / max(independent - len(z), 1.0)  # errors lose what the parameters take of them
+        return taken * inverse @ (scores.T @ scores) @ inverse.T
 
 
 def _smoothed(plant: Plant, record: Record) -> FilterPath:

@@ -77,7 +77,9 @@ def test_the_command_ends_with_the_answer(recorded: Path, tmp_path: Path) -> Non
     assert furuta("validate", plant, tmp_path / "spring.csv").exit_code == 0
     done = furuta("validate", plant, tmp_path / "spring.csv", "--limit", "2", "--json", tmp_path / "gap.json")
     assert done.exit_code == 10
-    assert done.stdout.splitlines()[-1].startswith("Check: the plant does not describe the rig in these logs. The error is")
+    assert done.stdout.splitlines()[-1].startswith(
+        "Check: the plant does not describe the rig in these logs. The error is"
+    )
     found = json.loads((tmp_path / "gap.json").read_text())["check"]
     assert (found["answer"], found["limit"]) == ("fails", 2.0)
     for text in ("0.5", "nan", "inf"):

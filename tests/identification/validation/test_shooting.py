@@ -9,7 +9,7 @@ import pytest
 
 from furuta_gym.plant import TABLE_3
 from identification.validation.shooting import shooting
-from tests.factories import loop_log
+from tests.factories import loop_log, noisy_log
 
 WRONG = np.array([1.1, 0.9, 1.1, 1.1, 1.1, 0.8, 1.3, 0.9, 1.2])
 
@@ -38,3 +38,11 @@ def test_a_log_that_is_too_short_is_told() -> None:
     log, _ = loop_log(duration=1.0)
     with pytest.raises(ValueError, match="no log is long enough"):
         shooting(TABLE_3, log)
+
+
+def test_intervals_hold_the_truth() -> None:
+    """Starts that are smoothed under the plant hide half of its error; intervals must not."""
+    found = [shooting(TABLE_3, noisy_log(seed, T=0.004)) for seed in range(4)]
+    z = np.array([(f.values - TABLE_3.theta) / f.std for f in found])
+    assert 0.4 < np.sqrt(np.mean(z**2)) < 1.4
+    assert np.mean(np.abs(z) < 1.96) >= 0.85
