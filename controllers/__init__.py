@@ -25,33 +25,33 @@ __all__ = [
 # A name here must differ from every submodule's, which takes its place in the package once it is imported.
 _WHERE = {
     "CONTROLLERS": ".registry",
-    "Comparison": ".comparison",
+    "Comparison": ".comparison.result",
     "Controller": ".base",
     "DesignError": ".base",
-    "Training": ".training_setup",
-    "compare": ".evaluation",
+    "Training": ".training.setup",
+    "compare": ".comparison.evaluation",
     "export_c": ".exports.c",
     "export_mjcf": ".exports.mjcf",
     "export_onnx": ".exports.onnx",
     "export_policy_c": ".exports.policy_c",
     "make_controller": ".registry",
-    "run_figures": ".measured_run",
-    "train": ".training",
+    "run_figures": ".comparison.measured_run",
+    "train": ".training.train",
     "usual_controller": ".registry",
 }
 
 if TYPE_CHECKING:
     from .base import Controller, DesignError
-    from .comparison import Comparison
-    from .evaluation import compare
+    from .comparison.evaluation import compare
+    from .comparison.measured_run import run_figures
+    from .comparison.result import Comparison
     from .exports.c import export_c
     from .exports.mjcf import export_mjcf
     from .exports.onnx import export_onnx
     from .exports.policy_c import export_policy_c
-    from .measured_run import run_figures
     from .registry import CONTROLLERS, make_controller, usual_controller
-    from .training import train
-    from .training_setup import Training
+    from .training.setup import Training
+    from .training.train import train
 else:
     from importlib import import_module
 

@@ -34,9 +34,9 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.plant_file import ARM_TRAVEL
 
 from .base import Controller
+from .comparison.trials import HORIZONTAL
 from .design import choose_sensors
 from .known_effects import KnownEffects
-from .trials import HORIZONTAL
 
 LONGEST_START = 60.0  # s of a soft start
 HELD = 0.5  # s for which a controller may push an arm whose reading stands

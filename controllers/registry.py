@@ -17,7 +17,7 @@ from .base import Controller, DesignError
 
 @dataclass(frozen=True)
 class Design:
-    """Where a controller's design function is (a module here, as `.lqr`, or a full path), and what it does."""
+    """Where a controller's design function is (a module here, as `.linear.lqr`, or a full path), and what it does."""
 
     module: str
     function: str
@@ -29,15 +29,21 @@ class Design:
 
 
 CONTROLLERS: dict[str, Design] = {
-    "paper-lqr": Design(".paper_lqr", "design_paper_lqr", "the paper's gain (24), u = −K x; for the paper's rig only"),
-    "lqr": Design(".lqr", "design_lqr", "continuous LQR, velocities by a filtered difference"),
-    "dlqr": Design(".lqr", "design_dlqr", "LQR of the sampled plant, its delay and lag included"),
-    "lqg": Design(".lqg", "design_lqg", "dlqr on the state of a Kalman filter that knows the encoders"),
-    "lqr-friction": Design(".lqr_friction", "design_lqr_friction", "dlqr that cancels the arm's friction"),
-    "lqg-friction": Design(".lqr_friction", "design_lqg_friction", "lqg that cancels the arm's friction"),
-    "lqi": Design(".lqi", "design_lqi", "dlqr with integral action on the arm angle"),
-    "swing-up": Design(".swing_up", "design_swing_up", "energy swing-up that knows delay, lag and supply, then dlqr"),
-    "planned": Design(".planned", "design_planned", "the fastest swing-up, by direct collocation (extra `plan`)"),
+    "paper-lqr": Design(
+        ".linear.paper_lqr", "design_paper_lqr", "the paper's gain (24), u = −K x; for the paper's rig only"
+    ),
+    "lqr": Design(".linear.lqr", "design_lqr", "continuous LQR, velocities by a filtered difference"),
+    "dlqr": Design(".linear.lqr", "design_dlqr", "LQR of the sampled plant, its delay and lag included"),
+    "lqg": Design(".linear.lqg", "design_lqg", "dlqr on the state of a Kalman filter that knows the encoders"),
+    "lqr-friction": Design(".linear.lqr_friction", "design_lqr_friction", "dlqr that cancels the arm's friction"),
+    "lqg-friction": Design(".linear.lqr_friction", "design_lqg_friction", "lqg that cancels the arm's friction"),
+    "lqi": Design(".linear.lqi", "design_lqi", "dlqr with integral action on the arm angle"),
+    "swing-up": Design(
+        ".swing_up.energy", "design_swing_up", "energy swing-up that knows delay, lag and supply, then dlqr"
+    ),
+    "planned": Design(
+        ".swing_up.planned", "design_planned", "the fastest swing-up, by direct collocation (extra `plan`)"
+    ),
 }
 
 
@@ -61,7 +67,7 @@ def make_controller(
     plant = Plant.resolve(plant)
     text = os.fspath(name)
     if text.endswith(".zip"):
-        from .learned import load_policy
+        from .learned.policy import load_policy
 
         return load_policy(text, plant, sample_time, sensors, trust=trust, **options)
     if text not in CONTROLLERS:

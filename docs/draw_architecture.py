@@ -13,6 +13,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("furuta_gym", "identification", "controllers", "experiments")
+SINGLY = ("furuta_gym", "controllers")  # a module beside their rooms is a room of its own
 MIDDLE = ("identification", "controllers")  # these two stand side by side
 MODULES = "modules without a room"
 THIN = {"arrowstyle": "-|>", "color": "0.45", "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
@@ -26,12 +27,12 @@ Arrows = dict[str, set[str]]
 def rooms(package: str) -> dict[str, list[Path]]:
     """Rooms by name, as `identification.logs`, with their files: the packages inside a package.
 
-    Modules beside them make one room, `controllers.*`; those of furuta_gym, which are few, one each.
+    Modules beside them make one room, `experiments.*`; where they are few, one each.
     """
     folder = ROOT / package
     found = {f"{package}.{p.parent.name}": sorted(p.parent.rglob("*.py")) for p in folder.glob("*/__init__.py")}
     loose = [p for p in sorted(folder.glob("*.py")) if p.stem != "__init__"]
-    if package == "furuta_gym":
+    if package in SINGLY:
         found |= {f"{package}.{p.stem}": [p] for p in loose}
     elif loose:
         found[f"{package}.*"] = loose

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from controllers.statistics import Interval, success_rate, typical
-from controllers.trials import HOLD, UPRIGHT
+from controllers.comparison.statistics import Interval, success_rate, typical
+from controllers.comparison.trials import HOLD, UPRIGHT
 from experiments.bench import Laboratory, Rig
 from experiments.bench.recording import BENCH_FALLEN
 from furuta_gym.simulation import check_clock

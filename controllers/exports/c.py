@@ -14,7 +14,7 @@ from furuta_gym.plant import Plant
 
 from ..base import Controller
 from ..envelope import Envelope
-from ..linear import LinearController
+from ..linear.law import LinearController
 from .envelope_c import envelope_c
 
 _HEADER = """\

@@ -11,10 +11,10 @@ from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.files import write_whole
 from furuta_gym.plant import Plant
 
-from ..cells import Cells
-from ..layers import Network, network_in
-from ..learned import LearnedController, load_to_export
-from ..policy_file import read_record
+from ..learned.cells import Cells
+from ..learned.layers import Network, network_in
+from ..learned.policy import LearnedController, load_to_export
+from ..learned.policy_file import read_record
 
 OPSET = 17
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from furuta_gym.envs.options import SPEED_LIMIT
 from furuta_gym.files import write_whole
 
-from ..cells import Cells
 from ..envelope import Envelope
-from ..layers import Layer, network_in
-from ..learned import LearnedController
+from ..learned.cells import Cells
+from ..learned.layers import Layer, network_in
+from ..learned.policy import LearnedController
 from .c import _number, columns_note, effects_note, limits_note
 from .envelope_c import envelope_c
 

@@ -6,7 +6,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..training import Training, train
+from ..training.train import Training, train
 
 FOLDER = Path(__file__).parent
 

@@ -14,7 +14,7 @@ from . import options as opt
 from .output import busy, check_folder, counted, print_json
 
 if TYPE_CHECKING:
-    from controllers.comparison import Comparison
+    from controllers.comparison.result import Comparison
 
 
 def compare_command(
@@ -57,12 +57,12 @@ def compare_command(
     if not names:
         raise ValueError("--controllers is empty; expected names such as paper-lqr,lqr,lqg")
     opt.within("--duration", duration, 0.0, 600.0, "seconds, above 0 and at most 600")
-    from controllers.conditions import GROUPS, check_groups
+    from controllers.comparison.conditions import GROUPS, check_groups
+    from controllers.comparison.evaluation import compare
+    from controllers.comparison.film import require_film
+    from controllers.comparison.plots import draw_comparison
     from controllers.design import choose_sample_time
-    from controllers.evaluation import compare
-    from controllers.film import require_film
-    from controllers.linear import LinearController
-    from controllers.plots import draw_comparison
+    from controllers.linear.law import LinearController
     from furuta_gym.envs.options import SHORTEST_SAMPLE
     from furuta_gym.plant import Plant
 
@@ -129,7 +129,7 @@ def _best(names: Sequence[str], result: Comparison) -> str | None:
 
 def _films(result: Comparison, swing_up: bool, folder: Path, seed: int) -> list[str]:
     """A film of each controller; those that can swing up do so where that was compared."""
-    from controllers.film import film
+    from controllers.comparison.film import film
     from furuta_gym.sensors import Sensors
 
     sensors = Sensors.from_dict(result.settings["sensors"])
@@ -149,7 +149,7 @@ def _film_names(controllers: Sequence[str]) -> list[str]:
 
 def _old_films(folder: Path) -> list[str]:
     """Films that the comparison which is in a folder may have made."""
-    from controllers.comparison import Comparison
+    from controllers.comparison.result import Comparison
 
     try:
         return _film_names(list(Comparison.load(folder / "comparison.json").scores))
@@ -159,7 +159,7 @@ def _old_films(folder: Path) -> list[str]:
 
 def _usual(names: Sequence[str]) -> str:
     """The groups that are played where none is named."""
-    from controllers.policy_file import read_record
+    from controllers.learned.policy_file import read_record
 
     def swings_up(name: str) -> bool:
         if not name.endswith(".zip"):

@@ -106,7 +106,7 @@ def _write(
         made: Controller
         if chosen.endswith(".zip"):
             from controllers.exports.policy_c import export_policy_c
-            from controllers.learned import load_to_export
+            from controllers.learned.policy import load_to_export
 
             made = policy = load_to_export(chosen, rig, sample_time, trust=trust)
             envelope = Envelope.of(policy, soft_start=soft_start)

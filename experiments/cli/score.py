@@ -16,7 +16,7 @@ from .output import print_json
 from .reading import Reading, read, reads_logs
 
 if TYPE_CHECKING:
-    from controllers.measured_run import RunFigures
+    from controllers.comparison.measured_run import RunFigures
     from furuta_gym.plant import Plant
 
 
@@ -44,9 +44,9 @@ def score_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Say how well a controller did in logs of the rig: the figures that `furuta compare` gives for simulated runs."""
+    from controllers.comparison.measured_run import run_figures
+    from controllers.comparison.trials import HORIZONTAL
     from controllers.known_effects import KnownEffects
-    from controllers.measured_run import run_figures
-    from controllers.trials import HORIZONTAL
     from furuta_gym.plant import Plant
     from furuta_gym.plant.plant_file import ARM_TRAVEL
 

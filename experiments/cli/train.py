@@ -88,8 +88,8 @@ def train_command(
     as_json: opt.AsJson = False,
 ) -> None:
     """Learn to balance, or to swing up and hold, on the compiled environment; 200 trials at the end say how well."""
-    from controllers.curriculum import Curriculum
-    from controllers.training import Training, train
+    from controllers.training.curriculum import Curriculum
+    from controllers.training.train import Training, train
     from furuta_gym.plant import Plant
 
     check_folder(output.parent)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from controllers import make_controller
-from controllers.statistics import Interval
-from controllers.training import Training, train
+from controllers.comparison.statistics import Interval
+from controllers.training.train import Training, train
 from experiments.bench import Rig
 from experiments.bench_runs import Run, contrast, run_on_bench, summary
 from furuta_gym.plant import Plant

@@ -186,7 +186,7 @@ def _compare(without: Plant, with_it: Plant, out: Path, seed: int, say: Say) -> 
     """Controllers designed from both plants, in the same trials on the plant that has the effect. Writes
     comparison.json of those that know the effect, and comparison_without.json. Returns the share of trials held, by
     plant and controller."""
-    from controllers.evaluation import compare
+    from controllers.comparison.evaluation import compare
 
     names = " and ".join(CONTROLLERS)
     say(f"\n5  Design {names} from the plant without and with the effect, and play them on the one that has it …")

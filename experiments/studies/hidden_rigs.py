@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from controllers import make_controller
-from controllers.training import Training, train
+from controllers.training.train import Training, train
 from experiments.bench import HiddenEffect, Rig, record
 from experiments.bench_runs import FIGURES, SWING_UP, SWING_UP_FIGURES, Run, run_on_bench, swing_up_on_bench
 from furuta_gym.plant import Plant

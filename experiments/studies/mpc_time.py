@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from controllers.planning import Collocation, Plan, require_casadi
+from controllers.swing_up.planning import Collocation, Plan, require_casadi
 from experiments.cli.errors import explained
 from furuta_gym.plant import Plant
 from furuta_gym.plant.parameters import pendulum_frequency

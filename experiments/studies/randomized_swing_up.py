@@ -19,12 +19,12 @@ import numpy as np
 from rich.table import Table
 
 from controllers import make_controller
+from controllers.comparison.statistics import Interval, over_seeds, over_seeds_rate
+from controllers.comparison.trials import run_trials, swing_up_starts
+from controllers.comparison.variations import built_later
 from controllers.design import choose_sensors
-from controllers.recipes import RECIPES
-from controllers.statistics import Interval, over_seeds, over_seeds_rate
-from controllers.training import Training, train
-from controllers.trials import run_trials, swing_up_starts
-from controllers.variations import built_later
+from controllers.training.recipes import RECIPES
+from controllers.training.train import Training, train
 from experiments.bench import Rig
 from experiments.bench_runs import SWING_UP
 from experiments.studies.hidden_rigs import SWING_UP_RIGS, TASKS, as_the_lab_knows, recorded

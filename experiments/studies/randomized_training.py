@@ -21,11 +21,11 @@ from rich.console import Console
 from rich.table import Table
 
 from controllers import make_controller
-from controllers.conditions import conditions
+from controllers.comparison.conditions import conditions
+from controllers.comparison.statistics import Interval, success_rate, typical
+from controllers.comparison.trials import Outcome
 from controllers.design import choose_sensors
-from controllers.statistics import Interval, success_rate, typical
-from controllers.training import Training, train
-from controllers.trials import Outcome
+from controllers.training.train import Training, train
 from experiments.bench_runs import run_on_bench
 from experiments.cli.errors import explained
 from experiments.studies import randomized_swing_up

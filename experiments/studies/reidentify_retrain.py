@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from controllers import DesignError, make_controller
-from controllers.statistics import Interval
+from controllers.comparison.statistics import Interval
 from experiments.bench import Rig
 from experiments.bench_runs import Contrast, Run, contrast, summary
 from experiments.cli.errors import explained

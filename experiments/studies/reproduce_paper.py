@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from controllers.paper_lqr import design_paper_lqr
+from controllers.linear.paper_lqr import design_paper_lqr
 from furuta_gym.files import whole_file, write_whole
 from furuta_gym.plant import TABLE_3, THETA_NAMES, Plant
 from furuta_gym.sensors import Sensors

@@ -83,7 +83,7 @@ def learn(algorithm: str, env_id: str, seed: int, steps: int, file: Path) -> Non
     from stable_baselines3.common.callbacks import BaseCallback
 
     import furuta_gym  # noqa: F401  (registers the ids)
-    from controllers.training_record import versions
+    from controllers.training.record import versions
 
     class Judge(BaseCallback):
         def _on_step(self) -> bool:

@@ -18,10 +18,10 @@ from scipy.stats import binomtest
 
 from controllers import make_controller
 from controllers.base import DesignError
-from controllers.conditions import Condition
+from controllers.comparison.conditions import Condition
+from controllers.comparison.statistics import Interval, typical, worst
 from controllers.design import choose_sample_time, choose_sensors
-from controllers.planning import plan_swing_up
-from controllers.statistics import Interval, typical, worst
+from controllers.swing_up.planning import plan_swing_up
 from experiments.cli.errors import explained
 from experiments.cli.output import counted, write_json
 from furuta_gym.files import write_whole

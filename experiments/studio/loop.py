@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers import Controller
-from controllers.variations import delay_of, longest_delay, noisier
+from controllers.comparison.variations import delay_of, longest_delay, noisier
 from furuta_gym import Effect, LivePlant, Plant, Sensors
 from furuta_gym.simulation import FALLEN
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from controllers.cells import Cells
-from controllers.layers import Layer, Network
+from controllers.learned.cells import Cells
+from controllers.learned.layers import Layer, Network
 
 COUNT, INPUTS = 8, 6  # cells; q1, sin q2, cos q2, both speeds and the last command
 

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.checkpoint import (
+from controllers.training.checkpoint import (
     has_checkpoint,
     only_remains,
     read_checkpoint,
     remove_checkpoints,
     write_checkpoint,
 )
-from controllers.recipes import ALGORITHMS
+from controllers.training.recipes import ALGORITHMS
 
 
 def arrays(value: float) -> dict[str, dict[str, np.ndarray]]:
@@ -68,10 +68,10 @@ def test_all_of_the_learning_comes_back(algorithm: str) -> None:
     import torch
     from stable_baselines3.common.logger import configure
 
-    from controllers import tensors
-    from controllers.learning_state import memory_of, parameters_of, put_memory, put_parameters
-    from controllers.training_model import make_model
-    from controllers.training_setup import Training
+    from controllers.learned import tensors
+    from controllers.training.learning_state import memory_of, parameters_of, put_memory, put_parameters
+    from controllers.training.model import make_model
+    from controllers.training.setup import Training
     from furuta_gym.plant import QUBE
 
     torch.set_num_threads(1)
@@ -116,7 +116,7 @@ def test_a_removal_that_was_killed_is_ended_by_the_next(tmp_path: Path, monkeypa
     folder = tmp_path / "policy.checkpoint"
     write_checkpoint(folder, {"steps": 1}, arrays(1.0))
     with monkeypatch.context() as patch:
-        patch.setattr("controllers.checkpoint.shutil.rmtree", lambda *_, **__: None)
+        patch.setattr("controllers.training.checkpoint.shutil.rmtree", lambda *_, **__: None)
         remove_checkpoints(folder)
     assert not folder.exists()
     assert len(list(tmp_path.iterdir())) == 1

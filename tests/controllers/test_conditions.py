@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.conditions import (
+from controllers.comparison.conditions import (
     GROUPS,
     MAP_DELAYS,
     MAP_ERRORS,
@@ -17,7 +17,7 @@ from controllers.conditions import (
     map_name,
     nominal,
 )
-from controllers.trials import Starts, balance_starts, built_plants, run_trials
+from controllers.comparison.trials import Starts, balance_starts, built_plants, run_trials
 from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Covariance, Effect, Plant
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
@@ -131,8 +131,8 @@ def test_a_rig_s_limits_of_the_arm_decide(kind, limit, kept, left):
 
 
 def test_a_training_is_judged_within_its_own_limit_of_the_arm(monkeypatch):
-    from controllers import training_record
-    from controllers.training_setup import Training
+    from controllers.training import record as training_record
+    from controllers.training.setup import Training
 
     monkeypatch.setattr(training_record, "TRIALS", 5)
     policy = Path("controllers/policies/swing-up-qube.zip")
@@ -144,8 +144,8 @@ def test_a_training_is_judged_within_its_own_limit_of_the_arm(monkeypatch):
 
 
 def test_a_covariance_too_wide_to_draw_from_costs_one_row_and_no_training(monkeypatch):
-    from controllers import training_record
-    from controllers.training_setup import Training
+    from controllers.training import record as training_record
+    from controllers.training.setup import Training
 
     vague = QUBE.replace(covariance=Covariance(("theta3",), np.array([[1e8]])))
     with pytest.warns(UserWarning, match="goes without its row 'θ as uncertain as identified': none of 1000 draws"):
@@ -157,7 +157,7 @@ def test_a_covariance_too_wide_to_draw_from_costs_one_row_and_no_training(monkey
 
 
 def test_built_rigs_are_none_that_a_training_meets():
-    from controllers.training_setup import Training
+    from controllers.training.setup import Training
 
     batch = Training(QUBE, "swing_up", randomize={"theta": "physical:0.2"}, seed=0).judges(64)
     batch.reset(seed=0)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
+from controllers.comparison.trials import Starts, balance_starts, run_trials, swing_up_starts
 from controllers.design import Weights, choose_sensors
 from controllers.known_effects import KnownEffects
-from controllers.lqr import design_dlqr
-from controllers.predictor import Predictor
-from controllers.region import region_of_attraction
-from controllers.swing_up import design_swing_up
-from controllers.trials import Starts, balance_starts, run_trials, swing_up_starts
+from controllers.linear.lqr import design_dlqr
+from controllers.swing_up.energy import design_swing_up
+from controllers.swing_up.predictor import Predictor
+from controllers.swing_up.region import region_of_attraction
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import Policy, simulate

@@ -9,8 +9,8 @@ from scipy.linalg import expm, solve_continuous_are
 
 from controllers import CONTROLLERS, DesignError, make_controller
 from controllers.design import Weights, balance_point, design_model
-from controllers.lqg import kalman_gain, measurement_noise
-from controllers.lqr import dlqr_gain, lqr_gain
+from controllers.linear.lqg import kalman_gain, measurement_noise
+from controllers.linear.lqr import dlqr_gain, lqr_gain
 from furuta_gym.plant import LARGE_RIG, PLANTS, QUBE, TABLE_3, Effect
 from furuta_gym.plant.linearization import discretize, linearize
 from furuta_gym.sensors import Sensors

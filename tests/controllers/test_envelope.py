@@ -11,7 +11,7 @@ from controllers import make_controller
 from controllers.envelope import REASONS, Envelope, Guarded
 from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
-from controllers.learned import LearnedController
+from controllers.learned.policy import LearnedController
 from furuta_gym.plant import QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
 from tests.controllers.chance import recurrent_network

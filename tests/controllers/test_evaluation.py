@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers import conditions as conditions_module
 from controllers import make_controller
-from controllers.comparison import Comparison
-from controllers.conditions import (
+from controllers.comparison import conditions as conditions_module
+from controllers.comparison.conditions import (
     conditions,
     map_name,
 )
+from controllers.comparison.evaluation import compare
+from controllers.comparison.plots import draw_comparison
+from controllers.comparison.result import Comparison
+from controllers.comparison.statistics import Interval
+from controllers.comparison.trials import PUSH_LENGTH, Starts, balance_starts, run_trials
 from controllers.envelope import Guarded
-from controllers.evaluation import compare
-from controllers.plots import draw_comparison
-from controllers.statistics import Interval
-from controllers.trials import PUSH_LENGTH, Starts, balance_starts, run_trials
 from furuta_gym.plant import QUBE, Effect
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.sensors import Sensors
@@ -210,8 +210,8 @@ def test_design_from_another_plant():
 def test_the_map_is_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(conditions_module, "MAP_DELAYS", (0, 16))
     monkeypatch.setattr(conditions_module, "MAP_ERRORS", (0, 20))
-    monkeypatch.setattr("controllers.plots.MAP_DELAYS", (0, 16))
-    monkeypatch.setattr("controllers.plots.MAP_ERRORS", (0, 20))
+    monkeypatch.setattr("controllers.comparison.plots.MAP_DELAYS", (0, 16))
+    monkeypatch.setattr("controllers.comparison.plots.MAP_ERRORS", (0, 20))
     result = compare("qube", ["swing-up"], trials=4, small_trials=4, groups=("map",))
     assert list(result.scores["swing-up"]) == [map_name(ms, e) for e in (0, 20) for ms in (0, 16)]
     assert result.scores["swing-up"][map_name(0, 0)]["success"].value == 1.0

@@ -10,8 +10,8 @@ import pytest
 from controllers import make_controller
 from controllers.exports.onnx import export_onnx
 from controllers.exports.policy_c import export_policy_c
-from controllers.layers import network_of
-from controllers.policy_file import write_policy
+from controllers.learned.layers import network_of
+from controllers.learned.policy_file import write_policy
 from furuta_gym.plant import QUBE
 from furuta_gym.sensors import FilteredDifference
 
@@ -47,10 +47,10 @@ def policy(request, tmp_path_factory):
     """An untrained policy with its record; the weights of its last layer are large, so that the limits act at times."""
     import torch
 
-    from controllers.recipes import observation_scale
-    from controllers.remembering import RememberingPolicy
-    from controllers.sb3 import ScaledObservation
-    from controllers.sb3_files import algorithm_class
+    from controllers.learned.sb3_files import algorithm_class
+    from controllers.training.recipes import observation_scale
+    from controllers.training.remembering import RememberingPolicy
+    from controllers.training.sb3 import ScaledObservation
     from furuta_gym.envs.sb3 import FurutaVecEnv
 
     algorithm, seen = CASES[request.param]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.film import PICTURES, SIZE, film
+from controllers.comparison.film import PICTURES, SIZE, film
 from furuta_gym.plant import QUBE
 from furuta_gym.sensors import Sensors
 

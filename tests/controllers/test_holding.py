@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from controllers import DesignError, compare, make_controller
+from controllers.comparison.measured_run import run_figures
 from controllers.design import balance_point
 from controllers.envelope import Envelope, Guarded, breakaway
 from controllers.exports.c import c_header
-from controllers.measured_run import run_figures
 from controllers.registry import held
 from furuta_gym.plant import QUBE, Effect, Plant
 from furuta_gym.sensors import Sensors

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.evaluation import compare
-from controllers.layers import network_of
-from controllers.learned import LearnedController, load_policy
-from controllers.policy_file import read_policy, read_record, write_policy
-from controllers.trials import balance_starts, run_trials
+from controllers.comparison.evaluation import compare
+from controllers.comparison.trials import balance_starts, run_trials
+from controllers.learned.layers import network_of
+from controllers.learned.policy import LearnedController, load_policy
+from controllers.learned.policy_file import read_policy, read_record, write_policy
 from experiments.bench import Rig
 from experiments.bench_runs import run_on_bench
 from furuta_gym.envs import options_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.measured_run import run_figures
-from controllers.trials import Starts, run_trials
+from controllers.comparison.measured_run import run_figures
+from controllers.comparison.trials import Starts, run_trials
 from furuta_gym.plant import QUBE
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LivePlant

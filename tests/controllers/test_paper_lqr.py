@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controllers import DesignError, make_controller
-from controllers.paper_lqr import design_paper_lqr
+from controllers.linear.paper_lqr import design_paper_lqr
 from furuta_gym.plant import LARGE_RIG, PAPER_GAIN, QUBE, TABLE_3
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import simulate

@@ -7,11 +7,11 @@ import pytest
 
 from controllers import make_controller
 from controllers.base import DesignError
+from controllers.comparison.trials import run_trials, swing_up_starts
 from controllers.design import design_model
 from controllers.exports.c import c_header
-from controllers.planned import BALANCING, CALMING, _moved_by_torque, _slopes, design_planned
-from controllers.planning import MARGIN, SHARPEST, on_symbols, plan_swing_up
-from controllers.trials import run_trials, swing_up_starts
+from controllers.swing_up.planned import BALANCING, CALMING, _moved_by_torque, _slopes, design_planned
+from controllers.swing_up.planning import MARGIN, SHARPEST, on_symbols, plan_swing_up
 from furuta_gym.plant import QUBE, Effect, Plant
 from furuta_gym.plant.advance import advance
 from furuta_gym.plant.dynamics import acceleration
@@ -58,7 +58,7 @@ def test_a_plan_keeps_the_equations_and_the_limits(casadi, rig: Plant) -> None:
 
 def test_a_lag_of_no_length_is_none(casadi, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = QUBE.replace(u_max=6.0)
-    monkeypatch.setattr("controllers.planned.plan_swing_up", lambda plant: plan_swing_up(plant, COARSE))
+    monkeypatch.setattr("controllers.swing_up.planned.plan_swing_up", lambda plant: plan_swing_up(plant, COARSE))
     carried = rig.with_effects(Effect("actuator_lag", {"T": 0.0}), Effect("arm_spring", {"k": 0.0}))
     assert design_planned(carried).plan.duration == pytest.approx(design_planned(rig).plan.duration)
     with pytest.raises(DesignError, match="the plan has 5 states and the plant 4"):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
+from controllers.comparison.trials import balance_starts, run_trials, swing_up_starts
 from controllers.policies import FOLDER, SHIPPED
-from controllers.trials import balance_starts, run_trials, swing_up_starts
 from furuta_gym.plant import PLANTS
 
 TRIALS = 200

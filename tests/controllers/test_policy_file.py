@@ -15,11 +15,12 @@ import pytest
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
-from controllers import make_controller, tensors
-from controllers.evaluation import compare
+from controllers import make_controller
+from controllers.comparison.evaluation import compare
 from controllers.exports.onnx import export_onnx
+from controllers.learned import tensors
+from controllers.learned.policy_file import read_learning, read_policy, read_record, write_policy
 from controllers.policies import FOLDER
-from controllers.policy_file import read_learning, read_policy, read_record, write_policy
 from furuta_gym.plant import QUBE
 from tests.controllers.chance import INPUTS, recurrent_network
 from tests.experiments.test_cli import furuta, refused
@@ -67,7 +68,7 @@ def test_a_pickle_in_a_policy_is_not_read(hostile: tuple[Path, Path], tmp_path: 
 def test_resume_reads_no_pickle(hostile: tuple[Path, Path]) -> None:
     """Neither of a finished policy, nor of a checkpoint in the form of stable-baselines3."""
     pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
-    from controllers.training import Training
+    from controllers.training.train import Training
 
     path, mark = hostile
     record = Training(QUBE).identity | {"steps": 10, "best_return": 1.0}

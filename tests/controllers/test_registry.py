@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from controllers import CONTROLLERS, Controller, DesignError, compare, make_controller, usual_controller
-from controllers.linear import LinearController
+from controllers.linear.law import LinearController
 from controllers.registry import Design
 from experiments.cli.app import app
 from furuta_gym import Plant, Sensors

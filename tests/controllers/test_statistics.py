@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.statistics import IntervalEntry, interquartile_mean, success_rate, typical, worst
+from controllers.comparison.statistics import IntervalEntry, interquartile_mean, success_rate, typical, worst
 from furuta_gym.declared import checked
 
 

@@ -5,11 +5,11 @@ import pytest
 
 from controllers import make_controller
 from controllers.base import DesignError
+from controllers.comparison.trials import run_trials, swing_up_starts
 from controllers.design import Weights, choose_sensors
 from controllers.exports.c import c_header
-from controllers.predictor import Predictor
-from controllers.swing_up import Pumping, SwingUp, catch_region, design_swing_up
-from controllers.trials import run_trials, swing_up_starts
+from controllers.swing_up.energy import Pumping, SwingUp, catch_region, design_swing_up
+from controllers.swing_up.predictor import Predictor
 from furuta_gym.plant import QUBE, Effect, Plant
 from furuta_gym.sensors import FilteredDifference, Sensors
 from furuta_gym.simulation import simulate

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from controllers.learned import _settings, load_policy, load_to_export
-from controllers.trained_for import never_met
-from controllers.trials import built_plants
+from controllers.comparison.trials import built_plants
+from controllers.learned.policy import _settings, load_policy, load_to_export
+from controllers.learned.trained_for import never_met
 from furuta_gym.envs.options import Options, Setup
 from furuta_gym.plant import QUBE, Effect
 

@@ -12,18 +12,18 @@ from tests.commands import furuta
 
 
 def test_films_lie_beside_the_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import controllers.conditions
-    import controllers.film
+    import controllers.comparison.conditions
+    import controllers.comparison.film
 
-    monkeypatch.setattr(controllers.conditions, "_harder", lambda *_: [])  # the plain swing-up alone
+    monkeypatch.setattr(controllers.comparison.conditions, "_harder", lambda *_: [])  # the plain swing-up alone
     filmed = []
-    whole = controllers.film.film
+    whole = controllers.comparison.film.film
 
     def short(*arguments: object, **options: object) -> Path:
         filmed.append((arguments[1].name, arguments[2], options["task"]))  # type: ignore[attr-defined]
         return whole(*arguments, **options, seconds=0.2)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(controllers.film, "film", short)
+    monkeypatch.setattr(controllers.comparison.film, "film", short)
     common = ("--controllers", "swing-up,lqr", "--groups", "balance,swing_up", "--trials", 2, "--duration", 1)
     result = furuta(
         "compare", "--plant", "large", *common, "--sample-time", 0.004, "--gif", "-o", tmp_path / "c", "--json"

@@ -90,7 +90,7 @@ def test_folders_of_the_living_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_ctrl_c_says_what_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from controllers import evaluation
+    from controllers.comparison import evaluation
     from tests.experiments.test_cli import furuta
 
     def stop(*_: object, **__: object) -> None:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.recipes import discount, observation_scale, recipe, training_period
-from controllers.seeds import BUILT_SEED, FINAL_SEED, OTHER_SEED
-from controllers.trials import balance_starts, run_trials
+from controllers.comparison.seeds import BUILT_SEED, FINAL_SEED, OTHER_SEED
+from controllers.comparison.trials import balance_starts, run_trials
+from controllers.training.recipes import discount, observation_scale, recipe, training_period
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3
 from tests.commands import furuta, refused
 
@@ -96,9 +96,9 @@ def test_a_finished_policy_goes_on_with_another_seed_beyond_those_of_its_judges(
 
 
 def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from controllers import recipes
-    from controllers.spent import Clock
-    from controllers.training import Training, train
+    from controllers.training import recipes
+    from controllers.training.spent import Clock
+    from controllers.training.train import Training, train
 
     monkeypatch.setattr(recipes, "_OFF_POLICY", recipes._OFF_POLICY | {"batch_size": 16, "gradient_steps": 1})
     path = tmp_path / "policy.zip"
@@ -132,10 +132,10 @@ def test_a_resumed_run_equals_one_that_was_never_stopped(
     algorithm: str, steps: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a curriculum, noise and jitter: streams, rigs, networks, memory and level all come back."""
-    from controllers import recipes
-    from controllers.curriculum import Curriculum
-    from controllers.policy_file import read_learning
-    from controllers.training import Training, train
+    from controllers.learned.policy_file import read_learning
+    from controllers.training import recipes
+    from controllers.training.curriculum import Curriculum
+    from controllers.training.train import Training, train
 
     monkeypatch.setattr(recipes, "_RECURRENT", recipes._RECURRENT | {"n_steps": 16, "batch_size": 1024})
     training = Training(
@@ -193,7 +193,7 @@ def test_the_robust_recipe_gives_what_nobody_says(tmp_path: Path) -> None:
 
 
 def test_what_is_said_beats_the_recipe_and_nothing_else_changes() -> None:
-    from controllers.training import Training
+    from controllers.training.train import Training
 
     robust = Training.of_recipe(QUBE, "robust", reward_weights={"calm": 0.2}, arm_margin=0.0)
     assert robust.env["reward_weights"] == {"gentle": 0.3, "calm": 0.2}
@@ -210,7 +210,7 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_given_again(tmp_pa
 
 
 def test_a_run_that_was_stopped_in_its_last_trials_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from controllers import training
+    from controllers.training import train as training
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
@@ -228,10 +228,10 @@ def test_a_run_that_was_stopped_in_its_last_trials_goes_on(tmp_path: Path, monke
 
 def test_a_trusted_file_of_stable_baselines3_goes_on(trained: Path, tmp_path: Path) -> None:
     """As `furuta train` wrote them once: a zip of stable-baselines3 and the record beside it."""
-    from controllers.learning_state import put_parameters
-    from controllers.policy_file import read_learning, read_policy
-    from controllers.training_model import make_model
-    from controllers.training_setup import Training
+    from controllers.learned.policy_file import read_learning, read_policy
+    from controllers.training.learning_state import put_parameters
+    from controllers.training.model import make_model
+    from controllers.training.setup import Training
 
     model = make_model(Training(QUBE))
     put_parameters(model, read_learning(trained))
@@ -324,7 +324,7 @@ def test_other_names_are_refused(tmp_path: Path) -> None:
 
 
 def test_an_early_stop_leaves_nothing(tmp_path: Path) -> None:
-    from controllers.training import Training, train
+    from controllers.training.train import Training, train
 
     def stop(done: int, of: int) -> None:
         raise KeyboardInterrupt

@@ -15,7 +15,7 @@ from tests.controllers.chance import recurrent_network
 
 
 def test_levels_follow_success() -> None:
-    from controllers.curriculum import Curriculum, Evaluation, reached
+    from controllers.training.curriculum import Curriculum, Evaluation, reached
 
     rule = Curriculum(threshold=0.8, first=0.2, step=0.5, evaluations=2)
     past: list[Evaluation] = []
@@ -29,7 +29,7 @@ def test_levels_follow_success() -> None:
 
 
 def test_a_load_arrives_within_the_episode() -> None:
-    from controllers.training import Training
+    from controllers.training.train import Training
 
     training = Training(QUBE, effect_probabilities={"payload_step": 1.0})
     for batch in (training.batch(4).batch, training.judges(4)):
@@ -40,7 +40,7 @@ def test_a_load_arrives_within_the_episode() -> None:
 
 
 def test_a_recipe_fits_a_narrow_travel() -> None:
-    from controllers.training_setup import Training
+    from controllers.training.setup import Training
 
     narrow = QUBE.replace(limits={"arm_travel": 0.8})
     assert Training.of_recipe(narrow, "robust").arm_margin == 0.4
@@ -48,7 +48,7 @@ def test_a_recipe_fits_a_narrow_travel() -> None:
 
 
 def test_a_plant_without_weight_has_a_scale() -> None:
-    from controllers.recipes import observation_scale
+    from controllers.training.recipes import observation_scale
 
     weightless = QUBE.replace(theta=[*QUBE.theta[:4], 0.0, *QUBE.theta[5:]])
     assert observation_scale(weightless, 1, False) == [1.0] * 5
@@ -56,8 +56,8 @@ def test_a_plant_without_weight_has_a_scale() -> None:
 
 def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:
     """One episode for each rig: of balancers those that stay, of swing-ups those that end upright."""
-    from controllers.curriculum import play
-    from controllers.training import Training
+    from controllers.training.curriculum import play
+    from controllers.training.train import Training
 
     still = lambda seen: np.zeros((len(seen), 1), dtype=np.float32)  # noqa: E731
     total, success = play(still, Training(QUBE).judges(8), 0, 1.0)
@@ -75,8 +75,8 @@ def test_an_evaluation_counts_who_fell_and_who_came_up_late() -> None:
 
 def test_an_evaluation_lets_a_policy_remember() -> None:
     """Step by step what the network says that has seen the whole episode, twice the same."""
-    from controllers.curriculum import evaluation
-    from controllers.training import Training
+    from controllers.training.curriculum import evaluation
+    from controllers.training.train import Training
 
     network, rigs = recurrent_network(), Training(QUBE, observe_command=True).judges(8)
     found = [evaluation(network, rigs, 0, 0, 1.0) for _ in range(2)]
@@ -97,8 +97,9 @@ def test_a_finished_policy_fills_an_empty_memory_before_it_learns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sb3 = pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
-    from controllers import recipes, training_record
-    from controllers.training import Training, train
+    from controllers.training import recipes
+    from controllers.training import record as training_record
+    from controllers.training.train import Training, train
 
     monkeypatch.setattr(training_record, "TRIALS", 2)
     monkeypatch.setattr(recipes, "_OFF_POLICY", recipes._OFF_POLICY | {"learning_starts": 160})
@@ -116,13 +117,13 @@ def test_a_finished_policy_fills_an_empty_memory_before_it_learns(
 
 def test_the_record_s_level_is_that_of_its_last_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
-    from controllers import training_record
-    from controllers.curriculum import Curriculum
-    from controllers.training import Training, train
+    from controllers.training import record as training_record
+    from controllers.training.curriculum import Curriculum
+    from controllers.training.train import Training, train
 
     monkeypatch.setattr(training_record, "TRIALS", 2)
     rule = Curriculum(threshold=1e-9, first=0.2, step=0.3, evaluations=1)
-    monkeypatch.setattr("controllers.training.reached", lambda curriculum, past: 0.2 if not past else 0.5)
+    monkeypatch.setattr("controllers.training.train.reached", lambda curriculum, past: 0.2 if not past else 0.5)
     training = Training(QUBE, steps=8192, randomize={"theta": "physical:0.1"}, curriculum=rule)
     record = train(training, tmp_path / "policy.zip")
     assert record["level"] == record["evaluations"][-1]["level"] == 0.2

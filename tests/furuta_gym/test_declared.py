@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from msgspec import inspect
 
-from controllers.comparison import ComparisonFile
-from controllers.policy_file import NetworkEntry
-from controllers.resuming import Progress
+from controllers.comparison.result import ComparisonFile
+from controllers.learned.policy_file import NetworkEntry
+from controllers.training.resuming import Progress
 from furuta_gym.declared import checked, plain, written
 from furuta_gym.plant import QUBE
 from furuta_gym.plant.plant_file import FIELDS, LimitsEntry, PlantFile

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.trials import Starts, run_trials
+from controllers.comparison.trials import Starts, run_trials
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.vector import FurutaVectorEnv
 from furuta_gym.plant import QUBE

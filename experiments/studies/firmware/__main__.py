@@ -19,7 +19,7 @@ from pathlib import Path
 from controllers import make_controller
 from controllers.exports.c import c_header
 from controllers.exports.policy_c import policy_c_header
-from controllers.learned import LearnedController
+from controllers.learned.policy import LearnedController
 from controllers.policies import FOLDER
 from experiments.cli.errors import explained
 from furuta_gym.plant import Plant

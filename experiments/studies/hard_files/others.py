@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from controllers.learned.policy_file import LEARNING, RECORD, WEIGHTS, read_learning, read_policy, read_record
 from controllers.policies import FOLDER
-from controllers.policy_file import LEARNING, RECORD, WEIGHTS, read_learning, read_policy, read_record
 from furuta_gym.plant import LARGE_RIG, QUBE, TABLE_3, Effect, Plant
 from furuta_gym.plant.effects import EFFECTS
 from furuta_gym.plant.sets import with_spread

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from controllers.conditions import Condition
+from controllers.comparison.conditions import Condition
 from experiments.cli.errors import explained
 from experiments.cli.output import check_folder, counted, errors, write_json
 from experiments.workers import BACKENDS

@@ -16,9 +16,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from controllers.conditions import Condition
+from controllers.comparison.conditions import Condition
 from controllers.design import choose_sample_time
-from controllers.training_setup import plant_sha256
+from controllers.training.setup import plant_sha256
 from experiments.workers import workers
 from furuta_gym.files import read_json, write_whole
 from furuta_gym.plant import Plant

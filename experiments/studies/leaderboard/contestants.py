@@ -8,9 +8,9 @@ from typing import Any
 
 from controllers import make_controller
 from controllers.base import DesignError
-from controllers.policy_file import read_record
-from controllers.resuming import check_same
-from controllers.training import Training, train
+from controllers.learned.policy_file import read_record
+from controllers.training.resuming import check_same
+from controllers.training.train import Training, train
 from furuta_gym.plant import Plant
 
 MEND = "ask for the same, or choose another --work"

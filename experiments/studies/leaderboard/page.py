@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from controllers.conditions import Condition
-from controllers.policy_file import read_record
+from controllers.comparison.conditions import Condition
+from controllers.learned.policy_file import read_record
 from furuta_gym.plant import Plant
 
 from .blocks import Block

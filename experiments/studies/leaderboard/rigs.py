@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from controllers.conditions import SWING_UP_PUSH, Condition
+from controllers.comparison.conditions import SWING_UP_PUSH, Condition
+from controllers.comparison.variations import built_later, later, noisier, weaker
 from controllers.design import choose_sensors
-from controllers.variations import built_later, later, noisier, weaker
 from furuta_gym.plant import Effect, Plant
 
 DURATION = 15.0  # s

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.statistics import Interval, interquartile_mean, over_seeds, over_seeds_rate
+from controllers.comparison.statistics import Interval, interquartile_mean, over_seeds, over_seeds_rate
 
 from .blocks import Block
 

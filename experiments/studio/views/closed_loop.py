@@ -84,7 +84,7 @@ def _controllers(frame: Frame, playing: Playing, plant: Plant) -> None:
 
 
 def _foreign(path: Path) -> bool:
-    from controllers.policy_file import from_stable_baselines3
+    from controllers.learned.policy_file import from_stable_baselines3
 
     return from_stable_baselines3(path)
 

@@ -12,7 +12,7 @@ from nicegui import ui
 
 from controllers import DesignError, export_c, export_mjcf, export_onnx, export_policy_c
 from controllers.envelope import Envelope, unlimited
-from controllers.learned import load_to_export, not_trained_for
+from controllers.learned.policy import load_to_export, not_trained_for
 from controllers.registry import designed
 from experiments.report import render
 from experiments.report.diagnosis_page import diagnosis_page

@@ -11,10 +11,10 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="training needs the extra `rl`")
 
-from controllers import recipes
-from controllers.conditions import conditions
+from controllers.comparison.conditions import conditions
+from controllers.comparison.statistics import over_seeds_rate
 from controllers.design import choose_sensors
-from controllers.statistics import over_seeds_rate
+from controllers.training import recipes
 from experiments.studies import robust_policy, sb3_defaults
 from experiments.studies.leaderboard import blocks as blocks_module
 from experiments.studies.leaderboard.blocks import Block, block_file, collected, run
@@ -53,7 +53,7 @@ def test_what_is_there_is_not_run_again(backend: str, tmp_path: Path, monkeypatc
     before = lost.read_bytes(), cut.read_bytes()
     lost.unlink()
     cut.write_bytes(before[1][:40])
-    monkeypatch.setattr("controllers.training.train", lambda *_, **__: pytest.fail("it was trained already"))
+    monkeypatch.setattr("controllers.training.train.train", lambda *_, **__: pytest.fail("it was trained already"))
     assert go() == found
     assert (lost.read_bytes(), cut.read_bytes()) == before
     if backend == "loky":

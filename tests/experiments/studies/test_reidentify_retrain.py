@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from controllers import make_controller
-from controllers.statistics import success_rate
+from controllers.comparison.statistics import success_rate
 from experiments.bench import Rig
 from experiments.bench.control import Balance, lqr_gain
 from experiments.bench_runs import SWING_UP_FIGURES, Contrast, Run, contrast, run_on_bench, summary, swing_up_on_bench

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("casadi", reason="planning needs the extra `plan`")
 
 from controllers.base import DesignError
-from controllers.statistics import Interval
+from controllers.comparison.statistics import Interval
 from experiments.studies import swing_up_table
 from experiments.studies.mpc_time import solve_times
 from experiments.studies.swing_up_table import Cell, Played, Size, cell, missed, report, run, to_json

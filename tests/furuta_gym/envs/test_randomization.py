@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.training_setup import Training
+from controllers.training.setup import Training
 from furuta_gym.envs.draws import draw_parameters
 from furuta_gym.envs.furuta import FurutaEnv
 from furuta_gym.envs.randomization import randomization

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.trials import Starts, run_trials
+from controllers.comparison.trials import Starts, run_trials
 from furuta_gym.envs import FurutaEnv
 from furuta_gym.plant import QUBE, Effect
 from furuta_gym.sensors import Sensors

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors, difference_gain
 
-from .base import Controller, Reference
-from .design import DesignModel, choose_sensors, design_model
-from .known_effects import KnownEffects
+from ..base import Controller, Reference
+from ..design import DesignModel, choose_sensors, design_model
+from ..known_effects import KnownEffects
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from scipy.linalg import block_diag
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
-from .linear import LinearController, LinearLaw, state_feedback
+from ..design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
+from .law import LinearController, LinearLaw, state_feedback
 
 INTEGRAL_TIME = 2.0  # s; an arm error held for so long weighs as much as the error itself
 

@@ -10,11 +10,11 @@ from furuta_gym.processes import worker_options
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import DEFAULT_SAMPLE_TIME, same_clock
 
-from .base import Controller, DesignError
-from .comparison import Comparison
+from ..base import Controller, DesignError
+from ..design import choose_sample_time, choose_sensors, design_plant_for
+from ..registry import make_controller
 from .conditions import USUAL_GROUPS, Condition, conditions
-from .design import choose_sample_time, choose_sensors, design_plant_for
-from .registry import make_controller
+from .result import Comparison
 from .statistics import Interval
 
 
@@ -109,7 +109,7 @@ def trial_period(plant: Plant, sample_time: float | None, controllers: Sequence[
             if (own := getattr(given, "sample_time", None)) is not None:  # also of one inside an envelope
                 return float(own)
             if str(given).endswith(".zip"):
-                from .learned import trained_sample_time
+                from ..learned.policy import trained_sample_time
 
                 period = trained_sample_time(str(given), plant)
                 return period / ceil(period / DEFAULT_SAMPLE_TIME)  # it acts at every n-th sample

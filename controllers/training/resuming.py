@@ -12,8 +12,8 @@ from furuta_gym.declared import checked
 
 from .checkpoint import only_remains
 from .curriculum import Evaluation
+from .setup import Training
 from .spent import Spent
-from .training_setup import Training
 
 Steps = Annotated[int, Meta(ge=0)]
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from .comparison import UNITS, Comparison
 from .conditions import MAP_DELAYS, MAP_ERRORS, map_name
+from .result import UNITS, Comparison
 
 _TITLES = {
     "success": "success rate",

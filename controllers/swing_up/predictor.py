@@ -10,9 +10,9 @@ from furuta_gym.plant.effects.dispatch import command_delays
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, integration_step
 
-from .design import DesignModel, riccati, torque_noise_intensity
-from .known_effects import SHARPNESS, KnownEffects
-from .lqg import measurement_noise
+from ..design import DesignModel, riccati, torque_noise_intensity
+from ..known_effects import SHARPNESS, KnownEffects
+from ..linear.lqg import measurement_noise
 
 _FASTEST = 300.0  # rad/s; no rig is faster, and a wrong reading must not leave a speed that takes long to forget
 _SHARPEST = 30.0  # s/rad; estimated speeds are not sure enough for friction that turns over faster

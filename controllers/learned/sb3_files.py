@@ -101,7 +101,7 @@ def algorithm_of(path: Path) -> str:
         module = str(data["policy_class"]["__module__"])  # such as stable_baselines3.sac.policies
     except (zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is no policy that stable-baselines3 saved: {error}") from error
-    if module.startswith(("sb3_contrib.common.recurrent", "controllers.remembering")):
+    if module.startswith(("sb3_contrib.common.recurrent", "controllers.training.remembering")):
         return "RecurrentPPO"
     if module.startswith("stable_baselines3.common"):
         return "PPO"  # A2C shares its policies; a record tells them apart

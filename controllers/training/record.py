@@ -10,13 +10,13 @@ from typing import Any
 
 from furuta_gym.files import write_whole
 
-from .conditions import nominal
-from .design import choose_sensors
-from .evaluation import trial_period
+from ..comparison.conditions import nominal
+from ..comparison.evaluation import trial_period
+from ..comparison.seeds import FINAL_SEED
+from ..design import choose_sensors
+from ..registry import make_controller
 from .recipes import discount
-from .registry import make_controller
-from .seeds import FINAL_SEED
-from .training_setup import Training
+from .setup import Training
 
 TRIALS = 200  # of the evaluation
 DURATION = 10.0  # s of a trial; a swing-up has 15

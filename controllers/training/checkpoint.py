@@ -17,7 +17,7 @@ from typing import Any
 
 from furuta_gym.files import read_json, stale, sync_folder, temporary_name, write_whole
 
-from . import tensors
+from ..learned import tensors
 from .learning_state import Arrays
 
 KEPT = 2

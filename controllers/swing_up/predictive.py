@@ -10,9 +10,9 @@ from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 
-from .base import Controller, Reference
-from .design import Weights, design_model
-from .lqr import dlqr_gain
+from ..base import Controller, Reference
+from ..design import Weights, design_model
+from ..linear.lqr import dlqr_gain
 from .predictor import Predictor, feedback_state, lagged_torque_row, without_delay
 
 LOST = 1.2  # rad; a pendulum beyond it is swung up anew

@@ -7,9 +7,9 @@ import numpy as np
 from furuta_gym.plant import PAPER_GAIN, Plant
 from furuta_gym.sensors import Sensors
 
-from .base import DesignError
-from .design import choose_sample_time, choose_sensors, design_model
-from .linear import LinearController, build_state_feedback
+from ..base import DesignError
+from ..design import choose_sample_time, choose_sensors, design_model
+from .law import LinearController, build_state_feedback
 
 _ORDER = [0, 2, 1, 3]  # Eq. (24) has x = [q1, q̇1, q2, q̇2]
 

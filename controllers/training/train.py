@@ -12,19 +12,19 @@ from typing import Any
 
 from furuta_gym.files import locked
 
+from ..comparison.seeds import FINAL_SEED, OTHER_SEED, RESUMED_SEED, judging
+from ..learned.layers import network_of
+from ..learned.policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
+from ..learned.sb3_files import algorithm_class, load_sb3
 from .checkpoint import only_remains, read_checkpoint, remove_checkpoints, write_checkpoint
 from .curriculum import evaluation, on_drawn_rigs, reached
-from .layers import network_of
 from .learning_state import Arrays, memory_of, parameters_of, put_memory, put_parameters
-from .policy_file import from_stable_baselines3, read_learning, read_record, refusal, write_policy
+from .model import learning_env, learning_rigs, make_model
+from .record import TRIALS, evaluate, record_of, write_record
 from .resuming import Progress, check_output, check_same, progress_of
 from .running_state import put_running_state, running_state
-from .sb3_files import algorithm_class, load_sb3
-from .seeds import FINAL_SEED, OTHER_SEED, RESUMED_SEED, judging
+from .setup import Training
 from .spent import Clock
-from .training_model import learning_env, learning_rigs, make_model
-from .training_record import TRIALS, evaluate, record_of, write_record
-from .training_setup import Training
 
 __all__ = ["Training", "train"]
 

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .base import Reference
-from .design import Weights, choose_sample_time, choose_sensors
+from ..base import Reference
+from ..comparison.trials import plants_off_by, run_trials, swing_up_starts
+from ..design import Weights, choose_sample_time, choose_sensors
 from .predictive import LOST, ROOM, PredictiveBalancer
 from .predictor import without_delay
 from .region import Region, region_of_attraction
-from .trials import plants_off_by, run_trials, swing_up_starts
 
 PUMP = 10.0  # of the energy that is missing, in units of θ5; beyond a tenth of θ5 pumping is at full effort
 PATIENCE = 3.0  # swings; energy that has not grown for so long, without a catch, asks for another try

@@ -11,10 +11,10 @@ from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 
-from .base import Controller, DesignError
-from .design import Weights
+from ..base import Controller, DesignError
+from ..comparison.trials import Starts, run_trials
+from ..design import Weights
 from .predictive import PredictiveBalancer
-from .trials import Starts, run_trials
 
 _WIDEST = 1.0  # rad from upright, up to which starts are tried
 _SEED = 0

@@ -8,8 +8,8 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.linearization import linearize
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
-from .linear import LinearController, build_state_feedback
+from ..design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
+from .law import LinearController, build_state_feedback
 
 
 def lqr_gain(plant: Plant, weights: Weights | None = None) -> np.ndarray:

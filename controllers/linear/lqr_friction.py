@@ -5,8 +5,8 @@ from typing import Any
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model
-from .linear import LinearController, observer_feedback, state_feedback
+from ..design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model
+from .law import LinearController, observer_feedback, state_feedback
 from .lqg import kalman_gain, measurement_noise
 from .lqr import dlqr_gain
 

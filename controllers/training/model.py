@@ -4,9 +4,9 @@ from typing import Any
 
 from furuta_gym.envs.vector import FurutaVectorEnv
 
+from ..learned.sb3_files import algorithm_class
 from .recipes import Recipe, discount, observation_scale
-from .sb3_files import algorithm_class
-from .training_setup import Training
+from .setup import Training
 
 
 def make_model(training: Training) -> Any:

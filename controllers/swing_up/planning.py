@@ -19,8 +19,8 @@ from furuta_gym.plant.dynamics import acceleration
 from furuta_gym.plant.parameters import pendulum_frequency
 from furuta_gym.plant.plant_file import ARM_TRAVEL
 
-from .base import DesignError
-from .known_effects import KnownEffects
+from ..base import DesignError
+from ..known_effects import KnownEffects
 
 INTERVALS = 80
 MARGIN = 0.9  # of the motor's torque and of its slew; the rest is the feedback's

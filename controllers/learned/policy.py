@@ -18,8 +18,8 @@ from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import FilteredDifference, Sensors
 from furuta_gym.simulation import period_of, same_clock
 
-from .base import Controller, Reference
-from .design import choose_sensors
+from ..base import Controller, Reference
+from ..design import choose_sensors
 from .layers import Network
 from .policy_file import from_stable_baselines3, read_policy, read_record
 from .sb3_files import FRAME

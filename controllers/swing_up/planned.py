@@ -11,13 +11,13 @@ from furuta_gym.plant.linearization import HANGING, discretize, linearize
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import integration_step
 
-from .base import DesignError, Reference
-from .design import Weights, choose_sample_time, choose_sensors, riccati
+from ..base import DesignError, Reference
+from ..design import Weights, choose_sample_time, choose_sensors, riccati
+from .energy import catch_region
 from .planning import Plan, plan_swing_up
 from .predictive import LOST, PredictiveBalancer
 from .predictor import without_delay
 from .region import Region
-from .swing_up import catch_region
 
 CALMING, FOLLOWING, BALANCING = range(3)
 STILL = 0.15  # rad from hanging, and of the pendulum's pace: a plan can begin

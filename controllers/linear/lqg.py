@@ -7,8 +7,8 @@ import numpy as np
 from furuta_gym.plant import Plant
 from furuta_gym.sensors import Sensors
 
-from .design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
-from .linear import LinearController, observer_feedback
+from ..design import DesignModel, Weights, choose_sample_time, choose_sensors, design_model, riccati
+from .law import LinearController, observer_feedback
 from .lqr import dlqr_gain
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from furuta_gym.envs.vector import FurutaVectorEnv
 
-from .layers import Network
-from .statistics import success_rate
-from .trials import HOLD, UPRIGHT
+from ..comparison.statistics import success_rate
+from ..comparison.trials import HOLD, UPRIGHT
+from ..learned.layers import Network
 
 WORST = 0.05  # share of the episodes
 

@@ -18,7 +18,7 @@ from furuta_gym.plant.plant_file import ARM_TRAVEL
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, check_clock, integration_step
 
-from .base import Controller
+from ..base import Controller
 from .seeds import BUILT_SEED, judging
 
 HORIZONTAL = np.pi / 2  # rad from upright; from below it only a swing-up brings the pendulum back

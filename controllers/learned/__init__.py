@@ -1,0 +1,1 @@
+"""Learned policies as plain numbers: their file, their layers, and how they are played like any controller."""
