@@ -27,6 +27,9 @@ FIRST_TIME: dict[str, tuple[float, float]] = {
 }
 """Seconds, and seconds for a thousand samples, as two idle cores took; runs here say how this machine compares."""
 
+LONGER = {"diagnose": "; where several effects are missing, three to ten times as long"}
+"""By command, when it takes much longer than it usually does."""
+
 _SLOWEST = 50.0
 
 
@@ -51,7 +54,12 @@ def steps(command: str, samples: int | None = None, console: Console | None = No
             console.print(f"[{short(time.monotonic() - began)}] {text}", markup=False, highlight=False, soft_wrap=True)
 
     if live is None and expected is not None and expected >= 20:
-        console.print(f"furuta {command}: about {short(expected)}", markup=False, highlight=False)
+        console.print(
+            f"furuta {command}: about {short(expected)}{LONGER.get(command, '')}",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
     if live is not None:
         with live:
             yield tell
@@ -70,7 +78,10 @@ class _Line:
 
     def __rich__(self) -> Spinner:
         passed = short(time.monotonic() - self.began)
-        whole = f" of about {short(self.expected)}" if self.expected is not None else ""
+        whole = ""
+        if self.expected is not None:
+            late = time.monotonic() - self.began > self.expected
+            whole = f"{', longer than the usual' if late else ' of about'} {short(self.expected)}"
         self.spinner.update(text=Text(f"{self.text} …  {passed}{whole}"))
         return self.spinner
 
