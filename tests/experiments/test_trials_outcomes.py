@@ -119,12 +119,15 @@ def _rows(page: str) -> set[tuple[str, ...]]:
 
 
 def test_the_documented_figures_are_those_of_the_kept_outcomes():
-    lines = _rows("diagnosis_trials.md")
     outcomes, more = read_outcomes(KEPT), read_outcomes(DOCS / "data" / "power_outcomes.csv")
     summary = summarize(outcomes)
-    rows = [*headline(summary), *limits_rows(summary, power_curves([*outcomes, *more]))]
-    for row in rows:
-        assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
+    for name, rows in (
+        ("research-log/diagnosis_draws.md", headline(summary)),
+        ("diagnosis_trials.md", limits_rows(summary, power_curves([*outcomes, *more]))),
+    ):
+        lines = _rows(name)
+        for row in rows:
+            assert tuple(row) in lines, f"docs/{name} has no row: | {' | '.join(row)} |"
 
 
 def test_the_documented_figures_of_each_run_are_those_of_its_file():
