@@ -119,12 +119,15 @@ def _rows(page: str) -> set[tuple[str, ...]]:
 
 
 def test_the_documented_figures_are_those_of_the_kept_outcomes():
-    lines = _rows("diagnosis_trials.md")
     outcomes, more = read_outcomes(KEPT), read_outcomes(DOCS / "data" / "power_outcomes.csv")
     summary = summarize(outcomes)
-    rows = [*headline(summary), *limits_rows(summary, power_curves([*outcomes, *more]))]
-    for row in rows:
-        assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
+    for name, rows in (
+        ("research-log/diagnosis_draws.md", headline(summary)),
+        ("diagnosis_trials.md", limits_rows(summary, power_curves([*outcomes, *more]))),
+    ):
+        lines = _rows(name)
+        for row in rows:
+            assert tuple(row) in lines, f"docs/{name} has no row: | {' | '.join(row)} |"
 
 
 def test_the_documented_figures_of_each_run_are_those_of_its_file():
@@ -186,7 +189,7 @@ def test_the_page_counts_the_runs_of_the_present_library_together(together: tupl
         assert tuple(row) in lines, f"docs/diagnosis_trials.md has no row: | {' | '.join(row)} |"
 
 
-REPEATED = (  # rows of the table whose figures stand in sentences too, of the page's first paragraph and of two tables
+REPEATED = (  # rows of the table whose figures stand in sentences too, of the page's first table and of two others
     "one effect, error-to-noise ratio 1.1 to 10: named right, alone",
     "one effect, error-to-noise ratio above 10: named right, alone",
     "nothing to name: false alarms",
@@ -198,7 +201,7 @@ def test_sentences_repeat_the_counts_of_the_table() -> None:
     files = [DOCS / "data" / f"trials_outcomes_{run}.csv" for run in PRESENT]
     rows = dict(headline(summarize([outcome for file in files for outcome in read_outcomes(file)])))
     page = (DOCS / "diagnosis_trials.md").read_text(encoding="utf-8")
-    short = page[page.index("**In short:**") :].split("\n\n")[0]
+    short = page[page.index("**In short:**") :].split("\n## ")[0]
     tables = [(DOCS / name).read_text(encoding="utf-8") for name in ("figures.md", "../README.md")]
     for label in REPEATED:
         count, _, interval = rows[label].partition(" = ")
@@ -207,6 +210,7 @@ def test_sentences_repeat_the_counts_of_the_table() -> None:
             assert f"{count} {interval}" in text, f"{label}: {count} {interval}"
         hits, _, of = count.partition(" of ")
         assert re.search(rf"\b({hits}|None) of {of}\b", short), f"{label}: {count}"
+        assert f"{count} {interval}" in short, f"{label}: {count} {interval}"
 
 
 def test_the_command_counts_a_kept_file_again(monkeypatch):
