@@ -71,8 +71,7 @@ def effects(diagnosis: Diagnosis) -> list[Effect]:
 
 def equals(diagnosis: Diagnosis) -> list[str]:
     """Names of what these logs cannot tell from the effects found."""
-    sets = diagnosis.naming.equals if diagnosis.naming else ()
-    return list(dict.fromkeys(name for names in sets for name in names))
+    return list(dict.fromkeys(name for effect in diagnosis.found for name in effect.equals))
 
 
 def judged_on(diagnosis: Diagnosis) -> GapChange | None:

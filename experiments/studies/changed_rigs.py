@@ -64,7 +64,7 @@ def asked(case: Case, duration: float = 10.0, only: Sequence[str] | None = None)
         found = diagnose(first, second, only=only) if case.held_out else diagnose([first, second], only=only)
     return asdict(case) | {
         "verdict": found.verdict,
-        "named": " ".join(sorted(suspect.name for suspect in found.named)),
+        "named": " ".join(sorted(effect.name for effect in found.named)),
         "said_to_differ": found.different is not None,
         "differ": " ".join(f"{name}:{factor:.3g}" for name, factor in found.different.factors.items())
         if found.different

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.diagnosis.gap_change import GapChange
-from identification.diagnosis.naming.forward import Naming
+from identification.diagnosis.naming.found import FoundEffect, Naming
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
@@ -229,16 +229,21 @@ def rest(
 
 
 def naming(
-    *found: Suspect, equals: tuple[tuple[str, ...], ...] = (), refused: Suspect | None = None, **more: Any
+    *found: Suspect,
+    equals: tuple[tuple[str, ...], ...] = (),
+    rivals: tuple[tuple[Suspect, ...], ...] = (),
+    refused: Suspect | None = None,
+    **more: Any,
 ) -> Any:
-    """What a search ends with."""
-    given = {
-        "final": found[-1].fit if found else a_fit(),
-        "equals": equals or tuple(() for _ in found),
-        "rankings": tuple((s,) for s in found),
-        "absorbed": {},
-    }
-    return Naming(nominal=a_fit(), accepted=found, refused=refused, **(given | more))
+    """What a search ends with. equals, rivals: of each effect found, what else may be its name, and what it was
+    compared with."""
+    none = tuple(() for _ in found)
+    effects = tuple(
+        FoundEffect((s, *compared), names)
+        for s, compared, names in zip(found, rivals or none, equals or none, strict=True)
+    )
+    given = {"final": found[-1].fit if found else a_fit(), "rejected": (), "absorbed": {}}
+    return Naming(nominal=a_fit(), found=effects, refused=refused, **(given | more))
 
 
 def an_estimate(plant: Plant) -> Any:
@@ -347,7 +352,3 @@ def named(values: dict[str, object], *names: str, witness: Any = None, **rest: A
         assert hasattr(answers, question)
         setattr(answers, question, answer)
     return names_found(a_fit(), by, rest=answers, witness=witness, **more)
-
-
-def accepted(found: Naming) -> list[str]:
-    return [suspect.name for suspect in found.accepted]

@@ -18,6 +18,7 @@ from identification.diagnosis.gap_change import speaks_against
 from identification.diagnosis.held_out import HeldOut, _of_tails
 from identification.diagnosis.naming.fits import fit
 from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.naming.found import FoundEffect
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
@@ -241,7 +242,7 @@ def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
     assert found.plant.provenance["u_max"] == "guessed from the logs' largest command"
     assert found.to_dict()["effects"] == []
     assert found.rest is not None
-    named = replace(found, naming=replace(found.naming, accepted=found.naming.rankings[0][:1], equals=((),)))
+    named = replace(found, naming=replace(found.naming, found=(FoundEffect(found.naming.rankings[0]),)))
     assert _sharpness_alone(named)
     assert not _sharpness_alone(replace(named, still_off=2.0))  # something is left: the name stays
 

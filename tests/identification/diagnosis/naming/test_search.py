@@ -74,8 +74,9 @@ def test_a_cable_comes_before_a_ripple_that_is_not_seen_to_repeat(cable: float, 
     assert sorted(s.name for s in ranking) == ["arm_cable", "arm_ripple", "input_offset"]
     assert ranking[0].gain == pytest.approx(1000.0 - ranking[0].fit.value)
     naming = names_found(a_fit(value=1000.0), by, most=1)
-    assert [s.name for s in naming.accepted] == [first]
-    assert naming.equals == ((("arm_ripple",) if first == "arm_cable" else ()),), "it explains no less"
+    assert naming.names == [first]
+    (effect,) = naming.found
+    assert effect.equals == (("arm_ripple",) if first == "arm_cable" else ()), "it explains no less"
 
 
 def test_a_look_alike_far_behind_is_tried_with_other_whole_numbers() -> None:
