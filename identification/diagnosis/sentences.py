@@ -7,16 +7,17 @@ from collections.abc import Sequence
 from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.effects.words import number
 
+from ..discrepancy.dependence import Channel, Variable
 from ..validation.gap import HORIZON
 from ..validation.one_rig import OneByOne
 from .locate.location import Where
 from .naming.found import Naming
 
-_PLACES = {
-    "arm": "a torque on the arm",
-    "pendulum": "a torque on the pendulum",
-    "input": "a torque that comes with the command",
-    "sensor": "an error of a reading",
+_PLACES: dict[Channel | None, str] = {
+    Channel.ARM: "a torque on the arm",
+    Channel.PENDULUM: "a torque on the pendulum",
+    Channel.INPUT: "a torque that comes with the command",
+    Channel.SENSOR: "an error of a reading",
 }
 UNCHANGING = "The parameters are not the same all along the logs: structure remains that changes with time."
 
@@ -96,9 +97,9 @@ def of_no_size(names: Sequence[str], ratio: float) -> str:
 
 def left(rest: Where) -> str:
     """A torque or reading error that remains, with its size."""
-    what = capital(_PLACES.get(rest.channel or "", "something"))
+    what = capital(_PLACES.get(rest.channel, "something"))
     counts = f"{rest.counts.max():.2g}"
-    how = "is constant" if rest.variable == "constant" else f"depends on {rest.variable}"
+    how = "is constant" if rest.variable is Variable.CONSTANT else f"depends on {rest.variable}"
     return (
         f"{what} remains. It {how}, and no effect of the library explains it. It changes a "
         f"prediction {HORIZON:g} s ahead by {counts} count{'' if counts == '1' else 's'} ({rest.evidence:.0f} nats)."

@@ -27,7 +27,6 @@ from .wider import widened
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
 _AGAIN = 2
 """How often suspects are compared again because the model without them had stalled."""
-_VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
 
 
 @dataclass(frozen=True)
@@ -204,5 +203,7 @@ def _with_rivals(effect: FoundEffect, taken: Sequence[str], remains: Where, poli
 def _acts_on(name: str, remains: Where) -> bool:
     """Whether an effect depends on what the rest goes with, in the same place."""
     effect = EFFECTS[name]
-    variables = {_VARIABLES.get(a) for arguments in effect.arguments.values() for a in arguments}
-    return remains.variable in variables and str(remains.channel) in effect.place
+    if remains.variable is None or remains.channel is None:
+        return False
+    depends = any(remains.variable.argument in arguments for arguments in effect.arguments.values())
+    return depends and remains.channel in effect.place

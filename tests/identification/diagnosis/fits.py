@@ -19,6 +19,7 @@ from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
+from identification.discrepancy.dependence import Channel, Variable
 from identification.kalman.coordinates import Coordinate, Zeros
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
@@ -221,8 +222,8 @@ def rest(
         matters=matters,
         changing=changing,
         structured=matters or changing,
-        channel=channel,
-        variable=variable,
+        channel=Channel(channel),
+        variable=Variable(variable),
         constancy=constancy(p),
         sentence="left",
     )

@@ -156,7 +156,7 @@ def test_where_structure_is_left_a_hundredth_of_the_gain_decides_no_name(gain: f
     """An offset that wanders: a cable that comes taut explains 1.5 % more, and is not it either."""
     winner = suspect("arm_taut_cable", 3174.0)
     names = naming(winner, rivals=((suspect("input_offset", gain),),))
-    wandering = rest(50.0, channel="sensor", variable="zero of the arm")
+    wandering = rest(50.0, channel="sensor", variable="time (zero of the arm)")
     (unsure,), (sure,) = unsettled(names, wandering, POLICY).found, unsettled(names, rest(-4.0), POLICY).found
     assert (unsure.equals, sure.equals) == (equals, ())
 
