@@ -30,7 +30,7 @@ from .locate.location import Where
 from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
 from .naming.certain import without_absent
-from .naming.fits import Fit, Fitter
+from .naming.fits import Fit, FitRequest, Fitter
 from .naming.forward import START_NOISE, name_effects, unsettled
 from .naming.found import Naming
 from .naming.search import NOTHING_YET, Search
@@ -67,7 +67,7 @@ def searched(
     dragged = unexplained > policy.strong * rms or any(m.left < policy.remembered for m in memories)
     anchor = _anchor(_middle(starts) if starts and (dragged or _adrift(before)) else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
-    nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
+    nominal = fitter(FitRequest(anchor, START_NOISE, records, anchor=anchor, policy=policy))
     search = Search(anchor, only, policy, progress, fitter)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.diagnosis.gap_change import GapChange
+from identification.diagnosis.naming.fits import FitRequest
 from identification.diagnosis.naming.found import FoundEffect, Naming
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
@@ -117,18 +118,8 @@ class Bowls:
                 found.append(_bowls(given))
         return min(found, key=lambda bowls: min(bowl.value for bowl in bowls))
 
-    def __call__(
-        self,
-        plant: Plant,
-        noise: Noise,
-        records: Sequence[Record],
-        *,
-        anchor: Plant | None = None,
-        policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-        iterations: int | None = None,
-        effort: str = "restarted",
-        zeros: Zeros | None = None,
-    ) -> Any:
+    def __call__(self, request: FitRequest) -> Any:
+        plant = request.plant
         names = [e.name for e in plant.effects]
         place = np.array([math.log(plant.theta[8] / TABLE_3.theta[8]), *(_size(plant, name) for name in names)])
 
@@ -137,12 +128,12 @@ class Bowls:
 
         bowl = min(self.bowls(names), key=lambda bowl: v(bowl, place))
         bottom = bowl.bottom(names)
-        at = bottom + bowl.rate ** (iterations or 40) * (place - bottom)
+        at = bottom + bowl.rate ** (request.iterations or 40) * (place - bottom)
         theta = TABLE_3.theta * np.exp([*8 * [0.0], at[0]])
         effects = [_sized(plant, name, size) for name, size in zip(names, at[1:], strict=True)]
         ended = plant.replace(theta=theta).with_effects(*effects)
         left = v(bowl, at) - bowl.value
-        return ToyFit(ended, noise, v(bowl, at) + self.still(ended), left < 0.05, promised=bowl.seen * left)
+        return ToyFit(ended, request.noise, v(bowl, at) + self.still(ended), left < 0.05, promised=bowl.seen * left)
 
 
 def _bowls(given: Bowl | float | Sequence[Bowl]) -> list[Bowl]:

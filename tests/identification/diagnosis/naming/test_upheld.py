@@ -119,7 +119,7 @@ def test_a_ripple_of_less_than_a_period_does_not_take_the_place_of_a_spring(n: f
     ripple = suspect("arm_ripple", 199.0)
     ripple = replace(ripple, fit=a_fit(Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}), value=-199.0))
     spring = suspect("arm_spring", 200.0)
-    found = naming(spring, final=spring.fit, rankings=((spring, ripple),))
+    found = naming(spring, final=spring.fit, rivals=((ripple,),))
     by = search({"": 0.0, "arm_spring": -200.0, "arm_ripple": -199.0})
     after = preferred(found, by, Told(needed=("arm_ripple",)))
     assert after.names == [kept]
