@@ -316,7 +316,7 @@ class Diagnosis:
             if self.found:
                 lines.append("  the error bars above allow for that as far as the logs show it; they may be too small")
         if self.learned:
-            lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
+            lines.append(f"  learned: {self.learned.effect}; {self.learned.reason}")
         if self.plant is not None and self.confirmed:
             lines.append(f"  {sentences.unexplained(self.left_over, self.command_rms, self.plant.unit)}")
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())

@@ -195,7 +195,7 @@ def _adrift(before: Estimate) -> bool:
 
 def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:
     """The estimate without effects. Where a sharpness was found, r is what model (5) has; `before` has it free."""
-    if "friction_sharpness" in naming.names:
+    if any(effect.type.sharpens for effect in naming.found):
         plain = identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
         return with_origin(plain, before.plant)
     return before

@@ -72,14 +72,14 @@ def _of_no_size(diagnosis: Diagnosis) -> bool:
 def _sharpness_alone(diagnosis: Diagnosis) -> bool:
     """Whether all that was found is another sharpness r of friction. No rig has the paper's r, so another one is worth
     a name only where it shows in predictions and is far from it, or leaves structure."""
-    return [effect.name for effect in diagnosis.found] == ["friction_sharpness"] and not diagnosis.leftover
+    return [effect.type.sharpens for effect in diagnosis.found] == [True] and not diagnosis.leftover
 
 
 def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis | None:
     """Model (5) with its r fitted, where both joints' sharpness is near the paper's and one r may be that of both, or
     predicts as well: then r is the parameter that `identify` estimates, and nothing is missing. None elsewhere."""
     assert diagnosis.after is not None
-    apart, factor = diagnosis.after.plant.effect("friction_sharpness"), diagnosis.policy.usual_sharpness
+    apart, factor = diagnosis.after.plant.sharpening, diagnosis.policy.usual_sharpness
     low, high = diagnosis.policy.sharpness / factor, diagnosis.policy.sharpness * factor
     if apart is None or not all(low <= r <= high for r in apart.parameters.values()):
         return None

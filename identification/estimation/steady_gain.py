@@ -76,7 +76,7 @@ def gain_change(source: str, paths: Sequence[FilterPath], start: float = 0.0) ->
     since = start + first + _STEPS[best] * (last - first) if best < len(_STEPS) else None
     if not before > 0 < before + change:
         return None
-    drifts = paths[0].plant.effect("input_gain_drift") is not None
+    drifts = any(effect.type.changes_gain for effect in paths[0].plant.effects)
     return GainChange(source, (before + change) / before, since, sure, drifts)
 
 

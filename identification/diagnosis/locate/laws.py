@@ -14,7 +14,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Plant
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, EffectType, Plant
 
 from ...discrepancy.basis import Family, Signals, on_row, stages
 from ...discrepancy.dependence import ANGLES, SPEEDS, ZEROS, Channel, Dependence, Variable
@@ -43,16 +43,17 @@ def own_variables(name: str) -> frozenset[Dependence]:
         elif hook == "sensor":
             found |= {Dependence(Channel.SENSOR, of[effect.reads]) for of in (ANGLES, ZEROS)}
         elif hook == "theta":
-            if {"r1", "r2"} & set(effect.changes):
+            if effect.sharpens:
                 found |= {Dependence(Channel(joint), speed) for joint, speed in SPEEDS.items()}
             if "t" in arguments:
                 found.add(Dependence(Channel.PENDULUM, Variable.MASSES_IN_TIME))
         elif hook == "torque":
-            found |= _of_torque(effect.place, set(arguments), bool(effect.memory))
+            found |= _of_torque(effect)
     return frozenset(found)
 
 
-def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Dependence]:
+def _of_torque(effect: EffectType) -> set[Dependence]:
+    place, arguments = effect.place, set(effect.arguments["torque"])
     moving = {a for a in arguments if a[0] == "v"}
     if place == "arm and pendulum":
         if moving:  # air drag
@@ -60,9 +61,9 @@ def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Dependen
         tilt = (Variable.CONSTANT, Variable.ARM_ANGLE, Variable.PENDULUM_ANGLE)  # what no cable has
         return {Dependence(Channel.PENDULUM, variable) for variable in tilt}
     channel = Channel(place)
-    if remembers:
+    if effect.memory:
         return {Dependence(channel, Variable.MEMORY), Dependence(channel, SPEEDS[place])}
-    if {"t", "tau"} <= arguments:
+    if effect.changes_gain:
         return {Dependence(channel, Variable.GAIN_IN_TIME)}
     if "t" in arguments:
         return {Dependence(channel, Variable.FRICTION_IN_TIME if moving else Variable.FREQUENCY)}
