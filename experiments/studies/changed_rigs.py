@@ -16,11 +16,11 @@ from typing import Annotated, Any
 
 import pandas as pd
 import typer
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from experiments.bench import HiddenEffect, Rig, record
 from experiments.cli.errors import explained
-from experiments.cli.output import counted
+from experiments.studies.finished import finished
 from experiments.trials.report import percent
 from experiments.trials.summary import rate
 from experiments.workers import workers
@@ -99,13 +99,10 @@ def main(
     with explained(), workers(backend, jobs):
         ways = product(range(seed, seed + seeds), KINDS, HIDDEN, (True, False), (True, False))
         cases = [Case(kind, hidden, changed, held_out, n) for n, kind, hidden, changed, held_out in ways]
-        results: Any = Parallel(return_as="generator_unordered")(delayed(asked)(case) for case in cases)
         rows: list[dict[str, Any]] = []
-        with counted("diagnoses") as tell:
-            for row in results:
-                rows.append(row)
-                tell(len(rows), len(cases))
-                write_whole(output / "changed_rigs.csv", pd.DataFrame(rows).to_csv(index=False))
+        for row in finished([delayed(asked)(case) for case in cases], "diagnoses"):
+            rows.append(row)
+            write_whole(output / "changed_rigs.csv", pd.DataFrame(rows).to_csv(index=False))
         typer.echo(table(rows))
 
 
