@@ -50,12 +50,12 @@ class FoundEffect:
 class Naming:
     """Outcome of the search: the model without and with the effects found, and every suspect of each step.
 
-    rejected: rankings of the steps of which no suspect stayed. absorbed: share of each
-    effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
-    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
-    perhaps_absent: what makes these logs likelier, though its size may be zero. laws: which effect only describes
-    another law of which; names that are not found, or not any more, count for nothing.
-    went: of an effect found, those found before in whose place it came. alone: the model with the best single effect.
+    rejected: rankings of the steps of which no suspect stayed. absorbed: share of each effect's response that θ can
+    imitate on these logs. refused: what would explain some more, but too little to be told from a wrong form.
+    taken_back: what explains some of these logs, but not of data that no fit saw. perhaps_absent: what makes these logs
+    likelier, though its size may be zero. laws: which effect only describes another law of which; names that are not
+    found, or not any more, count for nothing. went: of an effect found, those found before in whose place it came.
+    alone: the model with the best single effect.
     """
 
     nominal: Fit = field(repr=False)
