@@ -18,7 +18,6 @@ from furuta_gym.sensors import Sensors, angles_read
 from .base import DesignError
 from .design import choose_sensors
 
-SHARPNESS = "friction_sharpness"  # the effect that gives friction another sharpness than the plant's own
 _SLOPE = 1e-6  # rad and rad/s
 _TABLE = 513  # points at which the command map is looked at
 _STRAIGHT = 3e-4  # of the supply: how far the torque on the table's lines may be from those points; no rig shows it
@@ -38,7 +37,9 @@ class KnownEffects:
         # what depends on the time since a log's start cannot be known on the next run
         lasting = plant.keeping(lambda effect: not effect.type.memory and not effect.type.follows_clock)
         # friction_speed takes the place of the effect that is a sharpness
-        self.plant = lasting.without(SHARPNESS).replace(friction_sharpness=1.0 / friction_speed)
+        self.plant = lasting.keeping(lambda effect: not effect.type.sharpens).replace(
+            friction_sharpness=1.0 / friction_speed
+        )
         known = self.plant.effects
         self.offset = np.array(choose_sensors(plant, sensors).offset)
         p, self._codes, self._rows = self.plant.packed()

@@ -11,7 +11,7 @@ from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LONGEST_STEP, integration_step
 
 from ..design import DesignModel, riccati, torque_noise_intensity
-from ..known_effects import SHARPNESS, KnownEffects
+from ..known_effects import KnownEffects
 from ..linear.lqg import measurement_noise
 
 _FASTEST = 300.0  # rad/s; no rig is faster, and a wrong reading must not leave a speed that takes long to forget
@@ -26,10 +26,10 @@ def steady(plant: Plant) -> Plant:
 
 def _smooth(plant: Plant) -> Plant:
     """The plant with friction no sharper than `_SHARPEST`, also where an effect gives it another sharpness."""
-    effect = plant.effect(SHARPNESS)
+    effect = plant.sharpening
     other = tuple(effect.parameters.values()) if effect else (0.0, 0.0)  # 0 keeps the plant's own
     r1, r2 = (min(new or own, _SHARPEST) for new, own in zip(other, plant.sharpness, strict=True))
-    return plant.without(SHARPNESS).replace(friction_sharpness=(r1, r2))
+    return plant.keeping(lambda effect: not effect.type.sharpens).replace(friction_sharpness=(r1, r2))
 
 
 class Predictor:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from identification.logs.table import Table
 
 _PANEL = "How the file is written (furuta init finds it out)"
+_PLANT_FILE = "the plant file"  # where the mapping of the log that it was fitted to stands
 _logger = logging.getLogger("furuta.reading")
 
 
@@ -268,7 +269,7 @@ def _unlike_the_plants(source: _Source, reading: Reading, plant: Plant | None) -
     from identification.logs.said import COLUMNS
 
     stored = plant.provenance.get("mapping") if plant is not None else None
-    if not stored or not source.origin or source.origin == "the plant file":
+    if not stored or not source.origin or source.origin == _PLANT_FILE:
         return ""
     fitted, here = (RigMapping.from_dict(stored), source.mapping)
     usual = {"unit_q1": "rad", "unit_q2": "rad", "time_unit": "s", "pendulum_zero": "upright", "input_scale": 1.0}
@@ -314,7 +315,7 @@ def _base(path: Path, reading: Reading, plant: Plant | None) -> tuple[RigMapping
     file = reading.file or (mapping_beside(path) if stored else find_mapping(path))
     if file is not None:
         return load_mapping(file), os.fspath(file)
-    return (RigMapping.from_dict(stored), "the plant file") if stored else (RigMapping(), "")
+    return (RigMapping.from_dict(stored), _PLANT_FILE) if stored else (RigMapping(), "")
 
 
 def refuse_wrong(sources: Sequence[_Source], constant_command: str | None = None) -> None:
@@ -377,13 +378,13 @@ def reads_as_given(
 def _unread(tables: Sequence[Table], mapping: RigMapping, lacking: Sequence[str]) -> list[str]:
     """Columns that a log does not have, with the options that may read it, and what else is wrong."""
     from identification.logs.proposal import propose
-    from identification.logs.proposal.problems import NO_COLUMN
+    from identification.logs.proposal.values import NoColumn
 
     whole = propose(tables, mapping.without(*lacking))
     names = ", ".join(mapping.columns.get(ours, ours) for ours in lacking)
     there = ", ".join(list(tables[0].columns)[:20]) or "none"
     options = whole.mapping.options() if set(lacking) <= set(whole.mapping.columns) else ""
     first = f"no column {names}. Found: {there}. Expected t, q1 (arm), q2 (pendulum), u."
-    same = [p for p in whole.fatal if p.text.startswith(NO_COLUMN)]
+    same = [p for p in whole.fatal if isinstance(p, NoColumn)]
     mend = f"It may be read with {options}" if options else " ".join(dict.fromkeys(p.mend for p in same))
     return [f"{first} {mend}".strip(), *(str(p) for p in whole.fatal if p not in same)]

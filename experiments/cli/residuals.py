@@ -151,9 +151,6 @@ def _draw_maps(figure: Any, grid: Any, i: int, maps: Sequence[Map], unit: str) -
         middle = 0.5 * (m.edges[1:] + m.edges[:-1])
         axes.axhline(0.0, color="0.7", lw=0.8)
         axes.errorbar(middle, m.mean, 2 * m.std, fmt="o", ms=3, lw=1, color="tab:blue" if i == 1 else "tab:orange")
-        axes.set_xlabel(f"{m.variable} [{_UNITS.get(m.variable, unit)}]", fontsize=8)
+        axes.set_xlabel(f"{m.variable} [{m.variable.unit.format(u=unit)}]", fontsize=8)
         axes.set_ylabel(f"{m.row} [{unit}]" if j == 0 else "", fontsize=8)
         axes.tick_params(labelsize=7)
-
-
-_UNITS = {"arm angle": "rad", "pendulum angle": "rad", "arm speed": "rad/s", "pendulum speed": "rad/s", "time": "s"}

@@ -46,11 +46,9 @@ def _equals(diagnosis: Diagnosis) -> list[Effect]:
     """The first named effect that has equals which predict something else, and they, as fitted."""
     if diagnosis.naming is None:
         return []
-    for suspect, names, ranking in zip(
-        diagnosis.naming.accepted, diagnosis.naming.apart, diagnosis.naming.rankings, strict=False
-    ):
-        fits = {s.name: s.fit.plant for s in ranking}
-        chosen = [suspect.name, *(n for n in names if n in fits)][:_MOST]
+    for effect in diagnosis.naming.found:
+        fits = {s.name: s.fit.plant for s in effect.ranking}
+        chosen = [effect.name, *(n for n in effect.apart if n in fits)][:_MOST]
         if len(chosen) > 1:
-            return [effect for n in chosen if n in fits and (effect := fits[n].effect(n)) is not None]
+            return [fitted for n in chosen if n in fits and (fitted := fits[n].effect(n)) is not None]
     return []

@@ -188,7 +188,7 @@ def _learned(d: Diagnosis) -> tuple[Section, ...]:
         "Names come first. What they leave was learned as a smooth torque over the arm's angle and speed. "
         f"{became}: {d.learned.reason}."
     )
-    blocks: list[Block] = [Text(text), Figure(learned_figures.curves(d.learned.plant))]
+    blocks: list[Block] = [Text(text), Figure(learned_figures.curves(d.learned))]
     if d.learned.change is not None:
         blocks.append(Details("Errors with and without it", (tables.parts(d.learned.change.by_kind, "experiment"),)))
     return (Section("learned", "What no name explains", tuple(blocks)),)

@@ -93,8 +93,7 @@ class Examination:
             names = [log.source for log in (*self.logs, *self.held_out)]
             names += [] if self.held_out else ["a log of another motion"]
             return alike + PART_REMAINS.format(logs=joined(names, "and"))
-        equals = zip(d.naming.accepted, d.naming.apart, strict=True) if d.naming else ()
-        pair = next((f"{suspect.name},{others[0]}" for suspect, others in equals if others), "EFFECT,EFFECT")
+        pair = next((f"{effect.name},{effect.apart[0]}" for effect in d.found if effect.apart), "EFFECT,EFFECT")
         return NEXT[d.verdict].format(pair=pair)
 
     def to_dict(self) -> dict[str, Any]:
@@ -157,9 +156,9 @@ def examine(
                 tried("where", lambda: locate(plants[0], moved(searched, before.zeros), diagnosis.policy)),
                 rest,
             )
-            names = [suspect.name for suspect in diagnosis.found]
+            names = [effect.name for effect in diagnosis.found]
             if diagnosis.verdict in ("named", "ambiguous"):
-                where = where and of_effects(where, [suspect.name for suspect in diagnosis.named])
+                where = where and of_effects(where, [effect.name for effect in diagnosis.named])
             law = tried("law", lambda: law_of(after.plant, names, moved(searched, after.zeros)))
         if diagnosis.gap is None:
             remarks["gap"] = diagnosis.gap_remark

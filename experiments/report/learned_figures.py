@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.learned import COEFFICIENTS, surface_columns
+from identification.diagnosis.learned import Learned
 
 from .drawing import AFTER, BEFORE, MEASURED, Drawing, drawing
 
@@ -14,9 +14,9 @@ _SPEEDS = (-3.0, -1.0, 0.0, 1.0, 3.0)  # times the speed below which half of the
 _LOOKS = ((BEFORE, "dot"), (BEFORE, "solid"), (MEASURED, "solid"), (AFTER, "solid"), (AFTER, "dot"))
 
 
-def curves(plant: Plant) -> Drawing:
-    """The torque of `arm_learned` against the arm's angle at five speeds. The plant must carry it."""
-    effect = plant.effect("arm_learned")
+def curves(learned: Learned) -> Drawing:
+    """The learned torque against the arm's angle at five speeds."""
+    effect = learned.effect
     assert effect is not None
     p = effect.parameters
     coefficients = np.array([p[name] for name in COEFFICIENTS])
@@ -35,7 +35,7 @@ def curves(plant: Plant) -> Drawing:
             )
         )
     figure.update_xaxes(title_text="arm angle q1 [rad]")
-    figure.update_yaxes(title_text=f"learned torque [{plant.unit}]")
+    figure.update_yaxes(title_text=f"learned torque [{learned.plant.unit}]")
     return drawing(
         "learned",
         figure,

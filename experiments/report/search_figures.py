@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.covariance import NORMAL_95
-from identification.diagnosis.naming.forward import Naming
+from identification.diagnosis.naming.found import Naming
 from identification.estimation.estimate import Estimate
 
 from .contents import Bar, Bars
@@ -21,25 +21,24 @@ _MOST = 8
 
 
 def rankings(naming: Naming) -> list[Bars]:
-    """Suspects of each step by what they gain; the accepted one and its equals stand out."""
+    """Suspects of each step by what they gain; the one that was found and its equals stand out."""
     return [_ranking(naming, step) for step in range(len(naming.rankings)) if naming.rankings[step]]
 
 
 def _ranking(naming: Naming, step: int) -> Bars:
     shown = naming.rankings[step][:_MOST]
-    accepted = {s.name for s in naming.accepted}
-    equals = set(naming.equals[step]) if step < len(naming.accepted) else set()
+    found = step < len(naming.found)
+    equals = naming.found[step].equals if found else ()
     best = max(shown[0].net, 1e-9)
     bars = []
     for suspect in shown:
-        role = "chosen" if suspect.name in accepted else "equal" if suspect.name in equals else "other"
+        role = "chosen" if suspect.name in naming.names else "equal" if suspect.name in equals else "other"
         behind = shown[0].net - suspect.net
         text = f"{suspect.net:+.0f} nats" + (f", {behind:.0f} behind" if suspect is not shown[0] else "")
         text += {"chosen": " · added", "equal": " · an equal on these logs", "other": ""}[role]
         title = EFFECTS[suspect.name].title
         text = text.replace("-", "−")
         bars.append(Bar(f"{title[:1].upper()}{title[1:]}", suspect.name, max(suspect.net, 0.0) / best, text, role))
-    found = step < len(naming.accepted)
     asked = "Each was" if step == 0 else "Beside what was added before, each was"
     ending = "" if found else " None gains enough to be believed."
     return Bars(

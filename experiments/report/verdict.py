@@ -12,29 +12,30 @@ from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import Diagnosis, SecondWitness
 from identification.diagnosis.sentences import different_plants
+from identification.discrepancy.dependence import Channel, Variable
 from identification.validation.gap import printed_fits
 
 from .contents import Fact, Verdict
 from .words import BADGE, joined
 
-_PLACES = {
-    "arm": "a torque on the arm",
-    "pendulum": "a torque on the pendulum",
-    "input": "something between the command and the motor",
-    "sensor": "an error of a reading",
-    "parameters": "a change of the parameters",
+_PLACES: dict[Channel | None, str] = {
+    Channel.ARM: "a torque on the arm",
+    Channel.PENDULUM: "a torque on the pendulum",
+    Channel.INPUT: "something between the command and the motor",
+    Channel.SENSOR: "an error of a reading",
+    Channel.PARAMETERS: "a change of the parameters",
 }
-_AGAINST = {
-    "constant": "is constant",
-    "frequency": "repeats in time",
-    "command": "depends on the command",
-    "change of the command": "follows the changes of the command",
-    "memory of the motion": "depends on the motion before",
-    "time (friction)": "is friction that changes in time",
-    "time (gain)": "is a gain of the command that changes in time",
-    "time (masses)": "is a mass that changes in time",
-    "time (zero of the arm)": "is a zero of the arm that moves",
-    "time (zero of the pendulum)": "is a zero of the pendulum that moves",
+_AGAINST: dict[Variable | None, str] = {
+    Variable.CONSTANT: "is constant",
+    Variable.FREQUENCY: "repeats in time",
+    Variable.COMMAND: "depends on the command",
+    Variable.COMMAND_CHANGE: "follows the changes of the command",
+    Variable.MEMORY: "depends on the motion before",
+    Variable.FRICTION_IN_TIME: "is friction that changes in time",
+    Variable.GAIN_IN_TIME: "is a gain of the command that changes in time",
+    Variable.MASSES_IN_TIME: "is a mass that changes in time",
+    Variable.ARM_ZERO_IN_TIME: "is a zero of the arm that moves",
+    Variable.PENDULUM_ZERO_IN_TIME: "is a zero of the pendulum that moves",
 }
 
 
@@ -71,8 +72,7 @@ def effects(diagnosis: Diagnosis) -> list[Effect]:
 
 def equals(diagnosis: Diagnosis) -> list[str]:
     """Names of what these logs cannot tell from the effects found."""
-    sets = diagnosis.naming.equals if diagnosis.naming else ()
-    return list(dict.fromkeys(name for names in sets for name in names))
+    return list(dict.fromkeys(name for effect in diagnosis.found for name in effect.equals))
 
 
 def judged_on(diagnosis: Diagnosis) -> GapChange | None:
@@ -88,8 +88,8 @@ def data(gap: GapChange) -> str:
 
 def place(where: Where) -> str:
     """What the model misses and what it depends on, in words."""
-    what = _PLACES.get(where.channel or "", "something")
-    return f"{what} that {_AGAINST.get(where.variable or '', f'depends on the {where.variable}')}"
+    what = _PLACES.get(where.channel, "something")
+    return f"{what} that {_AGAINST.get(where.variable, f'depends on the {where.variable}')}"
 
 
 def times(ratio: float) -> str:

@@ -16,11 +16,11 @@ from typing import Annotated, Any
 
 import pandas as pd
 import typer
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from experiments.bench import HiddenEffect, Rig, record
 from experiments.cli.errors import explained
-from experiments.cli.output import counted
+from experiments.studies.finished import finished
 from experiments.trials.report import percent
 from experiments.trials.summary import rate
 from experiments.workers import workers
@@ -64,7 +64,7 @@ def asked(case: Case, duration: float = 10.0, only: Sequence[str] | None = None)
         found = diagnose(first, second, only=only) if case.held_out else diagnose([first, second], only=only)
     return asdict(case) | {
         "verdict": found.verdict,
-        "named": " ".join(sorted(suspect.name for suspect in found.named)),
+        "named": " ".join(sorted(effect.name for effect in found.named)),
         "said_to_differ": found.different is not None,
         "differ": " ".join(f"{name}:{factor:.3g}" for name, factor in found.different.factors.items())
         if found.different
@@ -99,13 +99,10 @@ def main(
     with explained(), workers(backend, jobs):
         ways = product(range(seed, seed + seeds), KINDS, HIDDEN, (True, False), (True, False))
         cases = [Case(kind, hidden, changed, held_out, n) for n, kind, hidden, changed, held_out in ways]
-        results: Any = Parallel(return_as="generator_unordered")(delayed(asked)(case) for case in cases)
         rows: list[dict[str, Any]] = []
-        with counted("diagnoses") as tell:
-            for row in results:
-                rows.append(row)
-                tell(len(rows), len(cases))
-                write_whole(output / "changed_rigs.csv", pd.DataFrame(rows).to_csv(index=False))
+        for row in finished([delayed(asked)(case) for case in cases], "diagnoses"):
+            rows.append(row)
+            write_whole(output / "changed_rigs.csv", pd.DataFrame(rows).to_csv(index=False))
         typer.echo(table(rows))
 
 

@@ -14,10 +14,10 @@ from typing import Annotated, Any
 
 import pandas as pd
 import typer
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from experiments.cli.errors import explained
-from experiments.cli.output import counted
+from experiments.studies.finished import finished
 from experiments.trials.plan import make_plan
 from experiments.trials.report import percent
 from experiments.trials.seal import FIT_LOG, seal, write_logs
@@ -98,12 +98,7 @@ def main(
     """Count how often something is said to be left on empty rigs."""
     with explained(), workers(backend, jobs):
         trials = plan(rigs, seed)
-        results: Any = Parallel(return_as="generator_unordered")(delayed(examined)(trial) for trial in trials)
-        rows: list[dict[str, Any]] = []
-        with counted("rigs") as tell:
-            for row in results:
-                rows.append(row)
-                tell(len(rows), len(trials))
+        rows: list[dict[str, Any]] = list(finished([delayed(examined)(trial) for trial in trials], "rigs"))
         write_whole(output / "empty_rigs.csv", pd.DataFrame(rows).to_csv(index=False))
         typer.echo(table(rows))
         if lost := [row for row in rows if row["problem"]]:

@@ -18,10 +18,10 @@ from typing import Annotated, Any
 import numpy as np
 import pandas as pd
 import typer
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from experiments.cli.errors import explained
-from experiments.cli.output import counted
+from experiments.studies.finished import finished
 from experiments.trials.plan import make_plan
 from experiments.trials.report import percent
 from experiments.trials.seal import FIT_LOG, seal, write_logs
@@ -146,12 +146,9 @@ def main(
     """Count how often 95 % intervals hold the truth."""
     with explained(), workers("loky", jobs):
         trials = plan(seed, split, effects, composite, none)
-        results: Any = Parallel(return_as="generator_unordered")(delayed(examined)(trial) for trial in trials)
         rows: list[dict[str, Any]] = []
-        with counted("rigs") as tell:
-            for done, found in enumerate(results, 1):
-                rows += found
-                tell(done, len(trials))
+        for found in finished([delayed(examined)(trial) for trial in trials], "rigs"):
+            rows += found
         rows.sort(key=lambda r: (r["id"], r.get("model", ""), r.get("parameter", "")))
         write_whole(output / "error_bars.csv", pd.DataFrame(rows).to_csv(index=False))
         typer.echo(table(rows))

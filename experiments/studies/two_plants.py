@@ -17,11 +17,11 @@ from typing import Annotated, Any
 import numpy as np
 import pandas as pd
 import typer
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from experiments.bench import SETS, ParameterSet, Rig, record
 from experiments.cli.errors import explained
-from experiments.cli.output import counted
+from experiments.studies.finished import finished
 from experiments.trials.report import percent
 from experiments.trials.summary import rate
 from experiments.workers import workers
@@ -124,13 +124,10 @@ def main(
     """Count how often two plants of a rig are said to differ."""
     with explained(), workers(backend, jobs):
         cases = [(kind, number) for number in range(seed, seed + rigs) for kind in KINDS]
-        results: Any = Parallel(return_as="generator_unordered")(delayed(asked)(*case) for case in cases)
         rows: list[dict[str, Any]] = []
-        with counted("rigs") as tell:
-            for done, found in enumerate(results, 1):
-                rows += found
-                tell(done, len(cases))
-                write_whole(output / "two_plants.csv", pd.DataFrame(rows).to_csv(index=False))
+        for found in finished([delayed(asked)(*case) for case in cases], "rigs"):
+            rows += found
+            write_whole(output / "two_plants.csv", pd.DataFrame(rows).to_csv(index=False))
         typer.echo(table(rows))
 
 

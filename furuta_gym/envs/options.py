@@ -35,7 +35,7 @@ SPEED_LIMIT = 200.0  # rad/s; the observation's velocities are clipped here
 PUSH_RATE = 0.5  # 1/s, of pushes whose rate is not drawn
 _FEWEST_SUBSTEPS = 2
 _FRICTION_STEP = 0.4  # longest Runge–Kutta step times the friction's rate
-_BRISTLE_STEP = 2.5e-3  # s; the bristle of arm_presliding, of at most 1000 1/s, makes longer steps unstable
+_BRISTLE_STEP = 2.5e-3  # s; a bristle, of at most 1000 1/s, makes longer steps unstable
 _NO_COVARIANCE = (
     "this plant has no covariance to draw from; identify it from a log (`furuta identify`), which stores one, or give "
     "ranges such as theta=physical:0.2"
@@ -232,7 +232,8 @@ class Setup:
         share = self.random.physical
         asked = self.options.longest_step * (1.0 - share) / (1.0 + share)  # the lightest rig moves the fastest
         longest = min(asked, _FRICTION_STEP / _friction_rate(self.random, self.draws.posterior))
-        if self.random.plant.effect("arm_presliding") is not None:
+        memories = (effect.type.friction_memory for effect in self.random.plant.effects)
+        if any(memory is not None and memory.element == "bristle" for memory in memories):
             longest = min(longest, _BRISTLE_STEP)
         n = self.sample_time * (1.0 + self.jitter) / longest - 1e-9
         if not n <= MOST_STEPS:

@@ -280,7 +280,7 @@ def _sizes(plant: Plant, effect: Effect, parameter: Parameter) -> tuple[float, f
     default = _WIDEST.get(f"{effect.name}.{parameter.name}", effect.parameters[parameter.name])
     if math.isinf(parameter.neutral):
         return 0.0, default, 1.0
-    if effect.name == "friction_sharpness":  # its neutral 0 stands for the plant's own r
+    if effect.type.sharpens:  # its neutral 0 stands for the plant's own r
         return plant.sharpness[int(parameter.name[1:]) - 1], default, 0.0
     return (0.0 if parameter.positive else -default), default, 0.0
 

@@ -149,9 +149,14 @@ class Plant:
         return r if isinstance(r, tuple) else (r, r)
 
     @property
+    def sharpening(self) -> Effect | None:
+        """The effect that gives friction another sharpness than `sharpness`; None without one."""
+        return next((effect for effect in self.effects if effect.type.sharpens), None)
+
+    @property
     def sharpest(self) -> tuple[float, float]:
-        """Largest sharpness (r1, r2) [s/rad] that friction has, the effect `friction_sharpness` included."""
-        other = self.effect("friction_sharpness")
+        """Largest sharpness (r1, r2) [s/rad] that friction has, that of an effect included."""
+        other = self.sharpening
         r1, r2 = other.parameters.values() if other else self.sharpness
         return max(r1, self.sharpness[0]), max(r2, self.sharpness[1])
 

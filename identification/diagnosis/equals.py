@@ -10,21 +10,19 @@ from ..estimation.zeros import moved
 from ..logs.log import Log
 from ..validation.gap import Gap, validate
 from .naming.fits import Fit
-from .naming.forward import Naming
+from .naming.found import FoundEffect
 from .policy import DecisionPolicy
 
 
-def interchangeable(naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> tuple[tuple[str, ...], ...]:
-    """Beside each effect found, those of its equals that predict the same as it does 0.3 s ahead, but for so little
+def interchangeable(effect: FoundEffect, logs: Sequence[Log], policy: DecisionPolicy) -> tuple[str, ...]:
+    """Of the equals of an effect found, those that predict the same as it does 0.3 s ahead, but for so little
     that nobody would miss it: less than rounding hides (`DecisionPolicy.negligible`, in counts of the encoders), or
     than a small share of what predictions are off anyway (`DecisionPolicy.unnoticed`)."""
-    found = []
-    for suspect, equals, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
-        fits = {s.name: s.fit for s in ranking}
-        own = _predicted(fits[suspect.name], logs) if equals and suspect.name in fits else None
-        same = [n for n in equals if own is not None and _as_well(own, _predicted(fits[n], logs), policy)]
-        found.append(tuple(same))
-    return tuple(found)
+    own = _predicted(effect.suspect.fit, logs) if effect.equals else None
+    if own is None:
+        return ()
+    fits = {s.name: s.fit for s in effect.ranking}
+    return tuple(n for n in effect.equals if _as_well(own, _predicted(fits[n], logs), policy))
 
 
 def _predicted(fitted: Fit, logs: Sequence[Log]) -> Gap | None:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from furuta_gym.declared import written
-from furuta_gym.plant import Plant
+from furuta_gym.plant import Effect, Plant
 
-from ..discrepancy.learned import NAME
 from .diagnosis_file import EffectInPlant, LearnedEntry
 from .gap_change import GapChange
 
@@ -28,11 +27,15 @@ class Learned:
     added: bool
     reason: str
 
+    @property
+    def effect(self) -> Effect | None:
+        """What was learned, as `plant` carries it."""
+        return next((effect for effect in self.plant.effects if effect.type.learned), None)
+
     def entry(self) -> LearnedEntry:
         """As the "learned" of diagnosis.json."""
-        effect = self.plant.effect(NAME)
         return LearnedEntry(
-            effect=EffectInPlant.of(effect.to_dict(self.plant.unit)) if effect else None,
+            effect=EffectInPlant.of(self.effect.to_dict(self.plant.unit)) if self.effect else None,
             evidence=self.evidence,
             gap=self.change.entry() if self.change else None,
             added=self.added,

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import structs
 
 from furuta_gym.declared import written
-from furuta_gym.plant import EFFECTS, Plant
+from furuta_gym.plant import Plant
 
 from ..estimation.estimate import Estimate, GainChange
 from ..estimation.informative import spans_text
@@ -30,8 +30,7 @@ from .diagnosis_file import (
 from .gap_change import GapChange
 from .learned import Learned
 from .locate.location import Where
-from .naming.forward import Naming
-from .naming.suspects import Suspect
+from .naming.found import FoundEffect, Naming
 from .policy import DecisionPolicy
 
 ABSORBED = {
@@ -148,18 +147,19 @@ class Diagnosis:
     @property
     def repeating(self) -> bool:
         """Whether every such effect repeats, so that a later part of the same log can speak about it."""
-        return self.timed and all(suspect.type.repeats for suspect in self._timed)
+        return self.timed and all(effect.type.repeats for effect in self._timed)
 
     @property
-    def _timed(self) -> list[Suspect]:
-        return [suspect for suspect in self.found if suspect.type.follows_clock]
+    def _timed(self) -> list[FoundEffect]:
+        return [effect for effect in self.found if effect.type.follows_clock]
 
     @property
-    def found(self) -> tuple[Suspect, ...]:
-        return self.naming.accepted if self.naming else ()
+    def found(self) -> tuple[FoundEffect, ...]:
+        """The effects that the search found, whatever held-out data say of them."""
+        return self.naming.found if self.naming else ()
 
     @property
-    def named(self) -> tuple[Suspect, ...]:
+    def named(self) -> tuple[FoundEffect, ...]:
         """Of these, the ones that are named: without what only describes another law of one."""
         return self.naming.own if self.naming else ()
 
@@ -171,7 +171,7 @@ class Diagnosis:
 
     def vetoed(self) -> Diagnosis:
         """The same once held-out data have shown no gain from the effects: what is missing is something else."""
-        summary = sentences.vetoed([suspect.name for suspect in self.found])
+        summary = sentences.vetoed([effect.name for effect in self.found])
         return replace(self, verdict="unknown", summary=summary, confirmed=False)
 
     def falling_short(self, ratio: float) -> Diagnosis:
@@ -225,8 +225,8 @@ class Diagnosis:
     def entry(self) -> DiagnosisFile:
         """What diagnosis.json holds of it."""
         naming = self.naming
-        effects = [self._effect(i, suspect) for i, suspect in enumerate(naming.accepted)] if naming else []
-        describes = [naming.describes(suspect.name) for suspect in naming.accepted] if naming else []
+        effects = [self._effect(effect) for effect in self.found]
+        describes = [naming.describes(effect.name) for effect in naming.found] if naming else []
         first = naming.rankings[0] if naming and naming.rankings else ()
         return DiagnosisFile(
             schema=SCHEMA,
@@ -267,10 +267,9 @@ class Diagnosis:
             return None
         return DifferentPlants(list(found.sources), list(found.ratios), dict(found.factors), found.one_factor)
 
-    def _effect(self, i: int, suspect: Suspect) -> EffectFound:
-        assert self.naming is not None
+    def _effect(self, effect: FoundEffect) -> EffectFound:
         assert self.after is not None
-        found = self.after.plant.effect(suspect.name)
+        found = self.after.plant.effect(effect.name)
         assert found is not None
         parameters = found.to_dict(self.after.plant.unit)["parameters"]
         intervals = {name: found.interval(name) for name in parameters}
@@ -280,11 +279,11 @@ class Diagnosis:
                 name: ParameterFound(**entry, interval=list(between) if (between := intervals[name]) else None)
                 for name, entry in parameters.items()
             },
-            equation=EFFECTS[suspect.name].equation,
-            place=EFFECTS[suspect.name].place,
-            log_likelihood_gain=suspect.gain,
-            confused_with=list(self.naming.equals[i]),
-            predict_the_same=list(self.naming.same[i]) if self.naming.same else [],
+            equation=effect.type.equation,
+            place=effect.type.place,
+            log_likelihood_gain=effect.suspect.gain,
+            confused_with=list(effect.equals),
+            predict_the_same=list(effect.same),
         )
 
     def __str__(self) -> str:
@@ -297,19 +296,19 @@ class Diagnosis:
             for step, ranking in enumerate(self.naming.rankings, 1):
                 shown = ", ".join(f"{s.name} {s.net:+.0f}" for s in ranking[:4])
                 lines.append(f"  step {step}, nats gained net of the price: {shown or 'no suspect'}")
-            for suspect, equals in zip(self.naming.accepted, self.naming.apart, strict=True):
-                found = self.after.plant.effect(suspect.name) if self.after else None
+            for effect in self.naming.found:
+                found = self.after.plant.effect(effect.name) if self.after else None
                 sign = "+" if self.confirmed else "tried, not named:"
-                lines.append(f"  {sign} {found}   [{EFFECTS[suspect.name].equation}]")
-                if self.naming.describes(suspect.name) is not None:
-                    lines.append(f"    {self.naming.relation(suspect.name)}; no effect of its own")
+                lines.append(f"  {sign} {found}   [{effect.type.equation}]")
+                if self.naming.describes(effect.name) is not None:
+                    lines.append(f"    {self.naming.relation(effect.name)}; no effect of its own")
                     continue
                 if self.confirmed:
-                    lines.append(f"    on the rig: {EFFECTS[suspect.name].symptom}")
+                    lines.append(f"    on the rig: {effect.type.symptom}")
                 if found is not None and (caution := found.type.caution_at(found.parameters)):
                     lines.append(f"    {caution}")
-                if equals:
-                    lines.append(f"    equals on these logs: {', '.join(equals)}")
+                if effect.apart:
+                    lines.append(f"    equals on these logs: {', '.join(effect.apart)}")
         lines += [f"  {line}" for line in self.after.zeros_told] if self.after else []
         lines += [f"  ! {change}" for change in self.gain_changes]
         if self.leftover and self.rest:
@@ -317,7 +316,7 @@ class Diagnosis:
             if self.found:
                 lines.append("  the error bars above allow for that as far as the logs show it; they may be too small")
         if self.learned:
-            lines.append(f"  learned: {self.learned.plant.effect('arm_learned')}; {self.learned.reason}")
+            lines.append(f"  learned: {self.learned.effect}; {self.learned.reason}")
         if self.plant is not None and self.confirmed:
             lines.append(f"  {sentences.unexplained(self.left_over, self.command_rms, self.plant.unit)}")
         taken = "; ".join(f"{name.replace('_', ' ')} ({how})" for name, how in ABSORBED.items())

@@ -30,8 +30,9 @@ from .locate.location import Where
 from .locate.seen import long_enough
 from .naming.afresh import afresh, cost
 from .naming.certain import without_absent
-from .naming.fits import Fit, Fitter
-from .naming.forward import START_NOISE, Naming, name_effects, unsettled
+from .naming.fits import Fit, FitRequest, Fitter
+from .naming.forward import START_NOISE, name_effects, unsettled
+from .naming.found import Naming
 from .naming.search import NOTHING_YET, Search
 from .naming.suspects import price_in
 from .naming.upheld import preferred, upheld
@@ -66,7 +67,7 @@ def searched(
     dragged = unexplained > policy.strong * rms or any(m.left < policy.remembered for m in memories)
     anchor = _anchor(_middle(starts) if starts and (dragged or _adrift(before)) else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
-    nominal = fitter(anchor, START_NOISE, records, anchor=anchor, policy=policy)
+    nominal = fitter(FitRequest(anchor, START_NOISE, records, anchor=anchor, policy=policy))
     search = Search(anchor, only, policy, progress, fitter)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),
@@ -75,7 +76,7 @@ def searched(
         dragged,
     )
     verdict, summary = _verdict(naming, rest, policy)
-    if not naming.accepted:
+    if not naming.found:
         before = after
     if abs(zero := _zero_in_counts(naming.final)) > policy.zero_told:
         summary += f" {sentences.zero(zero)}"
@@ -101,13 +102,14 @@ def _named(
         else:
             naming, after, remains = left
     naming = unsettled(naming, remains, policy)
-    return replace(naming, same=interchangeable(naming, logs, policy)), after, remains
+    found = tuple(replace(effect, same=interchangeable(effect, logs, policy)) for effect in naming.found)
+    return replace(naming, found=found), after, remains
 
 
 def _estimated(naming: Naming, before: Estimate, logs: Sequence[Log], search: Search) -> _Answer:
     """The names, the estimate with them, and what that leaves."""
     after = before
-    if naming.accepted:
+    if naming.found:
         search.progress("estimating all parameters together")
         after = with_origin(_all_together(logs, naming.final, search.policy), before.plant)
     search.progress("looking at what is left")
@@ -193,7 +195,7 @@ def _adrift(before: Estimate) -> bool:
 
 def _without_sharpness(before: Estimate, naming: Naming, logs: Sequence[Log], policy: DecisionPolicy) -> Estimate:
     """The estimate without effects. Where a sharpness was found, r is what model (5) has; `before` has it free."""
-    if any(suspect.name == "friction_sharpness" for suspect in naming.accepted):
+    if any(effect.type.sharpens for effect in naming.found):
         plain = identify(logs, naming.nominal.plant, noise=naming.nominal.noise, sharpness=policy.sharpness)
         return with_origin(plain, before.plant)
     return before
@@ -211,7 +213,7 @@ def _anchor(plant: Plant, policy: DecisionPolicy) -> Plant:
 
 def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdict, str]:
     """The verdict, and what it says in sentences."""
-    names = [suspect.name for suspect in naming.own]
+    names = [effect.name for effect in naming.own]
     remains = []
     if rest.matters:
         remains = [sentences.left(rest)]
@@ -221,10 +223,8 @@ def _verdict(naming: Naming, rest: Where, policy: DecisionPolicy) -> tuple[Verdi
         remains = [sentences.refused(naming.refused.name, naming.refused.gain)]
     if not names:
         return ("unknown", remains[0]) if remains else ("none", sentences.nothing(rest))
-    cost = sum(price_in(naming.final, suspect.name) for suspect in naming.accepted)
+    cost = sum(price_in(naming.final, name) for name in naming.names)
     if rest.matters and rest.evidence > naming.nominal.value - naming.final.value - cost:
         return "unknown", f"{remains[0]} {sentences.nearest(names)}"
-    own = {suspect.name for suspect in naming.own}
-    apart = any(equals for s, equals in zip(naming.accepted, naming.apart, strict=True) if s.name in own)
-    verdict = "ambiguous" if apart else "named"
+    verdict = "ambiguous" if any(effect.apart for effect in naming.own) else "named"
     return verdict, " ".join([sentences.misses(naming), *remains])

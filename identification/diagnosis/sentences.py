@@ -7,53 +7,54 @@ from collections.abc import Sequence
 from furuta_gym.plant import EFFECTS
 from furuta_gym.plant.effects.words import number
 
+from ..discrepancy.dependence import Channel, Variable
 from ..validation.gap import HORIZON
 from ..validation.one_rig import OneByOne
 from .locate.location import Where
-from .naming.forward import Naming
+from .naming.found import Naming
 
-_PLACES = {
-    "arm": "a torque on the arm",
-    "pendulum": "a torque on the pendulum",
-    "input": "a torque that comes with the command",
-    "sensor": "an error of a reading",
+_PLACES: dict[Channel | None, str] = {
+    Channel.ARM: "a torque on the arm",
+    Channel.PENDULUM: "a torque on the pendulum",
+    Channel.INPUT: "a torque that comes with the command",
+    Channel.SENSOR: "an error of a reading",
 }
 UNCHANGING = "The parameters are not the same all along the logs: structure remains that changes with time."
 
 
-def effects(names: Sequence[str], same: Sequence[Sequence[str]] = ()) -> str:
-    """Effects in words with their identifiers; same: for each, what would predict the same in its place."""
-    told = []
-    for i, name in enumerate(names):
-        alike = f"; {' or '.join(same[i])} would predict the same" if same and same[i] else ""
-        told.append(f"{EFFECTS[name].title} ({name}{alike})")
-    return " and ".join(told)
+def effects(names: Sequence[str]) -> str:
+    """Effects in words with their identifiers."""
+    return " and ".join(_told(name) for name in names)
+
+
+def _told(name: str, alike: Sequence[str] = ()) -> str:
+    """An effect in words with its identifier, and what would predict the same in its place."""
+    same = f"; {' or '.join(alike)} would predict the same" if alike else ""
+    return f"{EFFECTS[name].title} ({name}{same})"
 
 
 def misses(naming: Naming) -> str:
     """What the model misses, of which effects the law is another, and what was taken back."""
-    own = {suspect.name for suspect in naming.own}
-    which = [i for i, suspect in enumerate(naming.accepted) if suspect.name in own]
-    names = [naming.accepted[i].name for i in which]
-    same = [naming.same[i] for i in which] if naming.same else ()
-    either = ", or one of its equals, which explain these logs as well" if any(naming.apart[i] for i in which) else ""
-    text = f"The model misses {effects(names, same)}{either}."
-    for suspect in naming.accepted:
-        if (of := naming.follows(suspect.name)) is not None:
+    named = " and ".join(_told(effect.name, effect.same) for effect in naming.own)
+    ambiguous = any(effect.apart for effect in naming.own)
+    either = ", or one of its equals, which explain these logs as well" if ambiguous else ""
+    text = f"The model misses {named}{either}."
+    for name in naming.names:
+        if (of := naming.follows(name)) is not None:
             text += (
-                f" The pendulum hung at rest when its counter was set. So from {of} follows {effects([suspect.name])}, "
+                f" The pendulum hung at rest when its counter was set. So from {of} follows {_told(name)}, "
                 "and it is part of the plant for that."
             )
-        elif (of := naming.describes(suspect.name)) is not None:
+        elif (of := naming.describes(name)) is not None:
             text += (
-                f" The law of {of} is not quite the library's: {effects([suspect.name])} describes the difference, "
+                f" The law of {of} is not quite the library's: {_told(name)} describes the difference, "
                 "and is part of the plant for that. Whether it acts on its own, these logs do not show."
             )
     if naming.taken_back:
         back = capital(effects([suspect.name for suspect in naming.taken_back]))
         text += f" {back} would explain more of these logs, but predictions of held-out data do not improve with it."
     for suspect in naming.perhaps_absent:
-        what = capital(effects([suspect.name]))
+        what = capital(_told(suspect.name))
         text += f" {what} would make these logs likelier, but its size may as well be zero. So it is no name."
     return text
 
@@ -96,9 +97,9 @@ def of_no_size(names: Sequence[str], ratio: float) -> str:
 
 def left(rest: Where) -> str:
     """A torque or reading error that remains, with its size."""
-    what = capital(_PLACES.get(rest.channel or "", "something"))
+    what = capital(_PLACES.get(rest.channel, "something"))
     counts = f"{rest.counts.max():.2g}"
-    how = "is constant" if rest.variable == "constant" else f"depends on {rest.variable}"
+    how = "is constant" if rest.variable is Variable.CONSTANT else f"depends on {rest.variable}"
     return (
         f"{what} remains. It {how}, and no effect of the library explains it. It changes a "
         f"prediction {HORIZON:g} s ahead by {counts} count{'' if counts == '1' else 's'} ({rest.evidence:.0f} nats)."

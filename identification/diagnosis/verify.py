@@ -51,7 +51,7 @@ def verified(diagnosis: Diagnosis, held: HeldOut) -> Diagnosis:
         elif (fitted := _with_usual_sharpness(diagnosis, held, gap)) is not None:
             return fitted
     if not diagnosis.leftover and _of_no_size(diagnosis) and at_the_floor:
-        told = sentences.of_no_size([suspect.name for suspect in diagnosis.named], gap.before.ratio_to_floor)
+        told = sentences.of_no_size([effect.name for effect in diagnosis.named], gap.before.ratio_to_floor)
         without = _with_nothing(diagnosis, diagnosis.before, held, held.change(gap.before, gap.before), told)
         if not without.leftover:
             return without
@@ -65,21 +65,21 @@ def _of_no_size(diagnosis: Diagnosis) -> bool:
     assert diagnosis.after is not None
     plant = diagnosis.after.plant
     return bool(diagnosis.found) and all(
-        may_be_absent(plant, suspect.name, diagnosis.policy.present) for suspect in diagnosis.found
+        may_be_absent(plant, effect.name, diagnosis.policy.present) for effect in diagnosis.found
     )
 
 
 def _sharpness_alone(diagnosis: Diagnosis) -> bool:
     """Whether all that was found is another sharpness r of friction. No rig has the paper's r, so another one is worth
     a name only where it shows in predictions and is far from it, or leaves structure."""
-    return [suspect.name for suspect in diagnosis.found] == ["friction_sharpness"] and not diagnosis.leftover
+    return [effect.type.sharpens for effect in diagnosis.found] == [True] and not diagnosis.leftover
 
 
 def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis | None:
     """Model (5) with its r fitted, where both joints' sharpness is near the paper's and one r may be that of both, or
     predicts as well: then r is the parameter that `identify` estimates, and nothing is missing. None elsewhere."""
     assert diagnosis.after is not None
-    apart, factor = diagnosis.after.plant.effect("friction_sharpness"), diagnosis.policy.usual_sharpness
+    apart, factor = diagnosis.after.plant.sharpening, diagnosis.policy.usual_sharpness
     low, high = diagnosis.policy.sharpness / factor, diagnosis.policy.sharpness * factor
     if apart is None or not all(low <= r <= high for r in apart.parameters.values()):
         return None
@@ -116,7 +116,8 @@ def _with_free_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange, su
 def _with_nothing(diagnosis: Diagnosis, fitted: Estimate, held: HeldOut, gap: GapChange, summary: str) -> Diagnosis:
     """The diagnosis without a name: the plant is that of `fitted`, before and after, and so is what is left."""
     assert diagnosis.naming is not None
-    naming = replace(diagnosis.naming, accepted=(), equals=(), same=(), final=diagnosis.naming.nominal)
+    found = diagnosis.naming
+    naming = replace(found, found=(), rejected=found.rankings, final=found.nominal)
     told = replace(diagnosis, verdict="none", summary=summary, before=fitted, after=fitted, naming=naming, gap=gap)
     rest = locate(fitted.plant, moved(held.logs, fitted.zeros), diagnosis.policy)
     left = unexplained_torque(fitted.noise.torque[0]) if fitted.noise else diagnosis.left_over
@@ -171,7 +172,7 @@ def judged(diagnosis: Diagnosis, gap: GapChange, together: Callable[[], float | 
     witness = gap.own_tail if gap.tail is None and diagnosis.timed else gap
     if witness is None:
         if gap.likelier < 0.0 and gap.closed.value < 0.0:
-            names = [suspect.name for suspect in diagnosis.found if suspect.type.follows_clock]
+            names = [effect.name for effect in diagnosis.found if effect.type.follows_clock]
             told = sentences.another_clock(names, gap.over_floor(gap.before), gap.after_over_floor)
             return replace(diagnosis, summary=f"{diagnosis.summary} {told}")
         return diagnosis

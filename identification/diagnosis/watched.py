@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from furuta_gym.plant import Plant
 
-from ..kalman.noise_model import Noise
-from ..kalman.record import Record
-from .naming.fits import Fit, Fitter
+from .naming.fits import Fit, FitRequest, Fitter
 
 
 @dataclass(frozen=True)
@@ -37,11 +34,11 @@ class Watched:
         self._fitter, self._watch = fitter, watch
         self._samples: int | None = None
 
-    def __call__(self, plant: Plant, noise: Noise, records: Sequence[Record], **asked: Any) -> Fit:
-        found = self._fitter(plant, noise, records, **asked)
-        samples = sum(len(r.t) for r in records)
+    def __call__(self, request: FitRequest) -> Fit:
+        found = self._fitter(request)
+        samples = sum(len(r.t) for r in request.records)
         if self._samples is None:
             self._samples = samples
         if samples == self._samples:
-            self._watch(Tried(found.plant, -found.value, asked.get("effort") in ("coarse", "quick")))
+            self._watch(Tried(found.plant, -found.value, request.rough))
         return found

@@ -19,6 +19,7 @@ from furuta_gym.plant.regressor import regressor
 
 from ..friction_memory import bristle
 from ..kalman.path import FilterPath
+from .dependence import ZEROS, Channel, Dependence, Variable
 
 Array = NDArray[np.float64]
 
@@ -56,27 +57,42 @@ class Signals:
         return np.concatenate([[0.0], np.cumsum(self.v[:-1, row] * np.diff(self.t))])
 
 
-ZEROS = {"time (zero of the arm)": "arm angle", "time (zero of the pendulum)": "pendulum angle"}
-"""Variables of the readings' zeros in time, and what is read."""
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """m columns of torque (N, 2, m) on the two rows, or of reading error (N, 2, m) [rad]."""
 
-
-@dataclass(frozen=True)
-class Family:
-    """m columns of torque (N, 2, m) on the two rows, or of reading error (N, 2, m) [rad], and what they stand for.
-
-    channel: arm, pendulum, input, sensor or parameters; variable: what they depend on, in words ("constant": nothing).
-    price [nats]: what was gained by chance when the columns were chosen to suit the data.
-    """
-
-    channel: str
-    variable: str
     torque: Array | None = None
     misreading: Array | None = None
-    price: float = 0.0
 
     @property
     def size(self) -> int:
         return (self.torque if self.torque is not None else self.misreading).shape[2]  # type: ignore[union-attr]
+
+
+@dataclass(frozen=True)
+class Family(Columns):
+    """Columns, and what they stand for: where they enter, and what they depend on.
+
+    price [nats]: what was gained by chance when the columns were chosen to suit the data. theta: of a parameter over
+    time, its number (1 … 9).
+    """
+
+    channel: Channel
+    variable: Variable
+    price: float = 0.0
+    theta: int | None = None
+
+    @property
+    def dependence(self) -> Dependence:
+        """Parameters that change in time belong together: friction of each axis, and what the masses make."""
+        if self.theta is None:
+            return Dependence(self.channel, self.variable)
+        return _IN_TIME.get(self.theta, Dependence(Channel.PENDULUM, Variable.MASSES_IN_TIME))
+
+
+_IN_TIME = dict.fromkeys((6, 8), Dependence(Channel.ARM, Variable.FRICTION_IN_TIME)) | dict.fromkeys(
+    (7, 9), Dependence(Channel.PENDULUM, Variable.FRICTION_IN_TIME)
+)
 
 
 @dataclass(frozen=True)
@@ -110,32 +126,36 @@ def families(
     memory = [_low_pass(v1, tau / T) for tau in _MEMORY] + [bristle(s.way(0), z) for z in _BRISTLES]
     memory2 = [_low_pass(v2, tau / T) for tau in _MEMORY] + [bristle(s.way(1), z) for z in _BRISTLES]
     found = []
-    for row, channel in enumerate(("arm", "pendulum")):
+    for row, channel in enumerate((Channel.ARM, Channel.PENDULUM)):
         found += [
-            Family(channel, "constant", on_row(row, np.ones_like(q1))),
-            Family(channel, "arm angle", on_row(row, angle1)),
-            Family(channel, "arm speed", on_row(row, *speed1)),
-            Family(channel, "pendulum angle", on_row(row, angle2)),
-            Family(channel, "pendulum speed", on_row(row, *speed2)),
-            Family(channel, "memory of the motion", on_row(row, *(memory if row == 0 else memory2))),
+            Family(channel, Variable.CONSTANT, torque=on_row(row, np.ones_like(q1))),
+            Family(channel, Variable.ARM_ANGLE, torque=on_row(row, angle1)),
+            Family(channel, Variable.ARM_SPEED, torque=on_row(row, *speed1)),
+            Family(channel, Variable.PENDULUM_ANGLE, torque=on_row(row, angle2)),
+            Family(channel, Variable.PENDULUM_SPEED, torque=on_row(row, *speed2)),
+            Family(channel, Variable.MEMORY, torque=on_row(row, *(memory if row == 0 else memory2))),
         ]
         if peaks.hertz:
             waves = [w(2 * math.pi * f * t) for f in peaks.hertz for w in (np.sin, np.cos)]
-            found.append(Family(channel, "frequency", on_row(row, *waves), price=peaks.price))
+            found.append(Family(channel, Variable.FREQUENCY, torque=on_row(row, *waves), price=peaks.price))
+    turned = on_row(0, np.sin(q1) * c1, np.cos(q1) * c1)
+    read1, read2 = (np.sin(y1), np.cos(y1) - 1.0), (np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)
     found += [
-        Family("arm", "arm angle and direction", on_row(0, np.sin(q1) * c1, np.cos(q1) * c1)),
-        Family("input", "command", on_row(0, hats(u, knots.u), u**3)),
-        Family("input", "change of the command", on_row(0, *late)),
-        Family("sensor", "arm angle", None, on_row(0, np.sin(y1), np.cos(y1) - 1.0)),
-        Family("sensor", "pendulum angle", None, on_row(1, np.ones_like(y2), np.sin(y2), np.cos(y2) - 1.0)),
+        Family(Channel.ARM, Variable.ARM_ANGLE_AND_DIRECTION, torque=turned),
+        Family(Channel.INPUT, Variable.COMMAND, torque=on_row(0, hats(u, knots.u), u**3)),
+        Family(Channel.INPUT, Variable.COMMAND_CHANGE, torque=on_row(0, *late)),
+        Family(Channel.SENSOR, Variable.ARM_ANGLE, misreading=on_row(0, *read1)),
+        Family(Channel.SENSOR, Variable.PENDULUM_ANGLE, misreading=on_row(1, *read2)),
     ]
     over_time = stages(t, span or (t[0], t[-1]))
-    found.append(Family("input", "time (gain)", on_row(0, *(u * stage for stage in over_time))))
-    found += [Family("sensor", zero, None, on_row(row, *over_time)) for row, zero in enumerate(ZEROS)]
+    gains = on_row(0, *(u * stage for stage in over_time))
+    found.append(Family(Channel.INPUT, Variable.GAIN_IN_TIME, torque=gains))
+    for row, zero in enumerate(ZEROS.values()):
+        found.append(Family(Channel.SENSOR, zero, misreading=on_row(row, *over_time)))
     torques = parameter_torques(s, plant)
     for i in range(9):
-        columns = np.stack([torques[:, :, i] * stage[:, None] for stage in over_time], axis=2)
-        found.append(Family("parameters", f"theta{i + 1} over time", columns))
+        changing = np.stack([torques[:, :, i] * stage[:, None] for stage in over_time], axis=2)
+        found.append(Family(Channel.PARAMETERS, Variable.TIME, theta=i + 1, torque=changing))
     return found
 
 

@@ -8,6 +8,7 @@ under it, until nothing changes. What then passes as torque noise is what no smo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,8 @@ from ..kalman.likelihood import innovation_cost, whiten
 from ..kalman.noise import NoiseFit, fit_noise, likeliest
 from ..kalman.path import FilterPath, along, refilter, smooth
 from ..kalman.record import Record
-from .basis import Family, Knots, Peaks, Signals, families
+from .basis import Columns, Family, Knots, Peaks, Signals, families
+from .dependence import Channel
 from .response import Normal, Solution, solve
 
 Array = NDArray[np.float64]
@@ -31,6 +33,8 @@ HIGHEST_FREQUENCY = 25.0
 _BELIEVED = 3.0  # nats of evidence below which nothing is corrected
 _CONVERGED = 3.0  # nats
 _ROUNDS = 6
+_ON_THE_ARM = {Channel.ARM: 1.0, Channel.INPUT: 1.0, Channel.PENDULUM: 0.0}
+"""The share of a correction that the arm's row takes, of others a half."""
 
 
 @dataclass(frozen=True)
@@ -100,18 +104,18 @@ def spectral_peaks(path: FilterPath, most: int = 2) -> Peaks:
     return Peaks(tuple(hertz), max(1, int(inside.sum())))
 
 
-def combined(columns: list[Family], coefficients: Array) -> tuple[Array, Array]:
-    """Torque and reading error (N, 2) that coefficients of the families' columns stand for."""
-    N = len(columns[0].torque if columns[0].torque is not None else columns[0].misreading)  # type: ignore[arg-type]
+def combined(every: Sequence[Columns], coefficients: Array) -> tuple[Array, Array]:
+    """Torque and reading error (N, 2) that coefficients of the columns stand for."""
+    N = len(every[0].torque if every[0].torque is not None else every[0].misreading)  # type: ignore[arg-type]
     torque, misreading = np.zeros((N, 2)), np.zeros((N, 2))
     at = 0
-    for family in columns:
-        c = coefficients[at : at + family.size]
-        at += family.size
-        if family.torque is not None:
-            torque += family.torque @ c
-        if family.misreading is not None:
-            misreading += family.misreading @ c
+    for columns in every:
+        c = coefficients[at : at + columns.size]
+        at += columns.size
+        if columns.torque is not None:
+            torque += columns.torque @ c
+        if columns.misreading is not None:
+            misreading += columns.misreading @ c
     return torque, misreading
 
 
@@ -121,6 +125,6 @@ def _used(columns: list[Family], solution: Solution) -> Array:
     for family in columns:
         share = float(solution.leverage[at : at + family.size].sum())
         at += family.size
-        arm = {"arm": 1.0, "input": 1.0, "pendulum": 0.0}.get(family.channel, 0.5)
+        arm = _ON_THE_ARM.get(family.channel, 0.5)
         used += share * np.array([arm, 1.0 - arm])
     return used

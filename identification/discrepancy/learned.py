@@ -20,7 +20,7 @@ from ..kalman.likelihood import whiten
 from ..kalman.noise import fit_noise
 from ..kalman.path import FilterPath, along, smooth
 from ..kalman.record import Record
-from .basis import Family, Signals, parameter_torques
+from .basis import Columns, Signals, parameter_torques
 from .response import PRECISIONS, answers, most_likely_precision
 
 Array = NDArray[np.float64]
@@ -54,9 +54,9 @@ def most_likely_surface(plant: Plant, records: Sequence[Record], refitted: bool 
     gram, right = np.zeros((m + theta, m + theta)), np.zeros(m + theta)
     for path, s in zip(paths, signals, strict=True):
         columns = surface_columns(s.q[:, 0], s.v[:, 0], edges["low"], edges["width"], edges["w"])
-        D = answers(path, Family("arm", "arm angle and speed", np.stack([columns, np.zeros_like(columns)], axis=1)))
+        D = answers(path, Columns(torque=np.stack([columns, np.zeros_like(columns)], axis=1)))
         if theta:
-            D = np.concatenate([D, answers(path, Family("parameters", "theta", parameter_torques(s, plant)))], axis=1)
+            D = np.concatenate([D, answers(path, Columns(torque=parameter_torques(s, plant)))], axis=1)
         gram += D.T @ D
         right += -D.T @ whiten(path.e, path.S).ravel() + D.T @ (D[:, :m] @ c)
     G, r = _without(gram, right, m)

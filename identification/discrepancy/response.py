@@ -18,7 +18,7 @@ from furuta_gym.plant.compiled import compiled
 from ..kalman.likelihood import whiten
 from ..kalman.path import FilterPath
 from ..normal_equations import ScaledGram
-from .basis import Family
+from .basis import Columns
 
 Array = NDArray[np.float64]
 
@@ -26,26 +26,26 @@ PRECISIONS = 10.0 ** np.arange(-6.0, 4.0, 0.5)
 """Precisions of a common prior on coefficients that are tried, over the size of the data's own."""
 
 
-def answers(path: FilterPath, family: Family) -> Array:
-    """Whitened answer (2 N, m) of the innovations to each column of a family."""
+def answers(path: FilterPath, columns: Columns) -> Array:
+    """Whitened answer (2 N, m) of the innovations to each of some columns."""
     n = path.states
-    family_rows = np.zeros((0, 2, family.size))
-    torque = family_rows if family.torque is None else np.ascontiguousarray(family.torque)
-    misreading = family_rows if family.misreading is None else np.ascontiguousarray(family.misreading)
-    out = np.zeros((len(path.e), 2, family.size))
+    none = np.zeros((0, 2, columns.size))
+    torque = none if columns.torque is None else np.ascontiguousarray(columns.torque)
+    misreading = none if columns.misreading is None else np.ascontiguousarray(columns.misreading)
+    out = np.zeros((len(path.e), 2, columns.size))
     kept = (path.transition[:, :n, :n], path.push[:, :n], path.reading[:, :, :n], path.gain[:, :n])
     _answers(*(np.ascontiguousarray(a) for a in kept), path.used, torque, misreading, out)
-    return whiten(out, path.S).reshape(-1, family.size)
+    return whiten(out, path.S).reshape(-1, columns.size)
 
 
-def _side_by_side(found: Sequence[Family]) -> Iterator[Family]:
-    """The families with neighbours of one kind joined, in the same order: a pass over a log costs little more for many
+def _side_by_side(found: Sequence[Columns]) -> Iterator[Columns]:
+    """The columns with neighbours of one kind joined, in the same order: a pass over a log costs little more for many
     columns than for a few."""
-    for _, group in groupby(found, lambda family: (family.torque is None, family.misreading is None)):
-        families = list(group)
-        torque = _joined([family.torque for family in families])
-        misreading = _joined([family.misreading for family in families])
-        yield Family(families[0].channel, families[0].variable, torque, misreading)
+    for _, group in groupby(found, lambda columns: (columns.torque is None, columns.misreading is None)):
+        every = list(group)
+        torque = _joined([columns.torque for columns in every])
+        misreading = _joined([columns.misreading for columns in every])
+        yield Columns(torque=torque, misreading=misreading)
 
 
 def _joined(columns: Sequence[Array | None]) -> Array | None:
@@ -62,7 +62,7 @@ class Normal:
     square: float
 
     @classmethod
-    def of(cls, path: FilterPath, found: Sequence[Family]) -> Normal:
+    def of(cls, path: FilterPath, found: Sequence[Columns]) -> Normal:
         return cls.of_columns(path, [answers(path, family) for family in _side_by_side(found)])
 
     @classmethod

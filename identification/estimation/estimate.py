@@ -19,7 +19,7 @@ from furuta_gym.plant.parameters import THETA_MEANING
 from furuta_gym.plant.rigid_body import ConsistencyCheck, physical_consistency
 
 from ..kalman.coordinates import SHARPNESS_NAMES, Zeros
-from .identifiability import LOST, WEAK, Identifiability, spoken
+from .identifiability import LOST, WEAK, Identifiability, Level, spoken
 from .informative import spans_text
 from .optimise import Optimum
 from .prediction_error import PredictionError
@@ -158,7 +158,7 @@ class Estimate:
     @property
     def valid(self) -> bool:
         """Converged, everything identified, nothing at a bound."""
-        return self.converged and self.identifiability.level != "not identifiable" and not self.at_bound
+        return self.converged and self.identifiability.level is not Level.LOST and not self.at_bound
 
     def value(self, name: str) -> float:
         """An estimated or fixed value by name. Raises KeyError with the names there are."""
@@ -304,7 +304,7 @@ class Estimate:
         if not self.converged:
             return "did not converge; the numbers are not an optimum"
         good = _ALL if self.names else "no parameter was free"
-        parts = [self.identifiability.level if self.identifiability.level != "good" else good]
+        parts = [good if self.identifiability.level is Level.GOOD else self.identifiability.level]
         if self.identifiability.weak or self.identifiability.unidentified:
             lost, weak = self.identifiability.unidentified, self.identifiability.weak
             said = f", not {spoken(lost)}" if lost else ""

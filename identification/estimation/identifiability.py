@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,9 +74,17 @@ class Motion:
         )
 
 
+class Level(StrEnum):
+    """How far logs determine the parameters, as tables and plant files have it."""
+
+    GOOD = "good"
+    WEAK = "weak"
+    LOST = "not identifiable"
+
+
 @dataclass(frozen=True)
 class Identifiability:
-    """The verdict. level: "good", "weak" or "not identifiable".
+    """The verdict.
 
     unidentified, weak: names of parameters. relative_std: of every estimated parameter, the standard deviation of a
     right model over the reference of `judge` (its size; of friction at least a tenth of the arm's friction at the
@@ -84,7 +93,7 @@ class Identifiability:
     weakest: the last direction as {name: component}. advice: sentences, each with what to do.
     """
 
-    level: str
+    level: Level
     unidentified: tuple[str, ...] = ()
     weak: tuple[str, ...] = ()
     relative_std: Mapping[str, float] = None  # type: ignore[assignment]
@@ -94,14 +103,16 @@ class Identifiability:
 
     @property
     def summary(self) -> str:
-        head = {"good": "all parameters are identified", "weak": "some parameters are weak"}.get(self.level, "")
-        if self.level == "not identifiable":
-            head = f"these logs do not show {spoken(self.unidentified)}"
+        head = {
+            Level.GOOD: "all parameters are identified",
+            Level.WEAK: "some parameters are weak",
+            Level.LOST: f"these logs do not show {spoken(self.unidentified)}",
+        }[self.level]
         return ": ".join([head, "; ".join(self.advice)] if self.advice else [head])
 
     def to_dict(self) -> dict[str, object]:
         return {
-            "level": self.level,
+            "level": self.level.value,
             "not_identified": list(self.unidentified),
             "weak": list(self.weak),
             "relative_std": {k: float(v) for k, v in (self.relative_std or {}).items()},
@@ -156,7 +167,7 @@ def gate(logs: Sequence[Log], known: Iterable[str] = ()) -> Identifiability | No
     lost = [n for n in dict.fromkeys(lost) if n not in set(known)]
     if not lost:
         return None
-    return Identifiability("not identifiable", tuple(lost), advice=tuple(advice))
+    return Identifiability(Level.LOST, tuple(lost), advice=tuple(advice))
 
 
 def judge(
@@ -171,7 +182,7 @@ def judge(
 
     sizes: of parameters that may well be zero, what would be worth noticing of them. Good where no value is free."""
     if not names:
-        return Identifiability("good")
+        return Identifiability(Level.GOOD)
     reference = np.maximum(_references(names, values, motion), [(sizes or {}).get(name, 0.0) for name in names])
     scaled = information * np.outer(reference, reference)
     eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -183,7 +194,7 @@ def judge(
     lost = tuple(n for n, s in judged.items() if not s < LOST or (_scale_is_lost(judged) and n in _BY_PULL))
     weak = tuple(n for n, s in judged.items() if WEAK < s < LOST and n not in lost)
     weakest = {n: float(c) for n, c in zip(names, direction, strict=True) if abs(c) > 0.25}
-    level = "not identifiable" if lost else "weak" if weak else "good"
+    level = Level.LOST if lost else Level.WEAK if weak else Level.GOOD
     advice = tuple(_advice((*lost, *weak), relative, motion))
     return Identifiability(level, lost, weak, relative, tuple(singular.tolist()), weakest, advice)
 

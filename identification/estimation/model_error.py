@@ -18,7 +18,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..discrepancy.basis import Family, Knots, Peaks, Signals, families, on_row
+from ..discrepancy.basis import Columns, Family, Knots, Peaks, Signals, families, on_row
+from ..discrepancy.dependence import Channel
 from ..discrepancy.response import Normal, answers
 from ..kalman.coordinates import Coordinate, filled_plant
 from ..kalman.likelihood import whiten
@@ -38,7 +39,7 @@ _STEP = 1e-5  # of a coordinate, for differences of two paths
 _VARIANCES = 10.0 ** np.arange(-3.0, 4.5, 0.5)  # τ² that are tried, for columns whose answers have length one
 _SWEEPS = 6
 _JITTER = 1e-9
-_ARM = ("theta1", "theta6", "theta8")  # of θ, what stands in the arm's row alone
+_ARM = (1, 6, 8)  # of θ1 … θ9, what stands in the arm's row alone
 
 
 @one_blas_thread
@@ -146,14 +147,14 @@ def path_at(problem: PredictionError, z: Array, record: Record) -> FilterPath | 
 
 def _normal(
     problem: PredictionError, z: Array, own: Sequence[int], paths: Sequence[FilterPath]
-) -> tuple[Normal, list[str]] | None:
+) -> tuple[Normal, list[Channel]] | None:
     """Normal equations of the innovations on the coordinates `own`, then on every family's columns, and the group
     of each of these; None where a shifted filter loses a log."""
     signals = [Signals.of(path) for path in paths]
     knots = Knots.of(signals)
     span = min(s.t[0] for s in signals), max(s.t[-1] for s in signals)
     found = []
-    groups: list[str] = []
+    groups: list[Channel] = []
     for path, s in zip(paths, signals, strict=True):
         columns = families(s, path.plant, knots, Peaks(), span)  # peaks are picked from the data, at a price
         slopes = _slopes(problem, z, own, path)
@@ -164,11 +165,11 @@ def _normal(
     return Normal.together(found), groups
 
 
-def _group(family: Family) -> str:
+def _group(family: Family) -> Channel:
     """The row that a family pushes, or sensor; what pushes both counts for the pendulum's, which is the weaker."""
-    if family.channel == "parameters":
-        return "arm" if family.variable.startswith(_ARM) else "pendulum"
-    return "arm" if family.channel == "input" else family.channel
+    if family.theta is not None:
+        return Channel.ARM if family.theta in _ARM else Channel.PENDULUM
+    return Channel.ARM if family.channel is Channel.INPUT else family.channel
 
 
 def _slopes(problem: PredictionError, z: Array, own: Sequence[int], path: FilterPath) -> Array | None:
@@ -178,7 +179,7 @@ def _slopes(problem: PredictionError, z: Array, own: Sequence[int], path: Filter
         c = problem.coordinates[i]
         if c.zero_of is not None:
             there = np.full(len(path.e), c.scale if c.zero_of == path.record.log else 0.0)
-            return answers(path, Family("sensor", c.name, None, on_row(c.row, there)))
+            return answers(path, Columns(misreading=on_row(c.row, there)))
         ends = [_shifted(problem, c, i, z, step, path) for step in (_STEP, -_STEP)]
         (high, above), (low, below) = ends
         if above is None or below is None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..discrepancy.basis import Family, Signals, on_row, parameter_torques
+from ..discrepancy.basis import Columns, Signals, on_row, parameter_torques
 from ..discrepancy.response import answers
 from ..kalman.likelihood import whiten
 from ..kalman.path import FilterPath
@@ -76,7 +76,7 @@ def gain_change(source: str, paths: Sequence[FilterPath], start: float = 0.0) ->
     since = start + first + _STEPS[best] * (last - first) if best < len(_STEPS) else None
     if not before > 0 < before + change:
         return None
-    drifts = paths[0].plant.effect("input_gain_drift") is not None
+    drifts = any(effect.type.changes_gain for effect in paths[0].plant.effects)
     return GainChange(source, (before + change) / before, since, sure, drifts)
 
 
@@ -99,9 +99,9 @@ def _regressed(paths: Sequence[FilterPath], shapes: Callable[[Array], list[Array
         changing = [signals.u, theta[_VISCOUS] * torques[:, 0, _VISCOUS], theta[_COULOMB] * torques[:, 0, _COULOMB]]
         over_time.append(np.column_stack(shapes(path.record.t)))
         columns = [shape * torque for shape in over_time[-1].T for torque in changing]
-        constant = answers(path, Family("arm", "constant", on_row(0, np.ones_like(signals.u))))
-        base.append(np.column_stack([answers(path, Family("parameters", "theta", torques)), constant]))
-        added.append(answers(path, Family("input", "over time", on_row(0, *columns))))
+        constant = answers(path, Columns(torque=on_row(0, np.ones_like(signals.u))))
+        base.append(np.column_stack([answers(path, Columns(torque=torques)), constant]))
+        added.append(answers(path, Columns(torque=on_row(0, *columns))))
         left.append(whiten(path.e, path.S).ravel())
     A, D, w = np.concatenate(base), np.concatenate(added), np.concatenate(left)
     length = np.linalg.norm(A, axis=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -16,16 +16,14 @@ from . import checks as log_checks
 from .checks import LogArgumentError, LogError
 from .gaps import evened
 from .jumps import warn_about_jumps
+from .rig_mapping import RigMapping
 from .said import (
     COLUMNS,
     RADIANS,
     SECONDS,
     parse_angle_units,
-    parse_columns,
     parse_counts,
-    parse_flip,
     parse_gain,
-    parse_scale,
     parse_unit,
     parse_zero,
     seconds_of,
@@ -55,31 +53,24 @@ class Mapped:
 
 def map_table(
     table: Table,
+    said: RigMapping,
     *,
-    columns: str | Mapping[str, str] | None,
-    unit: str | Mapping[str, str] | None,
-    pendulum_zero: str | None,
-    flip: str | Iterable[str],
-    encoder_counts: float | str | Sequence[float] | None,
-    input_unit: str | None,
-    input_scale: float,
-    device: str | None,
-    controller_gain: str | Sequence[float] | None,
-    time_unit: str,
-    constant_command: str,
+    device: str | None = None,
+    controller_gain: str | Sequence[float] | None = None,
+    constant_command: str = "error",
 ) -> Mapped:
-    """Map and check; the arguments are those of `identification.logs.read_log`."""
+    """Map and check. said: how the table is to be read; the others are arguments of `identification.logs.read_log`."""
     name = table.name
     if constant_command not in ("error", "warn", "ignore"):
         raise LogArgumentError("constant_command", repr(constant_command), "expected error, warn or ignore")
-    factor = seconds_of(time_unit)
-    gain_of_u = parse_scale(input_scale)
-    names = _find_columns(table, parse_columns(columns))
+    factor = seconds_of(said.time_unit or "s")
+    gain_of_u = 1.0 if said.input_scale is None else said.input_scale
+    names = _find_columns(table, said.columns)
     metadata = _named(table.metadata)
     stored = metadata.get
-    units = _angle_units(name, unit, stored("angle_unit"))
-    zero = _prefer(name, "pendulum_zero", pendulum_zero, stored("pendulum_zero"), parse_zero) or "upright"
-    flips = parse_flip(flip)
+    units = _angle_units(name, said.angle_units, stored("angle_unit"))
+    zero = _prefer(name, "pendulum_zero", said.pendulum_zero, stored("pendulum_zero"), parse_zero) or "upright"
+    flips = said.flip or ()
     sign = dict.fromkeys(("q1", "q2", "u"), 1.0) | dict.fromkeys(flips, -1.0)
 
     raw = {ours: table.numbers(theirs) for ours, theirs in names.items()}
@@ -105,7 +96,7 @@ def map_table(
     log_checks.check_length(name, len(t))
     log_checks.check_command(name, raw["u"], constant_command)
 
-    counts = _prefer(name, "encoder_counts", encoder_counts, stored("encoder_counts"), parse_counts)
+    counts = _prefer(name, "encoder_counts", said.encoder_counts, stored("encoder_counts"), parse_counts)
     known: dict[str, float | None] = dict(zip(("q1", "q2"), counts or (None, None), strict=True))
     scale = {q: _radians(name, units[q], known[q]) for q in ("q1", "q2")}
     odd_unit = [
@@ -125,7 +116,7 @@ def map_table(
     u = sign["u"] * gain_of_u * raw["u"]
 
     facts: dict[str, Any] = {}
-    chosen = _prefer(name, "input_unit", input_unit, stored("input_unit"), parse_unit)
+    chosen = _prefer(name, "input_unit", said.input_unit, stored("input_unit"), parse_unit)
     facts["input_unit"] = chosen or "V"
     facts["device"] = _prefer(name, "device", device, stored("device"))
     facts["encoder_counts"] = counts
@@ -137,8 +128,8 @@ def map_table(
     facts["read_as"] = _read_as(names, units, zero, sign, known, gain_of_u, _seconds(names["t"], factor, first))
 
     log_checks.warn_about_clock(name, t)
-    for said in dict.fromkeys(table.silent[column] for column in names.values() if column in table.silent):
-        log_checks.warn(said)
+    for silence in dict.fromkeys(table.silent[column] for column in names.values() if column in table.silent):
+        log_checks.warn(silence)
     log_checks.warn_about_command(name, names["u"], u)
     log_checks.check_motion(name, q1, q2)
     log_checks.warn_about_held(name, {names["q1"]: q1, names["q2"]: q2})
@@ -250,10 +241,10 @@ def _guess(ours: str, free: Sequence[str]) -> str | None:
     return plain[near[0]] if near else None
 
 
-def _angle_units(name: str, given: str | Mapping[str, str] | None, stored: str | None) -> dict[str, str]:
+def _angle_units(name: str, said: Mapping[str, str], stored: str | None) -> dict[str, str]:
     """Units of q1 and q2: of each what the user says, else what the file says, else rad."""
     try:
-        said, held = ({} if units is None else parse_angle_units(units) for units in (given, stored))
+        held = {} if stored is None else parse_angle_units(stored)
     except LogError as error:
         raise LogError(f"{name}: {error}") from None
     chosen = {q: _prefer(name, f"the angle unit of {q}", said.get(q), held.get(q)) for q in ("q1", "q2")}

@@ -59,21 +59,6 @@ def read_log(
     """
     skip = parse_skip(skip)
     cuts = parse_cuts(cut)
-    table = read_table(path) if table is None else table
-    mapped = map_table(
-        table,
-        columns=columns,
-        unit=unit,
-        pendulum_zero=pendulum_zero,
-        flip=flip,
-        encoder_counts=encoder_counts,
-        input_unit=input_unit,
-        input_scale=input_scale,
-        device=device,
-        controller_gain=controller_gain,
-        time_unit=time_unit,
-        constant_command=constant_command,
-    )
     said = RigMapping.of(
         columns,
         unit,
@@ -86,6 +71,8 @@ def read_log(
         skip=skip or None,
         cut=cuts or None,
     )
+    table = read_table(path) if table is None else table
+    mapped = map_table(table, said, device=device, controller_gain=controller_gain, constant_command=constant_command)
     for note in table.notes if said.empty else ():  # where names are given, they were found
         warn(note)
     digest = table.sha256 or file_hash(path)

@@ -104,12 +104,16 @@ class RigMapping:
         """Names in the file by our names, of those that are said."""
         return {name: value for name in COLUMNS if (value := getattr(self, name)) is not None}
 
+    @property
+    def angle_units(self) -> dict[str, str]:
+        """Units of the angles by their names, of those that are said."""
+        return {axis: unit for axis in ANGLES if (unit := getattr(self, f"unit_{axis}")) is not None}
+
     def arguments(self) -> dict[str, Any]:
         """The same as arguments of `read_log`."""
-        units = {axis: unit for axis in ANGLES if (unit := getattr(self, f"unit_{axis}")) is not None}
         return {
             "columns": self.columns or None,
-            "unit": units or None,
+            "unit": self.angle_units or None,
             "pendulum_zero": self.pendulum_zero,
             "flip": self.flip or (),
             "encoder_counts": self.encoder_counts,
@@ -122,7 +126,7 @@ class RigMapping:
 
     def options(self) -> str:
         """The same as options of the command line; "" where nothing is said."""
-        units = self.arguments()["unit"] or {}
+        units = self.angle_units
         same = len(set(units.values())) == 1 and len(units) == 2
         counts = self.encoder_counts or ()
         said = {

@@ -11,8 +11,9 @@ import pytest
 
 from experiments.report import advice
 from furuta_gym.plant import Plant
+from identification.diagnosis.naming.found import FoundEffect
 from identification.logs.log import Log
-from tests.identification.diagnosis.fits import naming, suspect
+from tests.identification.diagnosis.fits import suspect
 
 PLANT = Plant.resolve("table3")
 NAMES = ("input_delay", "actuator_lag", "input_dead_zone", "arm_backlash")
@@ -26,8 +27,9 @@ def diagnosis(equals: tuple[tuple[str, ...], ...]) -> Any:
         return SimpleNamespace(name=name, fit=SimpleNamespace(plant=PLANT.with_effects(effect)))
 
     ranking = [suspect(name) for name in NAMES]
-    naming = SimpleNamespace(accepted=[ranking[0], ranking[2]], apart=equals, rankings=[ranking, ranking])
-    return SimpleNamespace(naming=naming, after=SimpleNamespace(plant=PLANT))
+    named = zip((ranking[0], ranking[2]), equals, strict=True)
+    found = [FoundEffect((first, *(s for s in ranking if s is not first)), names) for first, names in named]
+    return SimpleNamespace(naming=SimpleNamespace(found=found), after=SimpleNamespace(plant=PLANT))
 
 
 def log(q2: float) -> Log:
@@ -63,14 +65,9 @@ def test_the_first_set_of_equals_counts(asked: list[Any]) -> None:
 def test_equals_that_predict_the_same_are_no_reason_for_an_experiment(asked: list[Any]) -> None:
     lag, delay = suspect("actuator_lag", 60.0), suspect("input_delay", 58.0)
     spring, cable = suspect("arm_spring", 900.0), suspect("arm_cable", 899.0)
-    found = naming(
-        lag,
-        spring,
-        equals=(("input_delay",), ("arm_cable",)),
-        rankings=((lag, delay), (spring, cable)),
-        same=(("input_delay",), ()),
-    )
-    told: Any = SimpleNamespace(naming=found, after=SimpleNamespace(plant=PLANT))
+    alike = FoundEffect((lag, delay), equals=("input_delay",), same=("input_delay",))
+    found = [alike, FoundEffect((spring, cable), equals=("arm_cable",))]
+    told: Any = SimpleNamespace(naming=SimpleNamespace(found=found), after=SimpleNamespace(plant=PLANT))
     advice.design_next(told, [log(0.0)])
     assert [e.name for e in asked[0][1]] == ["arm_spring", "arm_cable"]
 

@@ -271,6 +271,16 @@ class EffectType:
         return bool({"r1", "r2"} & set(self.arguments.get("torque", ())))
 
     @property
+    def sharpens(self) -> bool:
+        """Whether it gives friction another sharpness than the plant's own."""
+        return bool({"r1", "r2"} & set(self.changes))
+
+    @property
+    def changes_gain(self) -> bool:
+        """Whether it is a gain of the command that changes in time."""
+        return {"t", "tau"} <= set(self.arguments.get("torque", ()))
+
+    @property
     def whole_number(self) -> bool:
         """Whether it has a shape that is a whole number, which no descent moves."""
         return any(p.integer and p.role == "shape" for p in self.parameters)

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...discrepancy.basis import Family, Signals, parameter_torques
+from ...discrepancy.basis import Columns, Family, Signals, parameter_torques
 from ...discrepancy.correction import Flexible, combined
+from ...discrepancy.dependence import Dependence
 from ...discrepancy.prediction_change import prediction_change
 from ...discrepancy.response import Normal
 from ...estimation.pool import mapped, shared_pool
@@ -55,16 +56,14 @@ class Evidence:
     change: Array
 
 
-def evidence_of(
-    looks: Sequence[Look], columns: Sequence[list[Family]], chosen: Collection[tuple[str, str]]
-) -> Evidence:
-    """Evidence of families, by channel and variable: the price is of their directions and of the search for them, the
+def evidence_of(looks: Sequence[Look], columns: Sequence[list[Family]], chosen: Collection[Dependence]) -> Evidence:
+    """Evidence of the families that are chosen: the price is of their directions and of the search for them, the
     noise estimated anew on both sides.
 
     With the noise held at what the plain model needs, a missing torque passes for torque noise and its evidence
     shrinks tenfold.
     """
-    own = [[f for f in group if _merged(f) in chosen] for group in columns]
+    own = [[f for f in group if f.dependence in chosen] for group in columns]
     with_it, without = mapped(shared_pool(), lambda added: _refit(looks, added), (own, [[] for _ in looks]))
     samples = sum(int(look.plain.used.sum()) for look in looks)
     price = 0.5 * with_it.directions * math.log(samples) + sum(f.price for f in own[0])
@@ -120,20 +119,20 @@ def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy
     )
     left = _apart(total, 9)
     whole = max(_gain(left, np.arange(len(left.right)))[0], 1e-12)
-    groups: dict[tuple[str, str], list[int]] = {}
-    searched: dict[tuple[str, str], float] = {}
+    groups: dict[Dependence, list[int]] = {}
+    searched: dict[Dependence, float] = {}
     at = 0
     for family in columns[0]:
-        key = _merged(family)
-        groups.setdefault(key, []).extend(range(at, at + family.size))
-        searched[key] = searched.get(key, 0.0) + family.price
+        of = family.dependence
+        groups.setdefault(of, []).extend(range(at, at + family.size))
+        searched[of] = searched.get(of, 0.0) + family.price
         at += family.size
     samples = sum(int(look.plain.used.sum()) for look in looks)
     found = []
-    for (channel, variable), which in groups.items():
+    for of, which in groups.items():
         gain, rank = _gain(left, np.array(which))
-        price = 0.5 * rank * math.log(samples) + searched[channel, variable]
-        suspicion = Suspicion(channel, variable, gain, gain - price, gain / whole)
+        price = 0.5 * rank * math.log(samples) + searched[of]
+        suspicion = Suspicion(of.channel, of.variable, gain, gain - price, gain / whole)
         found.append((rank, suspicion))
     found.sort(key=lambda item: -item[1].net)
     top = found[0][1].net
@@ -142,18 +141,8 @@ def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy
     return [first[1], *(item[1] for item in found if item is not first)]
 
 
-def _merged(family: Family) -> tuple[str, str]:
-    """Parameters that change in time belong together: friction of each axis, and what the masses make."""
-    if family.channel != "parameters":
-        return family.channel, family.variable
-    number = int(family.variable[5])
-    if number in (6, 8):
-        return "arm", "time (friction)"
-    return "pendulum", "time (friction)" if number in (7, 9) else "time (masses)"
-
-
-def parameters_of(look: Look) -> Family:
-    return Family("parameters", "theta", parameter_torques(look.signals, look.plain.plant))
+def parameters_of(look: Look) -> Columns:
+    return Columns(torque=parameter_torques(look.signals, look.plain.plant))
 
 
 def _apart(normal: Normal, first: int) -> Normal:

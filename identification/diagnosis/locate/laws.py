@@ -14,76 +14,72 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, Plant
+from furuta_gym.plant import EFFECTS, THETA_NAMES, Effect, EffectType, Plant
 
-from ...discrepancy.basis import ZEROS, Family, Signals, on_row, stages
+from ...discrepancy.basis import Family, Signals, on_row, stages
+from ...discrepancy.dependence import ANGLES, SPEEDS, ZEROS, Channel, Dependence, Variable
 from ...friction_memory import bristle
 
 Array = NDArray[np.float64]
 
-Variable = tuple[str, str]
-"""Channel and variable, as of a `Family`."""
-
-_SPEEDS = frozenset({("arm", "arm speed"), ("pendulum", "pendulum speed")})
-_JOINTS = {"1": "arm", "2": "pendulum"}
 _ROWS = {"arm": 0, "pendulum": 1}
 _TRAVELS = (0.3, 1.0, 3.0)  # times an effect's own, of bristles
 _HARMONICS = (1, 2, 3)
-_BY_ANGLE, _SMOOTH = ("arm", "arm angle"), "smooth in the arm angle"
+_BY_ANGLE = Dependence(Channel.ARM, Variable.ARM_ANGLE)
+_ON_ONE_QUANTITY = {v.argument: v for v in (*ANGLES.values(), *SPEEDS.values())}
 _DEGREE = 6  # of polynomials in an angle
 
 
-def own_variables(name: str) -> frozenset[Variable]:
-    """What another law of an effect would go with, in the words of the families of `locate`."""
+def own_variables(name: str) -> frozenset[Dependence]:
+    """What another law of an effect would go with, among the families of `locate`."""
     effect = EFFECTS[name]
-    found: set[Variable] = set()
+    found: set[Dependence] = set()
     for hook, arguments in effect.arguments.items():
         if hook in ("delay", "filter"):
-            found.add(("input", "change of the command"))
+            found.add(Dependence(Channel.INPUT, Variable.COMMAND_CHANGE))
         elif hook == "command":
-            found |= {("input", "command"), ("arm", "constant")}
+            found.add(Dependence(Channel.INPUT, Variable.COMMAND))
+            found.add(Dependence(Channel.ARM, Variable.CONSTANT))
         elif hook == "sensor":
-            found |= {("sensor", f"{effect.reads} angle")} | {
-                ("sensor", zero) for zero, of in ZEROS.items() if of.startswith(effect.reads)
-            }
+            found |= {Dependence(Channel.SENSOR, of[effect.reads]) for of in (ANGLES, ZEROS)}
         elif hook == "theta":
-            found |= _SPEEDS if {"r1", "r2"} & set(effect.changes) else set()
-            found |= {("pendulum", "time (masses)")} if "t" in arguments else set()
+            if effect.sharpens:
+                found |= {Dependence(Channel(joint), speed) for joint, speed in SPEEDS.items()}
+            if "t" in arguments:
+                found.add(Dependence(Channel.PENDULUM, Variable.MASSES_IN_TIME))
         elif hook == "torque":
-            found |= _of_torque(effect.place, set(arguments), bool(effect.memory))
+            found |= _of_torque(effect)
     return frozenset(found)
 
 
-def _of_torque(place: str, arguments: set[str], remembers: bool) -> set[Variable]:
+def _of_torque(effect: EffectType) -> set[Dependence]:
+    place, arguments = effect.place, set(effect.arguments["torque"])
     moving = {a for a in arguments if a[0] == "v"}
     if place == "arm and pendulum":
         if moving:  # air drag
-            return {(joint, f"{_JOINTS[a[1]]} speed") for joint in _ROWS for a in moving}
-        return {("pendulum", v) for v in ("constant", "arm angle", "pendulum angle")}  # a tilt: what no cable has
-    if remembers:
-        return {(place, "memory of the motion"), (place, f"{place} speed")}
-    if {"t", "tau"} <= arguments:
-        return {(place, "time (gain)")}
+            return {Dependence(Channel(joint), _ON_ONE_QUANTITY[a]) for joint in _ROWS for a in moving}
+        tilt = (Variable.CONSTANT, Variable.ARM_ANGLE, Variable.PENDULUM_ANGLE)  # what no cable has
+        return {Dependence(Channel.PENDULUM, variable) for variable in tilt}
+    channel = Channel(place)
+    if effect.memory:
+        return {Dependence(channel, Variable.MEMORY), Dependence(channel, SPEEDS[place])}
+    if effect.changes_gain:
+        return {Dependence(channel, Variable.GAIN_IN_TIME)}
     if "t" in arguments:
-        return {(place, "time (friction)" if moving else "frequency")}
+        return {Dependence(channel, Variable.FRICTION_IN_TIME if moving else Variable.FREQUENCY)}
     if moving and "q1" in arguments:
-        return {(place, "arm angle and direction")}
-    return {
-        (place, f"{_JOINTS[a[1]]} {kind}")
-        for a in arguments
-        for letter, kind in (("q", "angle"), ("v", "speed"))
-        if a in (f"{letter}1", f"{letter}2")
-    }
+        return {Dependence(channel, Variable.ARM_ANGLE_AND_DIRECTION)}
+    return {Dependence(channel, _ON_ONE_QUANTITY[a]) for a in arguments if a in _ON_ONE_QUANTITY}
 
 
-def ways(name: str, own: Iterable[Family]) -> list[frozenset[Variable]]:
+def ways(name: str, own: Iterable[Family]) -> list[frozenset[Dependence]]:
     """Sets of variables, any of which another law of an effect may go with. own: its `own_families`.
 
     Piecewise linear functions of an angle cost more than a polynomial where the law is smooth, and their corners show
     where a fit is near; a polynomial has no corner where the law has one.
     """
-    known, found = own_variables(name), {(family.channel, family.variable) for family in own}
-    smooth = {variable for variable in found if variable[1] == _SMOOTH}
+    known, found = own_variables(name), {family.dependence for family in own}
+    smooth = {of for of in found if of.variable is Variable.SMOOTH_ARM_ANGLE}
     first = known | (found - smooth)
     return [frozenset(first), frozenset((first - {_BY_ANGLE}) | smooth)] if smooth else [frozenset(first)]
 
@@ -96,15 +92,15 @@ def own_families(name: str, plant: Plant, signals: Signals, span: tuple[float, f
     """
     found = []
     for channel, variable in sorted(own_variables(name)):
-        if variable == f"{channel} speed":
+        if variable is SPEEDS.get(channel):
             row = _ROWS[channel]
-            found.append(
-                Family(channel, "near standstill", on_row(row, *_near(signals.v[:, row], plant.sharpness[row])))
-            )
+            near = on_row(row, *_near(signals.v[:, row], plant.sharpness[row]))
+            found.append(Family(channel, Variable.STANDSTILL, torque=near))
         if (channel, variable) == _BY_ANGLE:
-            found.append(Family("arm", _SMOOTH, on_row(0, *_polynomials(signals.q[:, 0]))))
+            smooth = on_row(0, *_polynomials(signals.q[:, 0]))
+            found.append(Family(Channel.ARM, Variable.SMOOTH_ARM_ANGLE, torque=smooth))
     if EFFECTS[name].constant and not EFFECTS[name].reads:
-        found.append(Family("arm", "time", on_row(0, *stages(signals.t, span))))
+        found.append(Family(Channel.ARM, Variable.TIME, torque=on_row(0, *stages(signals.t, span))))
     effect = plant.effect(name)
     if effect is not None:
         found += _at_its_scale(effect, plant, signals)
@@ -129,17 +125,20 @@ def _at_its_scale(effect: Effect, plant: Plant, s: Signals) -> list[Family]:
     remembered = effect.type.remembered(p, float(plant.theta[THETA_NAMES.index("theta8")]))
     if travels := [d for d in remembered if d > 0.0 and math.isfinite(d)]:
         columns = [bristle(s.way(0), factor * d) for d in travels for factor in _TRAVELS]
-        return [Family("arm", "memory at its own travel", on_row(0, *columns))]
+        return [Family(Channel.ARM, Variable.OWN_TRAVEL, torque=on_row(0, *columns))]
     if periods := effect.type.periods_a_turn:
-        return [Family("arm", "its own ripple", on_row(0, *_waves(p[periods] * q1)))]
+        return [Family(Channel.ARM, Variable.OWN_RIPPLE, torque=on_row(0, *_waves(p[periods] * q1)))]
     if effect.type.dry and effect.type.of_arm_angle:
         turning = np.tanh(plant.sharpness[0] * v1)
-        return [Family("arm", "its own friction", on_row(0, *(w * turning for w in _waves(q1))))]
+        friction = on_row(0, *(w * turning for w in _waves(q1)))
+        return [Family(Channel.ARM, Variable.OWN_FRICTION, torque=friction)]
     if frequency := next((p[known.name] for known in effect.type.parameters if known.repeats), None):
-        return [Family("arm", "its own frequency", on_row(0, *_waves(2.0 * math.pi * frequency * t)))]
+        wave = on_row(0, *_waves(2.0 * math.pi * frequency * t))
+        return [Family(Channel.ARM, Variable.OWN_FREQUENCY, torque=wave)]
     if effect.type.reads and not effect.type.constant:
         row = _ROWS[effect.type.reads]
-        return [Family("sensor", "its own turn", None, on_row(row, *_waves(s.expected[:, row])))]
+        turn = on_row(row, *_waves(s.expected[:, row]))
+        return [Family(Channel.SENSOR, Variable.OWN_TURN, misreading=turn)]
     return []
 
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from furuta_gym.plant import THETA_NAMES, Plant
 from furuta_gym.plant.effects.words import number
 
-from ...discrepancy.basis import ZEROS
 from ...discrepancy.correction import combined
+from ...discrepancy.dependence import ANGLES, ZEROS, Channel, Variable
 from ...discrepancy.prediction_change import prediction_change
 from ...discrepancy.response import answers
 from ...estimation.pool import one_blas_thread
@@ -73,7 +73,7 @@ def left_of(seen: Seen, policy: DecisionPolicy) -> Left:
     """What is left of logs; the part of `located` that a search asks for again and again."""
     suspicions = suspicions_of(seen.looks, seen.columns, policy)
     best = suspicions[0]
-    evidence = evidence_of(seen.looks, seen.columns, {(best.channel, best.variable)})
+    evidence = evidence_of(seen.looks, seen.columns, {best.dependence})
     return Left(tuple(suspicions), evidence.nats, evidence.change / _count(seen.looks))
 
 
@@ -114,7 +114,7 @@ def located(seen: Seen, policy: DecisionPolicy) -> Where:
             torque_map([look.flexible.uncorrected for look in looks], row, name)
             for row in range(2)
             for name in VARIABLES
-            if not (row == 1 and name == "command")
+            if not (row == 1 and name is Variable.COMMAND)
         ),
         unit=plant.unit,
     )
@@ -131,7 +131,7 @@ def of_effects(where: Where, names: Sequence[str]) -> Where:
     """The same of a plant that lacks effects which were named, as their fit sees more than one free function does:
     where none is believed, the likeliest of those that go with their own variables stands for it."""
     own = {variable for name in names for variable in own_variables(name)}
-    near = next((s for s in where.suspicions if (s.channel, s.variable) in own), None)
+    near = next((s for s in where.suspicions if s.dependence in own), None)
     if where.found or near is None:
         return where
     channel, variable = _channel(near), near.variable
@@ -144,9 +144,10 @@ def of_effects(where: Where, names: Sequence[str]) -> Where:
     )
 
 
-def _channel(best: Suspicion) -> str:
+def _channel(best: Suspicion) -> Channel:
     """As diagnosis.json has it; a constant torque on the pendulum, which nothing drives, is a wrong zero."""
-    return "sensor" if (best.channel, best.variable) == ("pendulum", "constant") else best.channel
+    wrong_zero = best.dependence == (Channel.PENDULUM, Variable.CONSTANT)
+    return Channel.SENSOR if wrong_zero else best.channel
 
 
 def _missing(look: Look, source: str) -> MissingTorque:
@@ -230,21 +231,21 @@ def _nothing(evidence: float) -> str:
 
 
 def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, counts: Array, unit: str) -> str:
-    row = 1 if best.channel == "pendulum" else 0
-    read = ZEROS.get(best.variable, best.variable)
-    places = {"input": "between the command and the motor", "sensor": f"in the reading of the {read}"}
+    row, misread = int(best.channel is Channel.PENDULUM), best.channel is Channel.SENSOR
+    read = next((ANGLES[joint] for joint, zero in ZEROS.items() if zero is best.variable), best.variable)
+    places = {Channel.INPUT: "between the command and the motor", Channel.SENSOR: f"in the reading of the {read}"}
     place = places.get(best.channel, f"in a torque on the {best.channel}'s row")
     zero = "is constant, as a wrong zero of its encoder or a tilted base gives"
     against = {
-        "constant": zero if row == 1 else "is constant, as an offset of the command or a spring gives",
-        "frequency": f"repeats at {line[row]:.3g} Hz",
-        "command": "depends on the command itself",
-        "change of the command": "follows the command's changes, as a delay or a lag would",
-        "memory of the motion": "remembers the way the joint has turned",
-        "time (friction)": "is friction that changes in time",
-        "time (gain)": "is a gain of the command that changes in time",
-        "time (masses)": "is an inertia or a weight that changes in time",
-        **dict.fromkeys(ZEROS, "is a zero that moves in time, as lost counts or a slipping coupling give"),
+        Variable.CONSTANT: zero if row == 1 else "is constant, as an offset of the command or a spring gives",
+        Variable.FREQUENCY: f"repeats at {line[row]:.3g} Hz",
+        Variable.COMMAND: "depends on the command itself",
+        Variable.COMMAND_CHANGE: "follows the command's changes, as a delay or a lag would",
+        Variable.MEMORY: "remembers the way the joint has turned",
+        Variable.FRICTION_IN_TIME: "is friction that changes in time",
+        Variable.GAIN_IN_TIME: "is a gain of the command that changes in time",
+        Variable.MASSES_IN_TIME: "is an inertia or a weight that changes in time",
+        **dict.fromkeys(ZEROS.values(), "is a zero that moves in time, as lost counts or a slipping coupling give"),
     }.get(best.variable, f"depends on the {best.variable}")
     rms = np.sqrt(np.mean(np.concatenate([t.mean for t in torques]) ** 2, axis=0))
     lasting = [sum(b - a for a, b in s) > 0.7 * (t.t[-1] - t.t[0]) for s, t in zip(spans, torques, strict=True)]
@@ -253,7 +254,7 @@ def _sentence(best: Suspicion, spans, torques, line: Array, evidence: float, cou
     first = [f"{span} of {source}" if several else span for source, span in times]
     when = "all along" if all(lasting) or not first else "most at " + ", ".join(first)
     # an error of a reading is no torque: what the smoother makes of it says nothing of its size
-    size = "it changes" if best.channel == "sensor" else f"smoothed, it is {rms[row]:.2g} {unit} rms, which changes"
+    size = "it changes" if misread else f"smoothed, it is {rms[row]:.2g} {unit} rms, which changes"
     return (
         f"The model fails {place}: what is missing {against} ({100 * best.share:.0f} % of what any function could "
         f"explain), {when}; {size} a prediction "

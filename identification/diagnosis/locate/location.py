@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from furuta_gym.declared import written
 
+from ...discrepancy.dependence import Channel, Dependence, Variable
 from ...kalman.whiteness import Innovations
 from ..diagnosis_file import InnovationsEntry, MapEntry, SuspicionEntry, WhereEntry
 from .constancy import Constancy
@@ -35,11 +36,16 @@ class Suspicion:
     """One family of torques. gain [nats]: log-likelihood that it adds beyond other values of θ, and `net` of the price
     of its parameters; share: of what all families together add."""
 
-    channel: str
-    variable: str
+    channel: Channel
+    variable: Variable
     gain: float
     net: float
     share: float
+
+    @property
+    def dependence(self) -> Dependence:
+        """Channel and variable."""
+        return Dependence(self.channel, self.variable)
 
 
 @dataclass(frozen=True)
@@ -61,8 +67,8 @@ class Where:
     evidence: float
     counts: Array
     negligible: bool
-    channel: str | None
-    variable: str | None
+    channel: Channel | None
+    variable: Variable | None
     intervals_s: tuple[tuple[tuple[float, float], ...], ...]
     suspicions: tuple[Suspicion, ...]
     predictable: Array

@@ -14,14 +14,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...discrepancy.basis import Family, Signals
+from ...discrepancy.basis import Columns, Signals
+from ...discrepancy.dependence import Variable
 from ...discrepancy.response import answers
 from ...kalman.likelihood import whiten
 from ...kalman.path import FilterPath
 
 Array = NDArray[np.float64]
 
-VARIABLES = ("arm angle", "arm speed", "pendulum angle", "pendulum speed", "command", "time")
+VARIABLES = (
+    Variable.ARM_ANGLE,
+    Variable.ARM_SPEED,
+    Variable.PENDULUM_ANGLE,
+    Variable.PENDULUM_SPEED,
+    Variable.COMMAND,
+    Variable.TIME,
+)
 ROWS = ("arm", "pendulum")
 _BINS = 12
 _BLOCK = 0.25  # s, several times what the filter remembers
@@ -32,7 +40,7 @@ class Map:
     """Missing torque on a row against a variable: edges (m + 1,) of its bins, mean (m,) and std (m,) of the torque."""
 
     row: str
-    variable: str
+    variable: Variable
     edges: Array
     mean: Array
     std: Array
@@ -42,14 +50,14 @@ class Map:
         return {"row": self.row, "variable": self.variable} | {k: a.tolist() for k, a in arrays.items()}
 
 
-def variable(signals: Signals, name: str) -> Array:
+def variable(signals: Signals, name: Variable) -> Array:
     """(N,) values of one of `VARIABLES`; the pendulum's angle within half a turn of upright."""
     q2 = np.arctan2(np.sin(signals.q[:, 1]), np.cos(signals.q[:, 1]))
     columns = (signals.q[:, 0], signals.v[:, 0], q2, signals.v[:, 1], signals.u, signals.t)
     return columns[VARIABLES.index(name)]
 
 
-def torque_map(paths: Sequence[FilterPath], row: int, name: str) -> Map:
+def torque_map(paths: Sequence[FilterPath], row: int, name: Variable) -> Map:
     """The map of a row (0 arm, 1 pendulum) over several logs; bins hold equal shares of the samples."""
     signals = [Signals.of(path) for path in paths]
     values = [variable(s, name) for s in signals]
@@ -62,7 +70,7 @@ def torque_map(paths: Sequence[FilterPath], row: int, name: str) -> Map:
         at = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, m - 1)
         torque = np.zeros((len(z), 2, m))
         torque[np.arange(len(z)), row, at] = 1.0
-        D = answers(path, Family(ROWS[row], name, torque))
+        D = answers(path, Columns(torque=torque))
         w = whiten(path.e, path.S).ravel()
         gram += D.T @ D
         right -= D.T @ w

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from furuta_gym.plant import Plant
 
 from ...estimation.pool import mapped, shared_pool
-from .forward import Naming
+from .found import FoundEffect, Naming
 from .judge import Witness
 from .search import Search
 from .upheld import without_name
@@ -43,14 +43,13 @@ def may_be_absent(plant: Plant, name: str, level: float) -> bool:
     return bool(distance < chi2.ppf(level, len(sizes)))
 
 
-def perhaps_absent(naming: Naming, plant: Plant, level: float) -> list[int]:
-    """Places of the names that may be absent as far as `plant`, the estimate with all of them, says. Of one name alone,
-    or of one whose law another effect describes, that is not asked."""
-    described = {naming.describes(suspect.name) for suspect in naming.accepted}
-    own = {suspect.name for suspect in naming.own} - described
+def perhaps_absent(naming: Naming, plant: Plant, level: float) -> list[FoundEffect]:
+    """The effects that may be absent as far as `plant`, the estimate with all of them, says. Of one name alone, or of
+    one whose law another effect describes, that is not asked."""
+    described = {naming.describes(name) for name in naming.names}
     if len(naming.own) < 2:
         return []
-    return [i for i, s in enumerate(naming.accepted) if s.name in own and may_be_absent(plant, s.name, level)]
+    return [e for e in naming.own if e.name not in described and may_be_absent(plant, e.name, level)]
 
 
 def without_absent(
@@ -58,15 +57,15 @@ def without_absent(
 ) -> Naming | None:
     """The names without one that may be absent and that data which no fit saw do not ask for: of several the one that
     is missed least. None if there is no such name. needed: names that are not asked about."""
-    places = [i for i in perhaps_absent(naming, plant, search.policy.present) if naming.accepted[i].name not in needed]
-    if not places:
+    doubtful = [e for e in perhaps_absent(naming, plant, search.policy.present) if e.name not in needed]
+    if not doubtful:
         return None
-    names = [naming.accepted[i].name for i in places]
+    names = [effect.name for effect in doubtful]
     search.progress(f"asking held-out data about {', '.join(names)}, whose size may be zero")
     fits = list(mapped(shared_pool(), partial(search.reduced, naming.final), names))
     witness.hears([naming.final, *fits])
-    for i, reduced in sorted(zip(places, fits, strict=True), key=lambda pair: pair[1].value):
+    for effect, reduced in sorted(zip(doubtful, fits, strict=True), key=lambda pair: pair[1].value):
         if not witness.confirms(reduced, naming.final):
-            fewer = without_name(naming, i, search.to_the_end(reduced))
-            return replace(fewer, perhaps_absent=(*naming.perhaps_absent, naming.accepted[i]))
+            fewer = without_name(naming, effect, search.to_the_end(reduced))
+            return replace(fewer, perhaps_absent=(*naming.perhaps_absent, effect.suspect))
     return None

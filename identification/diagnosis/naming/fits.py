@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -86,71 +86,58 @@ class Fit:
         return tuple(r.moved(self.zeros[r.log]) if r.log in self.zeros else r for r in self.records)
 
 
-class Fitter(Protocol):
-    """What fits a structure: `fit`, or a stand-in in tests."""
+@dataclass(frozen=True)
+class FitRequest:
+    """A structure to fit: θ, effect parameters and noise jointly, from the values in `plant` and `noise`.
 
-    def __call__(
-        self,
-        plant: Plant,
-        noise: Noise,
-        records: Sequence[Record],
-        *,
-        anchor: Plant | None = None,
-        policy: DecisionPolicy = ...,
-        iterations: int | None = ...,
-        effort: Effort = ...,
-        zeros: Zeros | None = ...,
-    ) -> Fit: ...
-
-
-def fit(
-    plant: Plant,
-    noise: Noise,
-    records: Sequence[Record],
-    *,
-    anchor: Plant | None = None,
-    policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-    iterations: int | None = None,
-    effort: Effort = "restarted",
-    zeros: Zeros | None = None,
-) -> Fit:
-    """Fit θ, effect parameters and noise jointly from the values in `plant` and `noise`.
-
-    anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). effort: how well (see `Effort`). zeros: of the
-    encoders, to start from.
+    anchor: plant for a weak prior on θ1 … θ5 (see `anchored`). iterations: at most (None: as the effort has it).
+    effort: how well (see `Effort`). zeros: of the encoders, to start from.
     """
-    problem = _problem(plant, noise, records, anchor, policy, effort, zeros)
-    exact = effort in ("full", "restarted")
-    tolerance = _TOLERANCE if exact else policy.stands if effort == "coarse" else _ROUGH
-    iterations = iterations or (_FEW if effort == "quick" else _MANY)
+
+    plant: Plant
+    noise: Noise
+    records: Sequence[Record]
+    anchor: Plant | None = None
+    policy: DecisionPolicy = field(default_factory=DecisionPolicy)
+    iterations: int | None = None
+    effort: Effort = "restarted"
+    zeros: Zeros = field(default_factory=dict)
+
+    @property
+    def rough(self) -> bool:
+        """Whether the fit is stopped early."""
+        return self.effort in ("coarse", "quick")
+
+    def problem(self) -> PredictionError:
+        """What the fit minimises."""
+        plant, records, anchor = self.plant, self.records, self.anchor
+        zeros = dict(self.zeros)
+        if tells_the_zero(plant) and (first := min(r.log for r in records)) in zeros:
+            zeros[first] = zeros[first][0], 0.0  # or it would be told twice
+        coordinates = plant_coordinates(plant, free_sharpness=False)
+        coordinates += noise_coordinates(quietest(anchor or plant, records))
+        coordinates += zero_coordinates(plant, records)
+        if anchor is not None:
+            coordinates = [anchored(c, anchor, self.policy.anchor_std) for c in coordinates]
+        coordinates = [repeating(c, max(r.duration for r in records), self.policy.periods) for c in coordinates]
+        step, pool = (COARSER, None) if self.effort == "coarse" else (1.0, shared_pool())
+        return PredictionError(plant, records, coordinates, self.noise, step, pool, zeros=zeros)
+
+
+Fitter = Callable[[FitRequest], Fit]
+"""What fits a structure: `fit`, or a stand-in in tests."""
+
+
+def fit(request: FitRequest) -> Fit:
+    """Fit a structure as well as the request asks for."""
+    problem, effort = request.problem(), request.effort
+    exact = not request.rough
+    tolerance = _TOLERANCE if exact else request.policy.stands if effort == "coarse" else _ROUGH
+    iterations = request.iterations or (_FEW if effort == "quick" else _MANY)
     optimum = minimise(problem, problem.start(), iterations, tolerance, exact=exact)
     if effort == "restarted":
         optimum = restarted(problem, optimum, iterations, tolerance, exact=True)
     return fit_at(problem, optimum)
-
-
-def _problem(
-    plant: Plant,
-    noise: Noise,
-    records: Sequence[Record],
-    anchor: Plant | None,
-    policy: DecisionPolicy,
-    effort: Effort,
-    zeros: Zeros | None,
-) -> PredictionError:
-    """What a `fit` minimises."""
-    zeros = dict(zeros or {})
-    if tells_the_zero(plant) and (first := min(r.log for r in records)) in zeros:
-        zeros[first] = zeros[first][0], 0.0  # or it would be told twice
-    coordinates = plant_coordinates(plant, free_sharpness=False)
-    coordinates += noise_coordinates(quietest(anchor or plant, records))
-    coordinates += zero_coordinates(plant, records)
-    if anchor is not None:
-        coordinates = [anchored(c, anchor, policy.anchor_std) for c in coordinates]
-    coordinates = [repeating(c, max(r.duration for r in records), policy.periods) for c in coordinates]
-    coarse = effort == "coarse"
-    step, pool = (COARSER, None) if coarse else (1.0, shared_pool())
-    return PredictionError(plant, records, coordinates, noise, step, pool, zeros=zeros)
 
 
 def fit_at(problem: PredictionError, optimum: Optimum) -> Fit:
@@ -166,18 +153,9 @@ def fit_at(problem: PredictionError, optimum: Optimum) -> Fit:
     )
 
 
-def known_fit(optimum: Optimum, plant: Plant, noise: Noise, records: Sequence[Record], **asked: Any) -> Fit | None:
-    """What `fit` gave for these arguments, from its optimum alone; None if the two do not belong together."""
-    problem = _problem(
-        plant,
-        noise,
-        records,
-        asked["anchor"],
-        asked["policy"],
-        asked["effort"],
-        asked["zeros"],
-    )
-    z = optimum.z
+def known_fit(optimum: Optimum, request: FitRequest) -> Fit | None:
+    """What `fit` gave for a request, from its optimum alone; None if the two do not belong together."""
+    problem, z = request.problem(), optimum.z
     if z.shape != problem.low.shape or not np.all((problem.low <= z) & (z <= problem.high)):
         return None
     return fit_at(problem, optimum)

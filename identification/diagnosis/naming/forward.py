@@ -5,7 +5,7 @@ Suspects that the data cannot tell apart are kept as a set of equals.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -15,7 +15,7 @@ from ...kalman.noise_model import Noise
 from ..locate.location import Where
 from ..policy import DecisionPolicy
 from .fits import Fit
-from .hung import set_while_hanging
+from .found import FoundEffect, Naming
 from .judge import Judge, Rest, Witness
 from .next_effect import next_effect
 from .pairs import two_for_one
@@ -27,62 +27,6 @@ from .wider import widened
 START_NOISE = Noise((1e-3, 1e-5), (0.5, 0.5))
 _AGAIN = 2
 """How often suspects are compared again because the model without them had stalled."""
-_VARIABLES = {"u": "command", "q1": "arm angle", "v1": "arm speed", "q2": "pendulum angle", "v2": "pendulum speed"}
-
-
-@dataclass(frozen=True)
-class Naming:
-    """Outcome of the search: the model without and with the effects found, and every suspect of each step.
-
-    accepted: the effects found. equals: beside each of them, what cannot be told from it. absorbed: share of each
-    effect's response that θ can imitate on these logs. refused: what would explain some more, but too little to be
-    told from a wrong form. taken_back: what explains some of these logs, but not of data that no fit saw.
-    perhaps_absent: what makes these logs likelier, though its size may be zero. same: of the equals, those that predict
-    the same, so that nobody need tell them apart. laws: which of the effects found only describes another law of which.
-    went: of an effect found, those found before in whose place it came. alone: the model with the best single effect.
-    """
-
-    nominal: Fit = field(repr=False)
-    final: Fit = field(repr=False)
-    accepted: tuple[Suspect, ...]
-    equals: tuple[tuple[str, ...], ...]
-    rankings: tuple[Ranking, ...]
-    absorbed: dict[str, float]
-    refused: Suspect | None = None
-    taken_back: tuple[Suspect, ...] = ()
-    perhaps_absent: tuple[Suspect, ...] = ()
-    same: tuple[tuple[str, ...], ...] = ()
-    laws: Mapping[str, str] = field(default_factory=dict)
-    went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
-    alone: Fit | None = field(default=None, repr=False)
-
-    def follows(self, name: str) -> str | None:
-        """The effect found from which another one follows, as a wrong zero of an encoder may; None for any other."""
-        of = set_while_hanging(self.final) if EFFECTS[name].wrong_zero == "pendulum" else None
-        return of if of in {s.name for s in self.accepted} else None
-
-    def describes(self, name: str) -> str | None:
-        """The effect found of whose law another one is a part, or from which it follows; None for an effect of its
-        own."""
-        of = self.laws.get(name)
-        return self.follows(name) or (of if of in {s.name for s in self.accepted} else None)
-
-    def relation(self, name: str) -> str:
-        """What an effect that is none of its own has to do with the one that it `describes`, in words."""
-        if (of := self.follows(name)) is not None:
-            return f"follows from {of}, as the counter was set while the pendulum hung"
-        return f"describes what the law of {self.describes(name)} misses"
-
-    @property
-    def own(self) -> tuple[Suspect, ...]:
-        """The effects found, without what only describes another law of one."""
-        return tuple(s for s in self.accepted if self.describes(s.name) is None)
-
-    @property
-    def apart(self) -> tuple[tuple[str, ...], ...]:
-        """Beside each effect found, the equals that predict something else."""
-        same = self.same or tuple(() for _ in self.equals)
-        return tuple(tuple(n for n in e if n not in s) for e, s in zip(self.equals, same, strict=True))
 
 
 @dataclass(frozen=True)
@@ -122,25 +66,24 @@ def name_effects(
     if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
         pair = _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed, alone=grown.alone)
         grown = _grow(search, pair, most, judge)
-    policy = search.policy
-    accepted = tuple(ranking[0] for ranking in grown.found)
-    taken = {suspect.name for suspect in accepted}  # what acts beside an effect is not in its place
-    equals = tuple(
-        tuple(s.name for s in r[1:] if r[0].net - s.net < policy.equal and s.name not in taken) for r in grown.found
-    )
-    rankings = (*grown.found, grown.last) if grown.last else grown.found
+    taken = {ranking[0].name for ranking in grown.found}
     return Naming(
         grown.nominal,
         grown.current,
-        accepted,
-        equals,
-        rankings,
+        tuple(FoundEffect(ranking, _equals(ranking, taken, search.policy)) for ranking in grown.found),
+        (grown.last,) if grown.last else (),
         grown.absorbed,
         grown.refused,
         laws=grown.laws,
         went=grown.went,
         alone=grown.alone,
     )
+
+
+def _equals(ranking: Ranking, taken: Collection[str], policy: DecisionPolicy) -> tuple[str, ...]:
+    """Of a ranking, what gains as much as its first. What acts beside it is not in its place: `taken`."""
+    first, *others = ranking
+    return tuple(s.name for s in others if first.net - s.net < policy.equal and s.name not in taken)
 
 
 def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mapping[str, Fit] = NOTHING_YET) -> _Grown:
@@ -241,30 +184,26 @@ def unsettled(naming: Naming, remains: Where, policy: DecisionPolicy) -> Naming:
     So may any suspect that explains all but a hundredth or two."""
     if not remains.matters:
         return naming
-    taken = {suspect.name for suspect in naming.accepted}
-    equals = []
-    for found, own, ranking in zip(naming.accepted, naming.equals, naming.rankings, strict=False):
-        formed = _acts_on(found.name, remains)
-        rivals = [
-            s.name
-            for s in ranking
-            if s.name not in {*taken, *own}
-            and (
-                s.gain > policy.nearly * found.gain
-                or (
-                    formed
-                    and _acts_on(s.name, remains)
-                    and alike(s.name, found.name)
-                    and s.gain > policy.as_good * found.gain
-                )
-            )
-        ]
-        equals.append((*own, *rivals))
-    return replace(naming, equals=tuple(equals))
+    taken = naming.names
+    return replace(naming, found=tuple(_with_rivals(effect, taken, remains, policy) for effect in naming.found))
+
+
+def _with_rivals(effect: FoundEffect, taken: Sequence[str], remains: Where, policy: DecisionPolicy) -> FoundEffect:
+    """An effect found with more equals: see `unsettled`. taken: names of what is found."""
+    gain, formed = effect.suspect.gain, _acts_on(effect.name, remains)
+    rivals = []
+    for s in effect.ranking:
+        another_form = formed and _acts_on(s.name, remains) and alike(s.name, effect.name)
+        as_good = s.gain > policy.nearly * gain or (another_form and s.gain > policy.as_good * gain)
+        if as_good and s.name not in {*taken, *effect.equals}:
+            rivals.append(s.name)
+    return replace(effect, equals=(*effect.equals, *rivals))
 
 
 def _acts_on(name: str, remains: Where) -> bool:
     """Whether an effect depends on what the rest goes with, in the same place."""
     effect = EFFECTS[name]
-    variables = {_VARIABLES.get(a) for arguments in effect.arguments.values() for a in arguments}
-    return remains.variable in variables and str(remains.channel) in effect.place
+    if remains.variable is None or remains.channel is None:
+        return False
+    depends = any(remains.variable.argument in arguments for arguments in effect.arguments.values())
+    return depends and remains.channel in effect.place

@@ -19,11 +19,8 @@ from furuta_gym.plant import Plant
 from furuta_gym.plant.compiled import source_hash
 
 from ...estimation.optimise import Expansion, Optimum
-from ...kalman.coordinates import Zeros
-from ...kalman.noise_model import Noise
 from ...kalman.record import Record
-from ..policy import DecisionPolicy
-from .fits import Effort, Fit, Fitter, fit, known_fit
+from .fits import Fit, FitRequest, Fitter, fit, known_fit
 
 _LONGEST = 64 * 2**20  # bytes that a journal may have
 _CODE = source_hash(Path(__file__))  # as it was loaded, whatever is edited while it runs
@@ -48,57 +45,35 @@ class FitJournal:
     def __len__(self) -> int:
         return len(self._known)
 
-    def __call__(
-        self,
-        plant: Plant,
-        noise: Noise,
-        records: Sequence[Record],
-        *,
-        anchor: Plant | None = None,
-        policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-        iterations: int | None = None,
-        effort: Effort = "restarted",
-        zeros: Zeros | None = None,
-    ) -> Fit:
-        asked: dict[str, Any] = {"anchor": anchor, "policy": policy, "effort": effort, "zeros": zeros}
-        key = self._key(plant, noise, records, iterations, **asked)
+    def __call__(self, request: FitRequest) -> Fit:
+        key = self._key(request)
         with self._lock:
             one_at_a_time = self._running.setdefault(key, threading.Lock())
         with one_at_a_time:  # two starts of a search may be the same
             optimum, fitted = self._known.get(key), self._fits.get(key)
             if fitted is None and optimum is not None:
-                fitted = known_fit(optimum, plant, noise, records, **asked)
+                fitted = known_fit(optimum, request)
             if fitted is not None:
                 with self._lock:
                     self.used += 1
             else:
-                fitted = self.fitter(plant, noise, records, iterations=iterations, **asked)
+                fitted = self.fitter(request)
                 self._keep(key, fitted.optimum)
             self._fits[key] = fitted  # the same one again: what was found out about it is kept under it
         return fitted
 
-    def _key(
-        self,
-        plant: Plant,
-        noise: Noise,
-        records: Sequence[Record],
-        iterations: int | None,
-        anchor: Plant | None,
-        policy: DecisionPolicy,
-        effort: Effort,
-        zeros: Zeros | None,
-    ) -> str:
-        zeros = zeros or {}
+    def _key(self, request: FitRequest) -> str:
+        anchor = request.anchor
         told = [
             _CODE,
-            _plain(plant),
-            noise.packed().tolist(),
-            self._digest(records),
+            _plain(request.plant),
+            request.noise.packed().tolist(),
+            self._digest(request.records),
             None if anchor is None else _plain(anchor),
-            policy.to_dict(),
-            effort,
-            iterations,
-            sorted((log, *map(float, zero)) for log, zero in zeros.items()),
+            request.policy.to_dict(),
+            request.effort,
+            request.iterations,
+            sorted((log, *map(float, zero)) for log, zero in request.zeros.items()),
         ]
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 

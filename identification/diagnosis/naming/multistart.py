@@ -21,7 +21,7 @@ from ...estimation.pool import mapped, shared_pool
 from ...kalman.coordinates import Zeros
 from ...kalman.noise_model import Noise
 from ..policy import DecisionPolicy
-from .fits import Fit, Fitter, added, without_further
+from .fits import Fit, FitRequest, Fitter, added, without_further
 from .related import angles_of, in_place_of_friction, nearest, related
 from .suspects import alike
 
@@ -98,14 +98,16 @@ def catches_up(fitted: Fit, pace: float, best: float, policy: DecisionPolicy) ->
 def one_round(at: EffectStart | Fit, current: Fit, setting: Setting) -> Fit:
     """A few iterations from a start, or on from a fit, on the records of `current`."""
     return setting.fitter(
-        at.plant,
-        at.noise,
-        current.records,
-        anchor=setting.anchor,
-        policy=setting.policy,
-        iterations=setting.policy.round_iterations,
-        effort="coarse",
-        zeros=at.zeros,
+        FitRequest(
+            at.plant,
+            at.noise,
+            current.records,
+            anchor=setting.anchor,
+            policy=setting.policy,
+            iterations=setting.policy.round_iterations,
+            effort="coarse",
+            zeros=at.zeros,
+        )
     )
 
 

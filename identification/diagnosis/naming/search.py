@@ -21,7 +21,7 @@ from ..policy import DecisionPolicy
 from .comparison import Comparison
 from .discrete import starts_of, stepped
 from .dropped import Remainder, dropped
-from .fits import Effort, Fit, Fitter, added, fit
+from .fits import Effort, Fit, FitRequest, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
 from .suspects import Ranking, Suspect, plainer, price, price_in, shortlist, slight_beside
@@ -210,13 +210,15 @@ class Search:
     def fitted(self, plant: Plant, start: Fit, effort: Effort = "restarted") -> Fit:
         """A plant fitted to the end, from the noise and zeros of another fit."""
         return self.fitter(
-            plant,
-            start.noise,
-            start.records,
-            anchor=self.anchor,
-            policy=self.policy,
-            zeros=start.zeros,
-            effort=effort,
+            FitRequest(
+                plant,
+                start.noise,
+                start.records,
+                anchor=self.anchor,
+                policy=self.policy,
+                zeros=start.zeros,
+                effort=effort,
+            )
         )
 
     def to_the_end(self, rough: Fit) -> Fit:

@@ -3,86 +3,102 @@ so that a false one goes and the right ones stay."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import partial
 
 from ...estimation.pool import mapped, shared_pool
 from .fits import Fit
-from .forward import Naming
+from .found import FoundEffect, Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
 from .suspects import Suspect, alike, follows_a_law, price_in
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What held-out data are asked about an effect found: the fits `without` and with it, `fitted`, that they judge it
+    by. reduced: the fit of all others."""
+
+    effect: FoundEffect
+    reduced: Fit
+    without: Fit
+    fitted: Fit
+
+
+@dataclass(frozen=True)
+class _Exchange:
+    """A suspect in the place of an effect found."""
+
+    former: FoundEffect
+    by: Suspect
+
+    @property
+    def names(self) -> tuple[str, str]:
+        return self.former.name, self.by.name
+
+
 def upheld(naming: Naming, search: Search, witness: Witness) -> Naming:
     """The names without those that data which no fit saw speak against, each dropped in turn and the rest refitted. A
     look-alike that these data agree with takes the place of a name that they do not. A name of which they cannot judge
     stays."""
-    while len(naming.accepted) > 1:
+    while len(naming.found) > 1:
         search.progress("verifying the names one by one")
-        final, accepted = naming.final, naming.accepted
-        names = [suspect.name for suspect in accepted]
-        reduced = list(mapped(shared_pool(), partial(search.reduced, final), names))
-        asked = _asked(final, reduced, accepted, search, witness)
+        final = naming.final
+        every = _asked(naming, search, witness)
         # of what follows the clock other logs say nothing
-        timed = [not witness.same_clock and suspect.type.follows_clock for suspect in accepted]
-        witness.hears([fitted for pair, alone in zip(asked, timed, strict=True) if not alone for fitted in pair])
-        idle = [
-            i
-            for i, fitted in enumerate(reduced)
-            if _pays_nothing(accepted[i], fitted, final, search) and not witness.confirms(fitted, final)
-        ]
-        denied = idle or [i for i, pair in enumerate(asked) if witness.denies(*pair)]
-        for gone in sorted(denied, key=lambda i: reduced[i].value):
-            comparable = asked[gone][1] is final  # a look-alike would be judged beside what follows the clock
-            in_place = None if idle or not comparable else _exchanged(naming, gone, reduced[gone], search, witness)
-            if in_place or idle or not witness.excuses(*asked[gone]):
-                naming = in_place or without_name(naming, gone, search.to_the_end(reduced[gone]), taken_back=not idle)
+        judged = [a for a in every if witness.same_clock or not a.effect.type.follows_clock]
+        witness.hears([fitted for a in judged for fitted in (a.without, a.fitted)])
+        idle = [a for a in every if _pays_nothing(a, final, search) and not witness.confirms(a.reduced, final)]
+        denied = idle or [a for a in every if witness.denies(a.without, a.fitted)]
+        for a in sorted(denied, key=lambda a: a.reduced.value):
+            comparable = a.fitted is final  # a look-alike would be judged beside what follows the clock
+            in_place = None if idle or not comparable else _exchanged(naming, a, search, witness)
+            if in_place or idle or not witness.excuses(a.without, a.fitted):
+                naming = in_place or without_name(naming, a.effect, search.to_the_end(a.reduced), taken_back=not idle)
                 break
         else:
             break
     return naming
 
 
-def _asked(
-    final: Fit, reduced: Sequence[Fit], accepted: Sequence[Suspect], search: Search, witness: Witness
-) -> list[tuple[Fit, Fit]]:
+def _asked(naming: Naming, search: Search, witness: Witness) -> list[_Asked]:
     """Each name's fits without and with it that held-out data judge it by.
 
     What follows the clock of the fitted log does not happen again in another one, and would spoil every prediction
     there. The other names are then judged in fits without it."""
-    names = [suspect.name for suspect in accepted]
-    clocked = [suspect.name for suspect in accepted if suspect.type.follows_clock]
+    final, names = naming.final, naming.names
+    reduced = dict(zip(names, mapped(shared_pool(), partial(search.reduced, final), names), strict=True))
+    clocked = [effect.name for effect in naming.found if effect.type.follows_clock]
     if witness.same_clock or not clocked or len(clocked) == len(names):
-        return [(fitted, final) for fitted in reduced]
-    timeless = reduced[names.index(clocked[0])]
+        return [_Asked(effect, reduced[effect.name], reduced[effect.name], final) for effect in naming.found]
+    timeless = reduced[clocked[0]]
     for name in clocked[1:]:
         timeless = search.reduced(timeless, name)
     others = [name for name in names if name not in clocked]
     without = dict(zip(others, mapped(shared_pool(), partial(search.reduced, timeless), others), strict=True))
-    return [
-        (without[name], timeless) if name in without else (fitted, final)
-        for name, fitted in zip(names, reduced, strict=True)
-    ]
+    asked = []
+    for effect in naming.found:
+        alone = reduced[effect.name]
+        judged_in = (without[effect.name], timeless) if effect.name in without else (alone, final)
+        asked.append(_Asked(effect, alone, *judged_in))
+    return asked
 
 
-def without_name(naming: Naming, gone: int, reduced: Fit, taken_back: bool = False) -> Naming:
+def without_name(naming: Naming, gone: FoundEffect, reduced: Fit, taken_back: bool = False) -> Naming:
     """The names without one, which held-out data took back or another made superfluous."""
     return replace(
         naming,
         final=reduced,
-        accepted=_but(naming.accepted, gone),
-        equals=_but(naming.equals, gone),
-        rankings=_but(naming.rankings, gone),
-        taken_back=(*naming.taken_back, naming.accepted[gone]) if taken_back else naming.taken_back,
+        found=tuple(effect for effect in naming.found if effect.name != gone.name),
+        taken_back=(*naming.taken_back, gone.suspect) if taken_back else naming.taken_back,
     )
 
 
-def _pays_nothing(suspect: Suspect, reduced: Fit, final: Fit, search: Search) -> bool:
+def _pays_nothing(asked: _Asked, final: Fit, search: Search) -> bool:
     """Whether a name has become superfluous beside those found after it."""
-    return reduced.value - final.value - price_in(final, suspect.name) < search.policy.believed
+    return asked.reduced.value - final.value - price_in(final, asked.effect.name) < search.policy.believed
 
 
 def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
@@ -93,93 +109,76 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
     policy = search.policy
     while _shown(naming, search, policy.contested, refused) and witness.off(naming.final):
         share = policy.contested if witness.far(naming.final) else policy.as_good
-        pairs = _shown(naming, search, share, refused)
-        before, accepted = naming.final, naming.accepted
-        for i, s in pairs:
-            search.progress(f"asking held-out data about {s.name} in place of {accepted[i].name}")
-        tried = _tried(naming, pairs, search)
+        exchanges = _shown(naming, search, share, refused)
+        before = naming.final
+        for exchange in exchanges:
+            search.progress(f"asking held-out data about {exchange.by.name} in place of {exchange.former.name}")
+        tried = list(mapped(shared_pool(), partial(_fitted_in_place, start=before, search=search), exchanges))
         witness.hears([before, *tried])
-        for (i, s), fitted in zip(pairs, tried, strict=True):
-            refused.add((accepted[i].name, s.name))
+        for exchange, fitted in zip(exchanges, tried, strict=True):
+            refused.add(exchange.names)
             if witness.prefers(before, fitted):
                 loss = fitted.value - before.value
-                gain = accepted[i].gain - loss
-                found = replace(s, gain=gain, net=gain - price_in(fitted, s.name), fit=fitted)
-                naming = _in_place(naming, i, found)
+                gain = exchange.former.suspect.gain - loss
+                net = gain - price_in(fitted, exchange.by.name)
+                naming = _in_place(naming, exchange.former, replace(exchange.by, gain=gain, net=net, fit=fitted))
                 break
         else:
             return naming
     return naming
 
 
-def _shown(naming: Naming, search: Search, share: float, refused: set[tuple[str, str]]) -> list[tuple[int, Suspect]]:
-    """What held-out data are asked about, each with the place of the name in whose place it may be."""
-    pairs = [(i, s) for i in range(len(naming.accepted)) for s in _alternatives(naming, i, search, share)]
-    return [(i, s) for i, s in pairs if (naming.accepted[i].name, s.name) not in refused]
+def _shown(naming: Naming, search: Search, share: float, refused: Collection[tuple[str, str]]) -> list[_Exchange]:
+    """What held-out data are asked about."""
+    every = [exchange for effect in naming.found for exchange in _alternatives(naming, effect, search, share)]
+    return [exchange for exchange in every if exchange.names not in refused]
 
 
-def _tried(naming: Naming, pairs: Sequence[tuple[int, Suspect]], search: Search) -> list[Fit]:
-    """The fits of what may be in the place of a name."""
-
-    def fitted(pair: tuple[int, Suspect]) -> Fit:
-        i, s = pair
-        return _fitted_in_place(naming.accepted[i], s, naming.final, search)
-
-    return list(mapped(shared_pool(), fitted, pairs))
-
-
-def _exchanged(naming: Naming, gone: int, reduced: Fit, search: Search, witness: Witness) -> Naming | None:
+def _exchanged(naming: Naming, false: _Asked, search: Search, witness: Witness) -> Naming | None:
     """The names with a look-alike in the place of one that held-out data speak against: one that explains the fitted
     logs nearly as well, and held-out data besides. None if there is none."""
-    false = naming.accepted[gone]
-    for s in _alternatives(naming, gone, search, search.policy.as_good):
-        search.progress(f"trying {s.name} in place of {false.name}")
-        fitted = _fitted_in_place(false, s, reduced, search)
+    former, reduced = false.effect, false.reduced
+    for exchange in _alternatives(naming, former, search, search.policy.as_good):
+        s = exchange.by
+        search.progress(f"trying {s.name} in place of {former.name}")
+        fitted = _fitted_in_place(exchange, reduced, search)
         gain = reduced.value - fitted.value
         found = Suspect(s.name, gain, gain - price_in(fitted, s.name), fitted, s.score)
         if found.net > search.policy.believed and not witness.denies(reduced, fitted):
-            return replace(_in_place(naming, gone, found), taken_back=(*naming.taken_back, false))
+            return replace(_in_place(naming, former, found), taken_back=(*naming.taken_back, former.suspect))
     return None
 
 
-def _alternatives(naming: Naming, i: int, search: Search, share: float) -> list[Suspect]:
+def _alternatives(naming: Naming, former: FoundEffect, search: Search, share: float) -> list[_Exchange]:
     """What may be in the place of a name, and is not there already: look-alikes that explain at least a `share` of what
     it explains of the fitted logs, and what was found before it and went when it joined. A ripple that is not seen to
     repeat does not take the place of a spring or cable: it is one."""
-    own = naming.accepted[i]
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
-    look_alikes = [s for s in naming.rankings[i] if alike(s.name, own.name) and s.gain > share * own.gain]
-    found = [s for s in (*look_alikes, *naming.went.get(own.name, ())) if s.name not in taken]
-    return [s for s in found if not (own.type.of_angle_alone and follows_a_law(s, search.policy))]
+    look_alikes = [s for s in former.ranking if alike(s.name, former.name) and s.gain > share * former.suspect.gain]
+    found = [s for s in (*look_alikes, *naming.went.get(former.name, ())) if s.name not in taken]
+    kept = [s for s in found if not (former.type.of_angle_alone and follows_a_law(s, search.policy))]
+    return [_Exchange(former, s) for s in kept]
 
 
-def _fitted_in_place(false: Suspect, s: Suspect, start: Fit, search: Search) -> Fit:
+def _fitted_in_place(exchange: _Exchange, start: Fit, search: Search) -> Fit:
     """A fit with one effect in the place of another; `start` may have that one still, or be fitted without it."""
+    s = exchange.by
     effect = s.fit.plant.effect(s.name)
     assert effect is not None
-    plant = start.plant.without(false.name).with_effects(effect)
+    plant = start.plant.without(exchange.former.name).with_effects(effect)
     return search.fitted(plant, replace(start, noise=between(s.fit, start)), "full")
 
 
-def _in_place(naming: Naming, i: int, found: Suspect) -> Naming:
-    """The names with another one at place i. What only described the law of the former describes the law of this."""
-    former = naming.accepted[i].name
-
-    def exchanged(values: tuple, value: object) -> tuple:
-        return (*values[:i], value, *values[i + 1 :])
+def _in_place(naming: Naming, former: FoundEffect, by: Suspect) -> Naming:
+    """The names with another one in the place of the former. What only described its law describes the law of this."""
+    ranking = (by, *(s for s in former.ranking if s.name != by.name))
 
     def renamed(name: str) -> str:
-        return found.name if name == former else name
+        return by.name if name == former.name else name
 
     return replace(
         naming,
-        final=found.fit,
-        accepted=exchanged(naming.accepted, found),
-        equals=exchanged(naming.equals, ()),
-        rankings=exchanged(naming.rankings, (found, *(s for s in naming.rankings[i] if s.name != found.name))),
+        final=by.fit,
+        found=tuple(FoundEffect(ranking) if e.name == former.name else e for e in naming.found),
         laws={renamed(name): renamed(of) for name, of in naming.laws.items()},
     )
-
-
-def _but(values: tuple, gone: int) -> tuple:
-    return values[:gone] + values[gone + 1 :]

@@ -21,10 +21,8 @@ from .look import Look
 from .policy import ProposalPolicy
 from .same_gain import gains
 from .units import Unit, command_unit
-from .values import Confidence, Problem
+from .values import Confidence, NoColumn, Problem
 
-NO_COLUMN = "no column is known to be"
-"""How a problem begins that no column is found for."""
 _WHOLE = 1e-6  # by which the numbers of a counter may differ from whole ones
 
 
@@ -43,7 +41,8 @@ def problems_of(look: Look, constant_command: str) -> list[Problem]:
         example = ",".join(f"{ours}=NAME" for ours in missing)
         free = [c for c in look.table.columns if c not in map(look.column, COLUMNS)]
         lost = "" if free else ". No other column is left in the file; what was not logged needs a new recording"
-        found.append(Problem(f"{NO_COLUMN} {spoken}; the file has {there}.", f"Name it: --columns {example}{lost}"))
+        text = f"no column is known to be {spoken}; the file has {there}."
+        found.append(NoColumn(text, f"Name it: --columns {example}{lost}"))
         for column in free:
             if _spoilt(look, column):
                 found += _said(name, lambda c=column: look.table.numbers(c))

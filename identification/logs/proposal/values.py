@@ -54,6 +54,11 @@ class Problem:
 
 
 @dataclass(frozen=True)
+class NoColumn(Problem):
+    """That no column of a file is known to be one of ours."""
+
+
+@dataclass(frozen=True)
 class Proposal:
     """How to read some logs of one rig. sources: names of the files. given: what was said beforehand."""
 

@@ -141,9 +141,10 @@ def test_a_parameter_without_information_does_not_set_the_axis_for_the_others(ex
 def test_bars_show_the_contenders(examined):
     """Lengths are shares of the leader's; what lost thousands of nats has no bar, and so squeezes no other."""
     naming = examined.diagnosis.naming
-    leader, other = naming.rankings[0][0], naming.rankings[0][-1]
+    found = naming.found[0]
+    leader, other = found.suspect, found.ranking[-1]
     far_off = replace(other, name="base_tilt", gain=-4558.0, net=-4565.0)
-    (bars, *_) = rankings(replace(naming, rankings=((leader, other, far_off), *naming.rankings[1:])))
+    (bars, *_) = rankings(replace(naming, found=(replace(found, ranking=(leader, other, far_off)), *naming.found[1:])))
     shares = {bar.identifier: bar.share for bar in bars.bars}
     assert shares["arm_spring"] == 1.0
     assert shares["base_tilt"] == 0.0

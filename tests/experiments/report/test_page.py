@@ -24,6 +24,7 @@ from experiments.report.validation_page import adequacy, validation_page
 from experiments.report.verdict import verdict as first_screen
 from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.learned import Learned
+from identification.diagnosis.naming.found import FoundEffect
 from identification.diagnosis.verify import measure_gap, verified
 from identification.estimation.estimate import rounded
 from identification.logs.log import Log
@@ -149,7 +150,7 @@ def test_other_verdicts_have_a_page_too(examined, verdict):
         assert told["gap"] is None
         assert told["remarks"].keys() == {"where", "gap"}
     else:
-        naming = replace(d.naming, accepted=(), equals=(), same=())
+        naming = replace(d.naming, found=(), rejected=d.naming.rankings)
         d = replace(d, verdict=verdict, after=d.before, naming=naming, gap=None)
         x = replace(examined, diagnosis=d, where_after=None, law=None, closed_loop=examined.closed_loop[:1])
     json.dumps(x.to_dict(), allow_nan=False)
@@ -167,7 +168,7 @@ def test_nothing_missing_is_not_all_where_new_data_are_far_off(examined, togethe
     d = examined.diagnosis
     gap = replace(d.gap, after=d.gap.before)
     assert gap.after_over_floor > d.policy.far
-    none = replace(d, verdict="none", after=d.before, naming=replace(d.naming, accepted=(), equals=()), gap=gap)
+    none = replace(d, verdict="none", after=d.before, naming=replace(d.naming, found=()), gap=gap)
     far = none.astray(gap.after_over_floor, together)
     assert far.verdict == word
     screen = first_screen(far, "next")
@@ -211,14 +212,9 @@ def test_a_named_effect_with_uncertain_parameters_leaves_no_part(examined, toget
 
 def test_what_only_describes_a_law_is_in_small_and_not_in_the_headline(examined):
     d = examined.diagnosis
-    (spring,), ripple = d.naming.accepted, TABLE_3.default_effect("arm_ripple")
-    naming = replace(
-        d.naming,
-        accepted=(replace(spring, name="arm_ripple"), spring),
-        equals=((), ()),
-        rankings=(d.naming.rankings[0], d.naming.rankings[0]),
-        laws={"arm_ripple": "arm_spring"},
-    )
+    (spring,), ripple = d.naming.found, TABLE_3.default_effect("arm_ripple")
+    describing = FoundEffect((replace(spring.suspect, name="arm_ripple"), *spring.ranking[1:]))
+    naming = replace(d.naming, found=(describing, FoundEffect(spring.ranking)), laws={"arm_ripple": "arm_spring"})
     after = replace(d.after, plant=d.after.plant.with_effects(*d.after.plant.effects, ripple))
     told = replace(d, naming=naming, after=after)
     assert first_screen(told, "next").headline == first_screen(d, "next").headline

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.diagnosis.gap_change import GapChange
-from identification.diagnosis.naming.forward import Naming
+from identification.diagnosis.naming.fits import FitRequest
+from identification.diagnosis.naming.found import FoundEffect, Naming
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking, Suspect, price
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
+from identification.discrepancy.dependence import Channel, Variable
 from identification.kalman.coordinates import Coordinate, Zeros
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
@@ -116,18 +118,8 @@ class Bowls:
                 found.append(_bowls(given))
         return min(found, key=lambda bowls: min(bowl.value for bowl in bowls))
 
-    def __call__(
-        self,
-        plant: Plant,
-        noise: Noise,
-        records: Sequence[Record],
-        *,
-        anchor: Plant | None = None,
-        policy: DecisionPolicy = DecisionPolicy(),  # noqa: B008  (frozen)
-        iterations: int | None = None,
-        effort: str = "restarted",
-        zeros: Zeros | None = None,
-    ) -> Any:
+    def __call__(self, request: FitRequest) -> Any:
+        plant = request.plant
         names = [e.name for e in plant.effects]
         place = np.array([math.log(plant.theta[8] / TABLE_3.theta[8]), *(_size(plant, name) for name in names)])
 
@@ -136,12 +128,12 @@ class Bowls:
 
         bowl = min(self.bowls(names), key=lambda bowl: v(bowl, place))
         bottom = bowl.bottom(names)
-        at = bottom + bowl.rate ** (iterations or 40) * (place - bottom)
+        at = bottom + bowl.rate ** (request.iterations or 40) * (place - bottom)
         theta = TABLE_3.theta * np.exp([*8 * [0.0], at[0]])
         effects = [_sized(plant, name, size) for name, size in zip(names, at[1:], strict=True)]
         ended = plant.replace(theta=theta).with_effects(*effects)
         left = v(bowl, at) - bowl.value
-        return ToyFit(ended, noise, v(bowl, at) + self.still(ended), left < 0.05, promised=bowl.seen * left)
+        return ToyFit(ended, request.noise, v(bowl, at) + self.still(ended), left < 0.05, promised=bowl.seen * left)
 
 
 def _bowls(given: Bowl | float | Sequence[Bowl]) -> list[Bowl]:
@@ -221,24 +213,29 @@ def rest(
         matters=matters,
         changing=changing,
         structured=matters or changing,
-        channel=channel,
-        variable=variable,
+        channel=Channel(channel),
+        variable=Variable(variable),
         constancy=constancy(p),
         sentence="left",
     )
 
 
 def naming(
-    *found: Suspect, equals: tuple[tuple[str, ...], ...] = (), refused: Suspect | None = None, **more: Any
+    *found: Suspect,
+    equals: tuple[tuple[str, ...], ...] = (),
+    rivals: tuple[tuple[Suspect, ...], ...] = (),
+    refused: Suspect | None = None,
+    **more: Any,
 ) -> Any:
-    """What a search ends with."""
-    given = {
-        "final": found[-1].fit if found else a_fit(),
-        "equals": equals or tuple(() for _ in found),
-        "rankings": tuple((s,) for s in found),
-        "absorbed": {},
-    }
-    return Naming(nominal=a_fit(), accepted=found, refused=refused, **(given | more))
+    """What a search ends with. equals, rivals: of each effect found, what else may be its name, and what it was
+    compared with."""
+    none = tuple(() for _ in found)
+    effects = tuple(
+        FoundEffect((s, *compared), names)
+        for s, compared, names in zip(found, rivals or none, equals or none, strict=True)
+    )
+    given = {"final": found[-1].fit if found else a_fit(), "rejected": (), "absorbed": {}}
+    return Naming(nominal=a_fit(), found=effects, refused=refused, **(given | more))
 
 
 def an_estimate(plant: Plant) -> Any:
@@ -347,7 +344,3 @@ def named(values: dict[str, object], *names: str, witness: Any = None, **rest: A
         assert hasattr(answers, question)
         setattr(answers, question, answer)
     return names_found(a_fit(), by, rest=answers, witness=witness, **more)
-
-
-def accepted(found: Naming) -> list[str]:
-    return [suspect.name for suspect in found.accepted]

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from identification.diagnosis.naming.forward import Naming, name_effects
+from identification.diagnosis.naming.forward import name_effects
+from identification.diagnosis.naming.found import Naming
 from identification.diagnosis.naming.search import NOTHING_YET
 from identification.diagnosis.policy import MOST_EFFECTS
 

@@ -16,6 +16,7 @@ from furuta_gym.plant import EFFECTS, TABLE_3
 from identification.diagnosis import searched as module
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.held_out import HeldOut
+from identification.diagnosis.naming.fits import FitRequest
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.searched import searched
@@ -171,7 +172,9 @@ def test_no_prior_holds_the_search_where_what_is_missing_has_dragged_the_pendulu
     told = replace(known, plant=collapsed, noise=replace(known.noise, torque=(torque, 1e-9)))
     monkeypatch.setattr(module, "identify", lambda *_: told)
 
-    def fitter(*_: object, anchor: Any, **__: object) -> Any:
+    def fitter(request: FitRequest) -> Any:
+        anchor = request.anchor
+        assert anchor is not None
         raise _Asked(*(anchor.theta[2:5] / TABLE_3.theta[2:5]))
 
     with pytest.raises(_Asked) as found:

@@ -145,27 +145,29 @@ def test_a_form_that_is_wrong_does_not_settle_the_name(
     channel: str, variable: str, rival: tuple[str, float], equals: tuple[str, ...]
 ) -> None:
     winner = suspect("input_saturation", 2000.0)
-    names = naming(winner, rankings=((winner, suspect(*rival)),))
-    assert unsettled(names, rest(50.0, channel=channel, variable=variable), POLICY).equals == (equals,)
-    assert unsettled(names, rest(-4.0, channel=channel, variable=variable), POLICY).equals == ((),)
+    names = naming(winner, rivals=((suspect(*rival),),))
+    (unsure,) = unsettled(names, rest(50.0, channel=channel, variable=variable), POLICY).found
+    (sure,) = unsettled(names, rest(-4.0, channel=channel, variable=variable), POLICY).found
+    assert (unsure.equals, sure.equals) == (equals, ())
 
 
 @pytest.mark.parametrize(("gain", "equals"), [(3126.0, ("input_offset",)), (2900.0, ())])
 def test_where_structure_is_left_a_hundredth_of_the_gain_decides_no_name(gain: float, equals: tuple[str, ...]) -> None:
     """An offset that wanders: a cable that comes taut explains 1.5 % more, and is not it either."""
     winner = suspect("arm_taut_cable", 3174.0)
-    names = naming(winner, rankings=((winner, suspect("input_offset", gain)),))
-    wandering = rest(50.0, channel="sensor", variable="zero of the arm")
-    assert unsettled(names, wandering, POLICY).equals == (equals,)
-    assert unsettled(names, rest(-4.0), POLICY).equals == ((),)
+    names = naming(winner, rivals=((suspect("input_offset", gain),),))
+    wandering = rest(50.0, channel="sensor", variable="time (zero of the arm)")
+    (unsure,), (sure,) = unsettled(names, wandering, POLICY).found, unsettled(names, rest(-4.0), POLICY).found
+    assert (unsure.equals, sure.equals) == (equals, ())
 
 
 def test_what_is_in_the_plant_beside_an_effect_is_not_in_its_place() -> None:
     """A dead zone whose law a cubic gain describes was called a dead zone or a cubic gain."""
     zone, gain = suspect("input_dead_zone", 1585.0), suspect("input_cubic_gain", 240.0, "input_dead_zone")
     laws = {"input_cubic_gain": "input_dead_zone"}
-    names = naming(zone, gain, rankings=((zone, suspect("input_cubic_gain", 1450.0)), (gain,)), laws=laws)
-    assert unsettled(names, rest(50.0, channel="input", variable="command"), POLICY).equals == ((), ())
+    names = naming(zone, gain, rivals=((suspect("input_cubic_gain", 1450.0),), ()), laws=laws)
+    left = unsettled(names, rest(50.0, channel="input", variable="command"), POLICY)
+    assert [effect.equals for effect in left.found] == [(), ()]
 
 
 def settled(first: Any, second: Any, other: Any, dragged: bool = False) -> tuple[Any, list[str]]:
@@ -196,7 +198,7 @@ def test_names_that_leave_structure_are_searched_again_from_other_starts(better:
     joining = a_fit("input_delay", value=SPRING.fit.value - better)
     second = naming(DELAY, final=a_fit("input_delay", value=100.0 - better)), None, rest()
     (found, *_), made = settled(first, second, joining)
-    assert [s.name for s in found.accepted] == [name]
+    assert found.names == [name]
     assert made == (["without", "with"] if name == "input_delay" else ["without"])
 
 
@@ -250,7 +252,8 @@ def test_equals_that_predict_the_same_ask_for_no_experiment() -> None:
     lag = suspect("actuator_lag", 60.0)
     apart = naming(lag, equals=(("input_delay",),))
     assert _verdict(apart, rest(), POLICY)[0] == "ambiguous"
-    verdict, sentence = _verdict(replace(apart, same=(("input_delay",),)), rest(), POLICY)
+    alike = replace(apart, found=(replace(apart.found[0], same=("input_delay",)),))
+    verdict, sentence = _verdict(alike, rest(), POLICY)
     assert verdict == "named"
     assert "(actuator_lag; input_delay would predict the same)" in sentence
 

@@ -16,8 +16,9 @@ from identification.diagnosis import verify
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.gap_change import speaks_against
 from identification.diagnosis.held_out import HeldOut, _of_tails
-from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.fits import FitRequest, fit
 from identification.diagnosis.naming.forward import START_NOISE
+from identification.diagnosis.naming.found import FoundEffect
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
 from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
@@ -192,7 +193,7 @@ def test_whether_an_angle_rests_is_asked_of_the_tail() -> None:
 def test_a_small_torque_that_repeats_is_seen_to_go_on_in_the_last_three_tenths() -> None:
     """The refit to the first part of the log must not lose it again in the noise that it starts from."""
     log, truth = loop_log("periodic_torque", 0.2, duration=12.0)
-    final: Any = fit(truth, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    final: Any = fit(FitRequest(truth, START_NOISE, [Record.from_log(log)], anchor=TABLE_3))
     found = a_diagnosis("periodic_torque")
     after: Any = SimpleNamespace(plant=final.plant, zeros={})
     found = replace(found, after=after, naming=naming(suspect("periodic_torque", 200.0), final=final))
@@ -241,7 +242,7 @@ def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
     assert found.plant.provenance["u_max"] == "guessed from the logs' largest command"
     assert found.to_dict()["effects"] == []
     assert found.rest is not None
-    named = replace(found, naming=replace(found.naming, accepted=found.naming.rankings[0][:1], equals=((),)))
+    named = replace(found, naming=replace(found.naming, found=(FoundEffect(found.naming.rankings[0]),)))
     assert _sharpness_alone(named)
     assert not _sharpness_alone(replace(named, still_off=2.0))  # something is left: the name stays
 

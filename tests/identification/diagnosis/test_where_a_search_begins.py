@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from experiments.bench import HiddenEffect, Rig
 from furuta_gym.plant import Plant
 from identification import identify
 from identification.diagnosis.held_out import HeldOut
+from identification.diagnosis.naming.fits import Fit, FitRequest
 from identification.diagnosis.searched import _adrift, searched
 from identification.logs.log import Log
 from tests.factories import bench_log, loop_log
@@ -24,8 +23,8 @@ class Begun(Exception):
 def anchor_of(log: Log) -> Plant:
     """The plant that the search of a log begins with."""
 
-    def first(plant: Plant, *_: Any, anchor: Plant, **__: Any) -> Any:
-        raise Begun(anchor)
+    def first(request: FitRequest) -> Fit:
+        raise Begun(request.anchor)
 
     with pytest.raises(Begun) as begun:
         searched(HeldOut((log,), (), POLICY), None, 1, ["input_delay"], lambda _: None, first)

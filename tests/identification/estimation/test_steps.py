@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
-from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.fits import FitRequest, fit
 from identification.estimation.optimise import minimise
 from identification.estimation.prediction_error import PredictionError, quietest
 from identification.estimation.steps import CommonScale, LinearEffect
@@ -105,7 +105,8 @@ def test_fits_of_a_cable_arrive(seed: int) -> None:
     records = [Record.from_log(log)]
     noise = Noise(3.0 * quietest(plant, records))
     starts = [{}, {"k": 0.4, "q1n": 0.0, "k3": 0.3, "q1s": -0.2}, {"k": 0.02, "q1s": -1.0}]
-    ends = [fit(plant.with_effects(Effect("arm_cable", {**CABLE, **s})), noise, records, effort="full") for s in starts]
+    cables = [plant.with_effects(Effect("arm_cable", {**CABLE, **s})) for s in starts]
+    ends = [fit(FitRequest(cable, noise, records, effort="full")) for cable in cables]
     values = [end.value for end in ends]
     assert np.ptp(values) < 0.2, values
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.discrepancy.basis import Family
+from identification.discrepancy.basis import Columns
 from identification.discrepancy.response import Normal, answers
 from identification.kalman.likelihood import whiten
 from identification.kalman.noise import fit_noise
@@ -101,7 +101,7 @@ def test_an_angle_that_is_not_read_is_a_filter_of_the_other_alone(partly: Filter
 def test_answers_are_what_a_torque_changes_where_readings_are_left_out(partly: FilterPath) -> None:
     torque = 1e-6 * np.random.default_rng(1).standard_normal((len(partly.e), 2, 1))
     pushed = refilter(partly, partly.noise, torque=torque[:, :, 0])
-    found = answers(partly, Family("arm", "any", torque)).reshape(-1, 2)
+    found = answers(partly, Columns(torque=torque)).reshape(-1, 2)
     np.testing.assert_allclose(whiten(pushed.e - partly.e, partly.S), found, atol=1e-6 * np.abs(found).max())
     assert not found[~partly.used].any()
 
@@ -110,10 +110,10 @@ def test_families_side_by_side_answer_as_each_does_alone(partly: FilterPath) -> 
     """In their order, whatever they stand for: torques, errors of readings, or one kind after the other."""
     rng, shape = np.random.default_rng(3), (len(partly.record.t), 2)
     families = [
-        Family("arm", "any", rng.normal(size=(*shape, 1))),
-        Family("input", "any", rng.normal(size=(*shape, 3))),
-        Family("sensor", "any", None, rng.normal(size=(*shape, 2))),
-        Family("pendulum", "any", rng.normal(size=(*shape, 2))),
+        Columns(torque=rng.normal(size=(*shape, 1))),
+        Columns(torque=rng.normal(size=(*shape, 3))),
+        Columns(misreading=rng.normal(size=(*shape, 2))),
+        Columns(torque=rng.normal(size=(*shape, 2))),
     ]
     alone = Normal.of_columns(partly, [answers(partly, family) for family in families])
     together = Normal.of(partly, families)

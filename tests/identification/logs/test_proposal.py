@@ -54,9 +54,7 @@ def table(
 
 
 def read(proposal: Proposal, source: Table) -> Log:
-    said = proposal.mapping.arguments()
-    del said["skip"], said["cut"]
-    mapped = map_table(source, **said, device=None, controller_gain=None, constant_command="error")
+    mapped = map_table(source, proposal.mapping)
     return Log(**mapped.signals, **mapped.facts)
 
 

@@ -89,7 +89,5 @@ def test_columns_that_are_read_are_those_that_are_checked() -> None:
     assert {ours: found.mapping.columns[ours] for ours in ("t", "q1", "q2", "u")} == {
         c: c for c in ("t", "q1", "q2", "u")
     }
-    arguments = RigMapping().arguments()
-    del arguments["skip"], arguments["cut"]
-    mapped = map_table(source, **arguments, device=None, controller_gain=None, constant_command="error")
+    mapped = map_table(source, RigMapping())
     assert mapped.signals["t"][1] == pytest.approx(0.005)

@@ -9,7 +9,7 @@ from experiments.bench import HiddenEffect, Rig
 from furuta_gym.plant import EFFECTS, QUBE, TABLE_3, Effect
 from furuta_gym.sensors import Sensors
 from furuta_gym.simulation import LivePlant
-from identification.diagnosis.locate.evidence import _merged, evidence_of
+from identification.diagnosis.locate.evidence import evidence_of
 from identification.diagnosis.locate.laws import own_families, own_variables, ways
 from identification.diagnosis.locate.seen import Seen
 from identification.diagnosis.policy import DecisionPolicy
@@ -28,7 +28,7 @@ def pulled() -> Seen:
 
 
 def test_every_effect_has_variables_of_its_own_that_are_looked_at(pulled: Seen) -> None:
-    known = {_merged(family) for columns in pulled.columns for family in columns} | {("arm", "frequency")}
+    known = {family.dependence for columns in pulled.columns for family in columns} | {("arm", "frequency")}
     for name in set(EFFECTS) - {LEARNED}:
         assert own_variables(name), name
         assert own_variables(name) <= known, name
@@ -70,13 +70,13 @@ AT_SCALE = {
 def test_families_at_an_effects_own_scale_are_new_and_finite(name: str, pulled: Seen) -> None:
     signals = pulled.looks[0].signals
     plant = TABLE_3.with_effects(TABLE_3.default_effect(name))
-    known = {_merged(family) for family in pulled.columns[0]}
+    known = {family.dependence for family in pulled.columns[0]}
     variables = [family.variable for family in own_families(name, plant, signals, (0.0, 10.0))]
     assert [v for v in variables if "its own" in v] == AT_SCALE.get(name, [])
     speeds = any(variable == f"{channel} speed" for channel, variable in own_variables(name))
     assert ("near standstill" in variables) == speeds
     for family in own_families(name, plant, signals, (0.0, 10.0)):
-        assert (family.channel, family.variable) not in known
+        assert family.dependence not in known
         columns = family.torque if family.torque is not None else family.misreading
         assert columns is not None
         assert columns.shape[:2] == (len(signals.t), 2)

@@ -19,6 +19,7 @@ from identification.diagnosis.locate.location import MissingTorque, Suspicion
 from identification.diagnosis.locate.structure import largest_line, predictable
 from identification.discrepancy.basis import Knots, Signals, families
 from identification.discrepancy.correction import flexible
+from identification.discrepancy.dependence import Channel, Variable
 from identification.kalman.record import Record
 from identification.logs.reading import read_log
 from tests.factories import bench_log, changing_gain_log, loop_log
@@ -269,7 +270,7 @@ def _said(channel: str, variable: str, sources: tuple[str, ...] = ("run1.csv",))
     mean = np.tile([0.4, 0.1], (len(t), 1))
     torques = [MissingTorque(i, source, t, mean, mean) for i, source in enumerate(sources)]
     spans = [((3.2, 4.5),) for _ in sources]
-    best = Suspicion(channel, variable, 50.0, 45.0, 0.6)
+    best = Suspicion(Channel(channel), Variable(variable), 50.0, 45.0, 0.6)
     return _sentence(best, spans, torques, np.array([1.0, 2.0]), 40.0, np.array([0.5, 2.0]), "V")
 
 

@@ -8,7 +8,7 @@ import pytest
 from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.added_torque import added_torque, motion_of
 from identification.diagnosis.naming.afresh import afresh, cost
-from identification.diagnosis.naming.fits import Fit, fit
+from identification.diagnosis.naming.fits import Fit, FitRequest, fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import price
@@ -26,7 +26,7 @@ def strong():
     log = noisy_log(1, plant)
     records = [s.record for s in stretches([log])]
     anchor = TABLE_3.replace(theta=TABLE_3.theta * [2.3, 0.1, 0.15, 0.15, 0.15, 10.0, 0.05, 0.1, 0.2])
-    return log, fit(anchor, START_NOISE, records, anchor=anchor, iterations=4, effort="coarse"), anchor
+    return log, fit(FitRequest(anchor, START_NOISE, records, anchor=anchor, iterations=4, effort="coarse")), anchor
 
 
 def test_a_strong_effect_is_found_where_model_5_is_far_away(strong):
@@ -50,9 +50,9 @@ def test_what_cannot_catch_up_with_a_known_fit_costs_less(strong):
     known = afresh(nominal, starts, Search(anchor, [right]), None, ())[right]
     rounds: list[str] = []
 
-    def counting(plant, *args, **asked):
-        rounds.append(asked["effort"])
-        return fit(plant, *args, **asked)
+    def counting(request: FitRequest) -> Fit:
+        rounds.append(request.effort)
+        return fit(request)
 
     wrong = Search(anchor, [name for name in ONLY if name != right], fitter=counting)
     without = afresh(nominal, starts, wrong, None, ())
@@ -66,9 +66,9 @@ def test_what_derivatives_promise_too_little_is_left_after_its_first_round(stron
     log, nominal, anchor = strong
     rounds: list[str] = []
 
-    def counting(plant, *args, **asked):
-        rounds.append(asked["effort"])
-        return fit(plant, *args, **asked)
+    def counting(request: FitRequest) -> Fit:
+        rounds.append(request.effort)
+        return fit(request)
 
     def spent(nats: float) -> int:
         rounds.clear()

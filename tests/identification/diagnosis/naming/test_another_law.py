@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from identification.diagnosis.naming.next_effect import with_law
-from tests.identification.diagnosis.fits import PER_PARAMETER, Told, accepted, named
+from tests.identification.diagnosis.fits import PER_PARAMETER, Told, named
 
 
 @pytest.mark.parametrize(
@@ -31,10 +31,10 @@ def test_what_goes_with_the_variables_of_an_effect_is_another_law_of_it(
         return of[name] if len(fit.plant.effects) < 2 else 0.0
 
     got = named(values, *both, another_law=law, witness=Told(needed=()))
-    assert accepted(got) == (found or both)
+    assert got.names == (found or both)
     assert (got.refused is None) == (found is None)
     asked_for = named(values, *both, another_law=law, witness=Told(needed=tuple(both)))
-    assert accepted(asked_for) == both  # held-out data ask for it: in the plant, and no name
+    assert asked_for.names == both  # held-out data ask for it: in the plant, and no name
     assert [s.name for s in asked_for.own] == (found or both)
     assert asked_for.laws == ({} if found is None else {"periodic_torque": "arm_friction_drift"})
 
@@ -56,9 +56,9 @@ def test_the_law_of_one_that_stayed_is_asked_also_where_another_went() -> None:
         return 0.0 if gone else {"base_tilt": 2400.0}.get(name, 0.0)
 
     free = named(values, *names, another_law=lambda *_: 0.0)
-    assert sorted(accepted(free)) == ["base_tilt", "input_dead_zone"]
+    assert sorted(free.names) == ["base_tilt", "input_dead_zone"]
     found = named(values, *names, another_law=another_law)
-    assert "input_dead_zone" not in accepted(found)
+    assert "input_dead_zone" not in found.names
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_a_small_effect_that_has_nothing_to_do_with_the_law_of_the_large_one_is_
     """A dead zone beside a tilt of twenty times its likelihood; what the tilt's law misses would look like a tilt."""
     values = {"base_tilt": -3000.0, "base_tilt input_dead_zone": -3000.0 - net - PER_PARAMETER}
     found = named(values, "base_tilt", "input_dead_zone", another_law=lambda fit, name: law)
-    assert accepted(found) == ["base_tilt", *(["input_dead_zone"] if believed else [])]
+    assert found.names == ["base_tilt", *(["input_dead_zone"] if believed else [])]
 
 
 @pytest.mark.parametrize(("law", "kept"), [(-5.0, True), (30.0, False)])
@@ -84,7 +84,7 @@ def test_a_small_effect_stays_when_another_small_one_joins(law: float, kept: boo
     }
     names = ["base_tilt", "input_dead_zone", "arm_hysteresis"]
     found = named(values, *names, another_law=lambda fit, name: law)
-    assert accepted(found) == (names if kept else names[:1])
+    assert found.names == (names if kept else names[:1])
 
 
 @pytest.mark.parametrize(("taken_up", "kept"), [(0.0, True), (300.0, False)])
@@ -109,7 +109,7 @@ def test_what_two_small_effects_have_in_common_counts_against_neither_beside_a_l
         return 300.0 if len(others) < 2 else 0.0
 
     found = named(values, *names, another_law=another_law, witness=Told())
-    assert sorted(accepted(found)) == (sorted(names) if kept else ["base_tilt"])
+    assert sorted(found.names) == (sorted(names) if kept else ["base_tilt"])
 
 
 @pytest.mark.parametrize(("gain", "own"), [(760.0, ["actuator_lag"]), (1300.0, ["actuator_lag", "input_delay"])])
@@ -118,7 +118,7 @@ def test_a_lesser_look_alike_in_the_same_variables_is_in_the_plant_without_a_nam
     both = ["actuator_lag", "input_delay"]
     values = {"actuator_lag": -2000.0, " ".join(both): -2000.0 - gain}
     found = named(values, *both, witness=Told(needed=tuple(both)))
-    assert accepted(found) == both
+    assert found.names == both
     assert [s.name for s in found.own] == own
 
 

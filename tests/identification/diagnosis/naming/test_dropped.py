@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect
 from identification.diagnosis.naming.dropped import dropped
-from identification.diagnosis.naming.fits import Fit, fit
+from identification.diagnosis.naming.fits import Fit, FitRequest, fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.kalman.record import Record
 from tests.factories import loop_log
@@ -23,7 +24,7 @@ def _with_offset() -> Fit:
     assert found is not None
     half = 0.5 * found.parameters["b"]
     start = TABLE_3.with_effects(Effect("input_offset", {"b": half}), Effect("arm_coulomb_asymmetry", {"a": -half}))
-    return fit(start, START_NOISE, [Record.from_log(log)], anchor=TABLE_3, effort="full")
+    return fit(FitRequest(start, START_NOISE, [Record.from_log(log)], anchor=TABLE_3, effort="full"))
 
 
 @pytest.mark.parametrize("name", ["input_offset", "arm_coulomb_asymmetry"])
@@ -33,7 +34,7 @@ def test_what_is_left_takes_over_the_part_of_what_goes(name: str) -> None:
     rest = dropped(both, name)
     (left,) = rest.plant.effects
     as_it_is = both.plant.replace(effects=(both.plant.effect(left.name),))
-    ended = fit(rest.plant, both.noise, both.records, anchor=TABLE_3, effort="full")
+    ended = fit(FitRequest(rest.plant, both.noise, both.records, anchor=TABLE_3, effort="full"))
     (found,) = ended.plant.effects
     (size,) = found.parameters
 
@@ -41,13 +42,14 @@ def test_what_is_left_takes_over_the_part_of_what_goes(name: str) -> None:
         return abs(value - found.parameters[size])
 
     assert away(left.parameters[size]) < 0.5 * away(as_it_is.effects[0].parameters[size])
-    begins = [fit(p, both.noise, both.records, anchor=TABLE_3, iterations=1).value for p in (rest.plant, as_it_is)]
+    first = FitRequest(rest.plant, both.noise, both.records, anchor=TABLE_3, iterations=1)
+    begins = [fit(request).value for request in (first, replace(first, plant=as_it_is))]
     assert begins[0] < begins[1]
 
 
 def test_an_effect_that_nothing_imitates_leaves_the_rest_as_it_is() -> None:
     log, rig = loop_log("arm_spring", duration=4.0)
-    alone = fit(rig, START_NOISE, [Record.from_log(log)], anchor=TABLE_3, effort="full")
+    alone = fit(FitRequest(rig, START_NOISE, [Record.from_log(log)], anchor=TABLE_3, effort="full"))
     rest = dropped(alone, "arm_spring")
     assert not rest.plant.effects
     assert rest.plant.theta == pytest.approx(alone.plant.theta, rel=0.02)

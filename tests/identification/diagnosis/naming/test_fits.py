@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3
-from identification.diagnosis.naming.fits import Fit, anchored, fit
+from identification.diagnosis.naming.fits import Fit, FitRequest, anchored, fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.policy import DecisionPolicy
 from identification.kalman.coordinates import plant_coordinates
@@ -25,7 +25,7 @@ def test_a_coarse_fit_ends_where_no_more_than_a_standstill_is_promised() -> None
     def coarse(stands: float) -> Fit:
         records = [stretch.record for stretch in stretches([log])]
         policy = replace(DecisionPolicy(), stands=stands)
-        return fit(start, START_NOISE, records, policy=policy, effort="coarse")
+        return fit(FitRequest(start, START_NOISE, records, policy=policy, effort="coarse"))
 
     rough, fine = coarse(20.0), coarse(0.01)
     assert rough.optimum.converged
@@ -40,7 +40,7 @@ def test_a_coarse_fit_ends_where_no_more_than_a_standstill_is_promised() -> None
 def test_nothing_finite_is_promised_where_the_filter_diverges() -> None:
     log, _ = loop_log(duration=1.0)
     (stretch,) = stretches([log])
-    lost = fit(TABLE_3, START_NOISE, [stretch.record], iterations=1, effort="coarse")
+    lost = fit(FitRequest(TABLE_3, START_NOISE, [stretch.record], iterations=1, effort="coarse"))
     assert math.isfinite(lost.promised)
     assert math.isinf(replace(lost, optimum=replace(lost.optimum, value=math.inf)).promised)
 
@@ -49,12 +49,12 @@ def test_the_strain_is_what_a_fit_without_the_prior_gains() -> None:
     """Around the truth the prior costs next to nothing; a stiff one around another pendulum holds the fit back."""
     log, truth = loop_log(duration=6.0)
     records = [stretch.record for stretch in stretches([log])]
-    free = fit(truth, START_NOISE, records, effort="full")
+    free = fit(FitRequest(truth, START_NOISE, records, effort="full"))
     assert free.strain == 0.0
-    assert fit(truth, START_NOISE, records, anchor=truth, effort="full").strain < 1.0
+    assert fit(FitRequest(truth, START_NOISE, records, anchor=truth, effort="full")).strain < 1.0
     away = truth.replace(theta=truth.theta * [1, 1.1, 1.1, 1.1, 1.1, 1, 1, 1, 1])
     stiff = replace(DecisionPolicy(), anchor_std=0.01)
-    held = fit(truth, START_NOISE, records, anchor=away, policy=stiff, effort="full")
+    held = fit(FitRequest(truth, START_NOISE, records, anchor=away, policy=stiff, effort="full"))
     problem = free.problem()
     gained = problem.value(np.array([c.to_z(v) for c, v in zip(held.coordinates, _values(held), strict=True)]))
     assert held.strain > 2.0

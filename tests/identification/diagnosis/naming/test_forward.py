@@ -11,7 +11,7 @@ import pytest
 
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect
 from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.fits import FitRequest, fit
 from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.next_effect import _of_successors
 from identification.diagnosis.naming.probes import cells
@@ -130,7 +130,8 @@ def test_an_arm_that_is_held_says_nothing_of_effects() -> None:
 
 def test_scores_rank_the_hidden_effect_first() -> None:
     hidden = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, hidden, duration=6.0))], anchor=TABLE_3)
+    records = [Record.from_log(noisy_log(7, hidden, duration=6.0))]
+    nominal = fit(FitRequest(TABLE_3, START_NOISE, records, anchor=TABLE_3))
     table = scores(nominal, SUSPECTS)
     assert max(table.values(), key=lambda s: s.gain).effect == "arm_spring"
 
@@ -138,7 +139,7 @@ def test_scores_rank_the_hidden_effect_first() -> None:
 def test_scores_know_that_the_zero_of_the_pendulum_is_free() -> None:
     """A zero of a count takes most of a small asymmetry in; what it leaves shows the size."""
     log, rig = loop_log("pendulum_coulomb_asymmetry", 0.2, duration=6.0)
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    nominal = fit(FitRequest(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3))
     score = scores(nominal, ["pendulum_coulomb_asymmetry"])["pendulum_coulomb_asymmetry"]
     (hidden,) = rig.effects
     assert score.start is not None
@@ -149,7 +150,7 @@ def test_scores_know_that_the_zero_of_the_pendulum_is_free() -> None:
 def test_scores_of_a_zero_that_cannot_move_are_those_of_the_plant() -> None:
     """A pendulum that hangs off by more than a fit's zero may be: the rest is no zero's, and an offset is suspected."""
     log, _ = loop_log("pendulum_encoder_offset", duration=6.0)
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    nominal = fit(FitRequest(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3))
     table = scores(nominal, ["pendulum_encoder_offset", "pendulum_coulomb_asymmetry", "base_tilt"])
     assert min(s.gain for s in table.values()) > 40.0
     assert max(s.absorbed for s in table.values()) < 0.4
@@ -172,7 +173,7 @@ def test_scores_start_a_cable_near_the_hidden_one(name: str) -> None:
     """The start pulls as the hidden cable does over the angles of the log."""
     hidden = Effect(name, CABLES[name])
     log = noisy_log(8, TABLE_3.with_effects(hidden), duration=8.0)
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    nominal = fit(FitRequest(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3))
     found = scores(nominal, [*CABLES, "arm_hysteresis"])
     start = found[name].start
     assert start is not None
@@ -209,14 +210,14 @@ def test_a_tilt_beyond_its_bounds_starts_within_them() -> None:
 def test_friction_that_remembers_is_suspected_at_its_width() -> None:
     hidden = Effect("arm_hysteresis", {"κ": 1.5, "d": 0.05})
     log = noisy_log(9, TABLE_3.with_effects(hidden), duration=6.0)
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3)
+    nominal = fit(FitRequest(TABLE_3, START_NOISE, [Record.from_log(log)], anchor=TABLE_3))
     found = scores(nominal, ["arm_hysteresis", "arm_stribeck", "arm_spring"])
     start = found["arm_hysteresis"].start
     assert start is not None
     assert max(found.values(), key=lambda s: s.gain).effect == "arm_hysteresis"
     assert 0.02 <= start.parameters["d"] <= 0.1
     assert start.parameters["κ2"] == 0.0
-    again = fit(nominal.plant.with_effects(start), nominal.noise, nominal.records, anchor=TABLE_3)
+    again = fit(FitRequest(nominal.plant.with_effects(start), nominal.noise, nominal.records, anchor=TABLE_3))
     assert nominal.value - again.value > 20.0
     refitted = again.plant.effect("arm_hysteresis").parameters
     assert refitted["κ"] * refitted["d"] == pytest.approx(1.5 * 0.05, rel=0.2)
@@ -233,7 +234,8 @@ def test_unknown_suspects_are_refused() -> None:
 def test_what_no_score_can_suspect_is_fitted_where_something_is_missing(missing: bool) -> None:
     """Presliding replaces the friction that is there: it has no small size, and its score is nothing."""
     plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring")) if missing else TABLE_3
-    nominal = fit(TABLE_3, START_NOISE, [Record.from_log(noisy_log(7, plant, duration=6.0))], anchor=TABLE_3)
+    records = [Record.from_log(noisy_log(7, plant, duration=6.0))]
+    nominal = fit(FitRequest(TABLE_3, START_NOISE, records, anchor=TABLE_3))
     names, table = Search(TABLE_3, ("arm_spring", "arm_presliding")).suspects(nominal, 0)
     assert table["arm_presliding"].gain < 2.0
     assert ("arm_presliding" in names) == missing

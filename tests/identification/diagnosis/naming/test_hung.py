@@ -12,7 +12,7 @@ from furuta_gym import simulate
 from furuta_gym.plant import QUBE, TABLE_3, Effect, Plant
 from furuta_gym.simulation import open_loop
 from identification import Log
-from identification.diagnosis.naming.forward import Naming
+from identification.diagnosis.naming.found import FoundEffect, Naming
 from identification.diagnosis.naming.hung import set_while_hanging
 from identification.diagnosis.naming.suspects import Suspect
 from identification.diagnosis.sentences import misses
@@ -73,9 +73,9 @@ def test_only_the_zero_is_said_to_follow():
     b = -math.pi - resting(rig, 0.3)
     rig = rig.with_effects(Effect("pendulum_encoder_offset", {"b": b}), QUBE.default_effect("arm_ripple"))
     final = fitted(rig, -math.pi)
-    accepted = tuple(Suspect(effect.name, 100.0, 90.0, final) for effect in rig.effects)
-    naming = Naming(final, final, accepted, ((), (), ()), (), {}, laws={"arm_ripple": "base_tilt"})
-    assert [suspect.name for suspect in naming.own] == ["base_tilt"]
+    found = tuple(FoundEffect((Suspect(effect.name, 100.0, 90.0, final),)) for effect in rig.effects)
+    naming = Naming(final, final, found, (), {}, laws={"arm_ripple": "base_tilt"})
+    assert [effect.name for effect in naming.own] == ["base_tilt"]
     assert naming.relation("pendulum_encoder_offset").startswith("follows from base_tilt")
     assert naming.relation("arm_ripple") == "describes what the law of base_tilt misses"
     told = misses(naming)

@@ -12,7 +12,7 @@ import pytest
 
 from furuta_gym.plant import TABLE_3
 from identification import diagnose
-from identification.diagnosis.naming.fits import fit
+from identification.diagnosis.naming.fits import Fit, FitRequest, fit
 from identification.diagnosis.naming.journal import FitJournal
 from identification.diagnosis.outcome import Diagnosis
 from identification.kalman.noise_model import Noise
@@ -70,9 +70,9 @@ def test_a_stopped_search_goes_on_and_ends_the_same(log: Log, tmp_path: Path) ->
 def test_a_fit_is_taken_for_the_very_same_question_only(log: Log, tmp_path: Path) -> None:
     journal = FitJournal(tmp_path / "fits.jsonl")
     records = (Record.from_log(log),)
-    first = journal(TABLE_3, NOISE, records, iterations=2, effort="coarse")
+    first = journal(FitRequest(TABLE_3, NOISE, records, iterations=2, effort="coarse"))
     again = FitJournal(journal.path)
-    second = again(TABLE_3, NOISE, records, iterations=2, effort="coarse")
+    second = again(FitRequest(TABLE_3, NOISE, records, iterations=2, effort="coarse"))
     assert again.used == 1
     np.testing.assert_array_equal(second.plant.theta, first.plant.theta)
     assert second.value == first.value
@@ -83,10 +83,10 @@ def test_a_fit_is_taken_for_the_very_same_question_only(log: Log, tmp_path: Path
         (TABLE_3, Noise((2e-4, 1e-6), (0.5, 0.5)), records),
         (TABLE_3, NOISE, (moved,)),
     ):
-        again(plant, noise, given, iterations=2, effort="coarse")
-    again(TABLE_3, NOISE, records, iterations=1, effort="coarse")
+        again(FitRequest(plant, noise, given, iterations=2, effort="coarse"))
+    again(FitRequest(TABLE_3, NOISE, records, iterations=1, effort="coarse"))
     assert again.used == 1
-    again(TABLE_3, NOISE, records, iterations=1, effort="coarse")
+    again(FitRequest(TABLE_3, NOISE, records, iterations=1, effort="coarse"))
     assert again.used == 2
 
 
@@ -94,19 +94,19 @@ def test_a_broken_journal_is_no_worse_than_none(log: Log, tmp_path: Path) -> Non
     path = tmp_path / "fits.jsonl"
     calls: list[int] = []
 
-    def counting(*given: Any, **asked: Any) -> Any:
+    def counting(request: FitRequest) -> Fit:
         calls.append(1)
-        return fit(*given, **asked)
+        return fit(request)
 
     records = (Record.from_log(log),)
-    FitJournal(path)(TABLE_3, NOISE, records, iterations=1, effort="coarse")
+    FitJournal(path)(FitRequest(TABLE_3, NOISE, records, iterations=1, effort="coarse"))
     told = json.loads(path.read_text())
     for broken in ("", "nonsense", "[]", "{}", json.dumps(told | {"z": [1.0]}), json.dumps(told | {"z": ["a"]})):
         path.write_text(broken + "\n")
-        FitJournal(path, counting)(TABLE_3, NOISE, records, iterations=1, effort="coarse")
+        FitJournal(path, counting)(FitRequest(TABLE_3, NOISE, records, iterations=1, effort="coarse"))
     assert len(calls) == 6
     nowhere = FitJournal(tmp_path / "missing" / "fits.jsonl", counting)
-    nowhere(TABLE_3, NOISE, records, iterations=1, effort="coarse")
+    nowhere(FitRequest(TABLE_3, NOISE, records, iterations=1, effort="coarse"))
     assert len(calls) == 7
 
 
@@ -114,8 +114,8 @@ def test_a_fit_from_the_journal_knows_its_information(log: Log, tmp_path: Path) 
     """From which the search decides where a fit without one of the effects starts."""
     journal = FitJournal(tmp_path / "fits.jsonl")
     records = (Record.from_log(log),)
-    made = journal(TABLE_3, NOISE, records, iterations=2, effort="coarse")
-    kept = FitJournal(journal.path)(TABLE_3, NOISE, records, iterations=2, effort="coarse")
+    made = journal(FitRequest(TABLE_3, NOISE, records, iterations=2, effort="coarse"))
+    kept = FitJournal(journal.path)(FitRequest(TABLE_3, NOISE, records, iterations=2, effort="coarse"))
     np.testing.assert_array_equal(kept.optimum.expansion.information, made.optimum.expansion.information)
     assert np.any(made.optimum.expansion.information)
     assert kept.promised == made.promised > 0.0

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
+from identification.diagnosis.naming.fits import FitRequest
 from identification.diagnosis.naming.multistart import from_best
 from identification.diagnosis.naming.related import angles_of, in_place_of_friction, nearest, related
 from identification.diagnosis.policy import DecisionPolicy
@@ -81,7 +82,8 @@ def test_a_special_case_and_what_includes_it_find_each_other(best: str, lost: st
     not stiffen, and no cable than a spring."""
     truth = torques(spring())
 
-    def stays(plant: Plant, *_: Any, **__: Any) -> Any:
+    def stays(request: FitRequest) -> Any:
+        plant = request.plant
         """A fit from which no descent leads away."""
         (effect,) = plant.effects
         return a_fit(effect, value=400.0 * float(np.mean((torques(effect) - truth) ** 2) > 1e-4))
@@ -155,7 +157,8 @@ def test_such_a_bristle_starts_from_the_best_fit() -> None:
     best = replace(a_fit(stops, value=0.0), plant=TABLE_3.replace(theta=with_stops(0.0).theta).with_effects(stops))
     far = Effect("arm_presliding", {"σ0": 500.0})
 
-    def stays(plant: Plant, *_: Any, **__: Any) -> Any:
+    def stays(request: FitRequest) -> Any:
+        plant = request.plant
         (effect,) = plant.effects
         there = effect.parameters["i"] < 1.0 and plant.theta[7] == pytest.approx(0.13)
         return replace(a_fit(effect, value=-5.0 if there else 400.0), plant=plant)

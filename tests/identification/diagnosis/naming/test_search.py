@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from furuta_gym.plant import TABLE_3, Effect, Plant
+from identification.diagnosis.naming.fits import FitRequest
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.suspects import Ranking
@@ -74,8 +75,9 @@ def test_a_cable_comes_before_a_ripple_that_is_not_seen_to_repeat(cable: float, 
     assert sorted(s.name for s in ranking) == ["arm_cable", "arm_ripple", "input_offset"]
     assert ranking[0].gain == pytest.approx(1000.0 - ranking[0].fit.value)
     naming = names_found(a_fit(value=1000.0), by, most=1)
-    assert [s.name for s in naming.accepted] == [first]
-    assert naming.equals == ((("arm_ripple",) if first == "arm_cable" else ()),), "it explains no less"
+    assert naming.names == [first]
+    (effect,) = naming.found
+    assert effect.equals == (("arm_ripple",) if first == "arm_cable" else ()), "it explains no less"
 
 
 def test_a_look_alike_far_behind_is_tried_with_other_whole_numbers() -> None:
@@ -110,10 +112,10 @@ class Heard(Bowls):
 
     starts: ClassVar[list[float]] = []
 
-    def __call__(self, plant: Plant, noise: Any, records: Any, *, effort: str = "restarted", **asked: Any) -> Any:
-        if effort == "coarse":
-            self.starts.append(float(np.log(plant.theta[8] / TABLE_3.theta[8])))
-        return super().__call__(plant, noise, records, effort=effort, **asked)
+    def __call__(self, request: FitRequest) -> Any:
+        if request.effort == "coarse":
+            self.starts.append(float(np.log(request.plant.theta[8] / TABLE_3.theta[8])))
+        return super().__call__(request)
 
 
 def test_rivals_of_a_name_that_is_reconsidered_start_at_its_parameters() -> None:
@@ -132,13 +134,13 @@ def test_rivals_of_a_name_that_is_reconsidered_start_at_its_parameters() -> None
 class Stalling(Bowls):
     """A descent ends in the bowl it starts in, and only restarts find the lowest: a valley of the pendulum's scale."""
 
-    def __call__(self, plant: Plant, noise: Any, records: Any, *, effort: str = "restarted", **asked: Any) -> Any:
-        fitted = super().__call__(plant, noise, records, effort=effort, **asked)
-        lowest = min(self.bowls([e.name for e in plant.effects]), key=lambda bowl: bowl.value)
-        if effort != "restarted" or fitted.value < lowest.value + 1.0:
+    def __call__(self, request: FitRequest) -> Any:
+        fitted = super().__call__(request)
+        lowest = min(self.bowls([e.name for e in request.plant.effects]), key=lambda bowl: bowl.value)
+        if request.effort != "restarted" or fitted.value < lowest.value + 1.0:
             return fitted
         theta = TABLE_3.theta * np.exp([*8 * [0.0], lowest.x])
-        return super().__call__(plant.replace(theta=theta), noise, records, effort=effort, **asked)
+        return super().__call__(replace(request, plant=request.plant.replace(theta=theta)))
 
 
 def stalling(by_effects: dict[str, Any], *names: str) -> Search:
@@ -305,9 +307,9 @@ def test_a_cable_takes_the_part_of_a_spring_that_is_dropped() -> None:
     cable = Effect("arm_taut_cable", {"k1": 0.1, "k2": 0.6, "q1n": 0.3, "qt": 0.5})
     asked: list[Plant] = []
 
-    def fitter(plant: Plant, *given: Any, **more: Any) -> Any:
-        asked.append(plant)
-        return a_fit(*plant.effects)
+    def fitter(request: FitRequest) -> Any:
+        asked.append(request.plant)
+        return a_fit(*request.plant.effects)
 
     by = replace(search({"": 0.0}), fitter=fitter)
     by.reduced(a_fit(spring, cable), "arm_spring")

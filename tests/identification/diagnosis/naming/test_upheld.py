@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from furuta_gym.plant import Effect
-from identification.diagnosis.naming.forward import Naming
+from identification.diagnosis.naming.found import Naming
 from identification.diagnosis.naming.upheld import preferred, upheld
 from tests.identification.diagnosis.fits import Told, a_fit, naming, search, suspect
 from tests.identification.diagnosis.silence import names_found
@@ -33,9 +33,8 @@ def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> No
     names = ("input_delay", "base_tilt", "pendulum_stribeck")
     found = verified(THREE, Told(far_off=False, false=false), *names)
     kept = [name for name in names if name not in false]
-    assert [s.name for s in found.accepted] == kept
+    assert found.names == kept
     assert sorted(s.name for s in found.taken_back) == sorted(false)
-    assert len(found.equals) == len(kept)
     assert {e.name for e in found.final.plant.effects} == set(kept)
 
 
@@ -43,14 +42,14 @@ def test_a_false_name_goes_and_the_right_ones_stay(false: tuple[str, ...]) -> No
 def test_a_name_of_which_held_out_data_cannot_judge_stays(elsewhere: str, kept: bool) -> None:
     witness = Told(far_off=False, false=("base_tilt",), elsewhere=(elsewhere,))
     found = verified(THREE, witness, "input_delay", "base_tilt", "pendulum_stribeck")
-    assert ("base_tilt" in {s.name for s in found.accepted}) is kept
+    assert ("base_tilt" in found.names) is kept
     assert len(found.taken_back) == (not kept)
 
 
 def test_of_two_that_held_out_data_speak_against_only_what_they_can_judge_goes() -> None:
     witness = Told(far_off=False, false=("input_delay", "base_tilt"), elsewhere=("input_delay",))
     found = verified(THREE, witness, "input_delay", "base_tilt", "pendulum_stribeck")
-    assert [s.name for s in found.accepted] == ["input_delay", "pendulum_stribeck"]
+    assert found.names == ["input_delay", "pendulum_stribeck"]
 
 
 DRIFTING = {
@@ -71,7 +70,7 @@ def test_names_are_verified_without_what_follows_the_clock_of_the_fitted_log(sam
     witness = Told(far_off=False, false=("input_cubic_gain",), same_clock=same_clock, spoilt=drift)
     found = verified(DRIFTING, witness, drift, "input_cubic_gain", "base_tilt")
     kept = {drift, "base_tilt"} | ({"input_cubic_gain"} if same_clock else set())
-    assert {s.name for s in found.accepted} == kept
+    assert {*found.names} == kept
     assert [s.name for s in found.taken_back] == ([] if same_clock else ["input_cubic_gain"])
 
 
@@ -99,7 +98,7 @@ def test_a_look_alike_that_carries_over_takes_the_place_of_a_form_that_does_not(
     found = verified(
         CABLES, Told(far_off=False, false=false), "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple"
     )
-    assert sorted(s.name for s in found.accepted) == sorted(kept)
+    assert sorted(found.names) == sorted(kept)
     assert {e.name for e in found.final.plant.effects} == set(kept)
     assert found.final.value == pytest.approx(CABLES[" ".join(kept)], abs=0.1)
     assert [s.name for s in found.taken_back] == (["arm_taut_cable"] if false else [])
@@ -111,7 +110,7 @@ FORMS = ("arm_taut_cable", "arm_spring")
 def test_a_look_alike_that_held_out_data_agree_with_comes_before_a_name_that_they_cannot_judge() -> None:
     witness = Told(far_off=False, false=("arm_taut_cable",), elsewhere=("arm_taut_cable",))
     found = verified(CABLES, witness, "input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
-    assert sorted(s.name for s in found.accepted) == ["arm_spring", "input_delay"]
+    assert sorted(found.names) == ["arm_spring", "input_delay"]
 
 
 @pytest.mark.parametrize(("n", "kept"), [(1.0, "arm_spring"), (16.0, "arm_ripple")])
@@ -120,10 +119,10 @@ def test_a_ripple_of_less_than_a_period_does_not_take_the_place_of_a_spring(n: f
     ripple = suspect("arm_ripple", 199.0)
     ripple = replace(ripple, fit=a_fit(Effect("arm_ripple", {"A": 0.1, "n": n, "φ": 0.0}), value=-199.0))
     spring = suspect("arm_spring", 200.0)
-    found = naming(spring, final=spring.fit, rankings=((spring, ripple),))
+    found = naming(spring, final=spring.fit, rivals=((ripple,),))
     by = search({"": 0.0, "arm_spring": -200.0, "arm_ripple": -199.0})
     after = preferred(found, by, Told(needed=("arm_ripple",)))
-    assert [s.name for s in after.accepted] == [kept]
+    assert after.names == [kept]
 
 
 BOTH_FORMS = ("arm_presliding", "arm_hysteresis")
@@ -143,7 +142,7 @@ def test_which_form_of_friction_that_remembers_is_right_is_for_held_out_data_to_
     false: tuple[str, ...], kept: str | None
 ) -> None:
     found = verified(FRICTION, Told(far_off=False, false=false), "input_delay", *BOTH_FORMS)
-    assert sorted(s.name for s in found.accepted) == sorted(["input_delay", *([kept] if kept else [])])
+    assert sorted(found.names) == sorted(["input_delay", *([kept] if kept else [])])
 
 
 @pytest.mark.parametrize("asked_for", [False, True])
@@ -155,8 +154,8 @@ def test_a_name_that_pays_nothing_beside_those_found_after_it_goes_unless_held_o
     found = names_found(a_fit(), search({"": 0.0, **THREE}, *names))
     better = search({"": 0.0, **THREE, "input_delay base_tilt": -4499.0}, *names)
     left = upheld(found, better, Told(far_off=False, needed=("pendulum_stribeck",) if asked_for else ()))
-    assert [s.name for s in found.accepted] == list(names)
-    assert [s.name for s in left.accepted] == [*names[:2], *(["pendulum_stribeck"] if asked_for else [])]
+    assert found.names == list(names)
+    assert left.names == [*names[:2], *(["pendulum_stribeck"] if asked_for else [])]
     assert left.taken_back == ()
     assert (left.final.plant.effect("pendulum_stribeck") is not None) == asked_for
 
@@ -178,9 +177,9 @@ def test_held_out_data_choose_among_look_alikes(
     names = ("input_delay", "arm_taut_cable", "arm_spring", "arm_ripple")
     by = search({"": 0.0, **CABLES, "input_delay arm_spring": CABLES["input_delay arm_taut_cable"] + lost}, *names)
     found = preferred(names_found(a_fit(), by), by, Told(far_off=far, needed=needed, by=gained))
-    assert [s.name for s in found.accepted] == ["input_delay", kept]
+    assert found.names == ["input_delay", kept]
     assert {e.name for e in found.final.plant.effects} == {"input_delay", kept}
-    assert found.accepted[1].fit is found.final
+    assert found.found[1].suspect.fit is found.final
     assert found.taken_back == ()
 
 
@@ -202,7 +201,7 @@ def test_of_predictions_that_are_far_off_any_look_alike_is_asked(
     by = search({"": 0.0, **CABLES, "input_delay arm_spring": alone + share * (both - alone)}, "input_delay", *FORMS)
     witness = Told(far_off=far, a_little_off=True, needed=("arm_spring",), by=gained)
     found = preferred(names_found(a_fit(), by), by, witness)
-    assert [s.name for s in found.accepted] == ["input_delay", kept]
+    assert found.names == ["input_delay", kept]
 
 
 def test_held_out_data_are_not_asked_where_nothing_else_may_be_named() -> None:
@@ -222,7 +221,7 @@ def test_what_describes_the_law_of_a_name_describes_that_of_its_look_alike() -> 
     by = search({"": 0.0, **CABLES, **near}, *names)
     found = replace(names_found(a_fit(), by), laws={"input_delay": "arm_taut_cable"})
     exchanged = preferred(found, by, Told(needed=("arm_spring",)))
-    assert [s.name for s in exchanged.accepted] == ["input_delay", "arm_spring"]
+    assert exchanged.names == ["input_delay", "arm_spring"]
     assert exchanged.describes("input_delay") == "arm_spring"
     assert [s.name for s in exchanged.own] == ["arm_spring"]
 
@@ -244,8 +243,8 @@ def test_what_went_when_another_joined_is_asked_again(values: dict[str, float], 
     """A stop that hardly slips is a spring: beside it a spring has nothing left to explain. Neither is declared a
     look-alike of the other, as a rig has both."""
     found = names_found(a_fit(), by := search({"": 0.0, **values}, "arm_spring", "input_delay", "arm_hysteresis"))
-    assert {s.name for s in found.accepted} == {"input_delay", "arm_hysteresis"}
+    assert {*found.names} == {"input_delay", "arm_hysteresis"}
     assert [s.name for s in found.went["arm_hysteresis"]] == ["arm_spring"]
     exchanged = preferred(found, by, Told(needed=("arm_spring",), by=gained))
-    assert {s.name for s in exchanged.accepted} == {"input_delay", kept}
+    assert {*exchanged.names} == {"input_delay", kept}
     assert {e.name for e in exchanged.final.plant.effects} == {"input_delay", kept}

@@ -13,7 +13,7 @@ import pytest
 from experiments.bench import HiddenEffect, Rig
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
 from identification import Log, diagnose
-from identification.diagnosis.naming.fits import Fit, fit
+from identification.diagnosis.naming.fits import Fit, FitRequest, fit
 from identification.diagnosis.naming.search import Search
 from identification.diagnosis.naming.wider import widened
 from identification.diagnosis.policy import DecisionPolicy
@@ -38,7 +38,7 @@ def fitted_to(form: str) -> tuple[Fit, Search]:
     plant = found.plant.replace(covariance=None, friction_sharpness=100.0)
     records = [stretch.record for stretch in stretches([log])]
     search = Search(plant.replace(effects=()))
-    return fit(plant, Noise(found.noise.torque), records, anchor=search.anchor, effort="full"), search
+    return fit(FitRequest(plant, Noise(found.noise.torque), records, anchor=search.anchor, effort="full")), search
 
 
 def test_friction_that_yields_gradually_gets_a_wider_law() -> None:
@@ -97,13 +97,18 @@ def test_a_wider_law_is_no_spring(d2: float, kept: bool) -> None:
     plant = TABLE_3.with_effects(Effect("arm_hysteresis", {"κ": 1.0, "d": 0.1}))
     plain: Any = ToyFit(plant, NOISE, 0.0, records=records)
 
-    def fitter(tried: Plant, *_: Any, **__: Any) -> Any:
+    def fitter(request: FitRequest) -> Any:
+        tried = request.plant
         values = {**tried.effects[0].parameters, "d2": d2}
         two = tried.with_effects(Effect("arm_hysteresis", values))
         return replace(plain, plant=two, value=-100.0 if values["κ2"] and not values["ρ"] else 0.0)
 
     search: Any = SimpleNamespace(
-        fitter=fitter, fitted=fitter, anchor=plant, progress=lambda text: None, policy=DecisionPolicy()
+        fitter=fitter,
+        fitted=lambda tried, start, *_: fitter(FitRequest(tried, start.noise, records)),
+        anchor=plant,
+        progress=lambda text: None,
+        policy=DecisionPolicy(),
     )
     values = widened(plain, search).plant.effects[0].parameters
     assert (values["κ2"] > 0.0) == kept
@@ -117,12 +122,13 @@ def test_only_what_may_pay_is_fitted_to_the_end(gain: float) -> None:
     plain: Any = ToyFit(plant, NOISE, 0.0)
     to_the_end = []
 
-    def fitter(tried: Plant, *_: Any, **__: Any) -> Any:
+    def fitter(request: FitRequest) -> Any:
+        tried = request.plant
         return replace(plain, plant=tried, value=-20.0 - (gain if tried.effects[0].parameters["ρ"] else 0.0))
 
-    def fitted(tried: Plant, *_: Any) -> Any:
+    def fitted(tried: Plant, start: Any, *_: Any) -> Any:
         to_the_end.append(tried.effects[0].parameters)
-        return fitter(tried)
+        return fitter(FitRequest(tried, start.noise, ()))
 
     search: Any = SimpleNamespace(
         fitter=fitter, fitted=fitted, anchor=plant, progress=lambda text: None, policy=DecisionPolicy()
