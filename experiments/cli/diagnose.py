@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,13 +53,22 @@ def _repeated(args: Sequence[str], option: str, may: Callable[[list[str]], bool]
     return given
 
 
+@dataclass
+class _Journal:
+    """Of a search: its file, and whether the search is to go on from it later."""
+
+    path: Path
+    needed: bool = False
+
+
 @contextmanager
-def _kept_until_written(journal: Path) -> Iterator[None]:
-    """Once its results are on the disk a search needs no journal; one that was stopped goes on from it.
+def _kept_until_written(journal: Path) -> Iterator[_Journal]:
+    """Once its results are on the disk a search that came to its end needs no journal; another one goes on from it.
 
     What Ctrl-C leaves is said here, as it depends on whether a fit was kept."""
+    kept = _Journal(journal)
     try:
-        yield
+        yield kept
     except KeyboardInterrupt:
         if not journal.exists():
             raise
@@ -67,7 +78,8 @@ def _kept_until_written(journal: Path) -> Iterator[None]:
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
-    journal.unlink(missing_ok=True)
+    if not kept.needed:
+        journal.unlink(missing_ok=True)
 
 
 def _show_policy(wanted: bool) -> None:
@@ -105,6 +117,13 @@ def diagnose_command(
         ),
     ] = False,
     max_effects: Annotated[int, typer.Option(min=1, help="Effects to look for at most.")] = MOST_EFFECTS,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            help="Look for no further effect after so many minutes; what was found by then is judged and written. "
+            "The same command with more minutes goes on. Default: no limit."
+        ),
+    ] = None,
     as_json: opt.AsJson = False,
 ) -> None:
     """Search the library of effects for what model (5) misses in logs of one rig, add it to the plant, and report.
@@ -117,6 +136,7 @@ def diagnose_command(
     from .whole import whole_folder
 
     check_folder(output)
+    opt.within("--minutes", minutes, 0.0, math.inf, "minutes, more than 0")
     if lacking := extra_lacking():
         typer.echo(f"No page will be written: {lacking}", err=True)
     known = None if plant is None else Plant.resolve(plant)
@@ -129,18 +149,19 @@ def diagnose_command(
     own = ("diagnosis.json", "plant.json", "report.html", COMMAND_FILE)
     there = Path(os.path.realpath(output))
     journal = there.with_name(f"{there.name}.search.jsonl")
-    stopped = journal.exists()
+    stopped, limit = journal.exists(), math.inf if minutes is None else minutes
     with (
-        _kept_until_written(journal),
+        _kept_until_written(journal) as kept,
         whole_folder(output, own) as folder,
         steps("diagnose", min(sum(map(len, read)), DecisionPolicy().samples)) as tell,
     ):
         try:
-            found = diagnose(read, held, plant, max_effects, progress=tell, journal=journal)
+            found = diagnose(*(read, held, plant, max_effects), progress=tell, journal=journal, minutes=limit)
         except ValueError:  # a search that cannot end needs no journal; one that was stopped may have been mistyped
             if not stopped:
                 journal.unlink(missing_ok=True)
             raise
+        kept.needed = found.ended_early
         paths = [*logs, *(held_out or ())]
         typed = f"{shlex.join(map(str, paths))}{reading.again(paths, (*read, *held))}"
         examination = examine(found, read, held, progress=tell, typed=typed)

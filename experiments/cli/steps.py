@@ -27,7 +27,7 @@ FIRST_TIME: dict[str, tuple[float, float]] = {
 }
 """Seconds, and seconds for a thousand samples, as two idle cores took; runs here say how this machine compares."""
 
-LONGER = {"diagnose": "; where several effects are missing, three to ten times as long"}
+LONGER = {"diagnose": "; where several effects are missing, three to ten times as long (--minutes limits it)"}
 """By command, when it takes much longer than it usually does."""
 
 _SLOWEST = 50.0

@@ -26,7 +26,7 @@ from identification.validation.resimulation import Resimulation, resimulate
 
 from .advice import COMMAND_FILE, design_next
 from .law import Law, law_of
-from .words import ALIKE, NEXT, NO_PLANT, OTHER_PLANTS, PART_REMAINS, TELL_APART, TOGETHER, by_name, joined
+from .words import ALIKE, GO_ON, NEXT, NO_PLANT, OTHER_PLANTS, PART_REMAINS, TELL_APART, TOGETHER, by_name, joined
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Examination:
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
         if self.diagnosis.different is None:
-            return self._next_of_these_logs
+            return (GO_ON if self.diagnosis.ended_early else "") + self._next_of_these_logs
         return f"{OTHER_PLANTS} {self._next_of_these_logs}" if self.design is not None else OTHER_PLANTS
 
     @property

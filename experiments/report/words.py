@@ -46,6 +46,9 @@ NEXT = {
 NO_PLANT = "these logs move the rig too little to fit a plant"
 """Why nothing is measured, and no plant file written, where excitation is insufficient."""
 
+GO_ON = "To look for more, give the same command more --minutes: it goes on where it ended. "
+"""What to do first where the time given ended a search."""
+
 PART_REMAINS = (
     "Use plant.json for motions like those of these logs. To find what remains, diagnose {logs} together and hold out "
     "a new log."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -38,6 +39,7 @@ def diagnose(
     policy: DecisionPolicy | None = None,
     journal: Path | str | None = None,
     watch: Callable[[Tried], None] | None = None,
+    minutes: float = math.inf,
 ) -> Diagnosis:
     """Search the library for what model (5) misses in these logs of one rig, and verify it on data that no fit saw.
 
@@ -46,6 +48,7 @@ def diagnose(
     of effects, to restrict the library. progress(text) is called at each step. policy: the thresholds (default:
     `DecisionPolicy()`). journal: a file that keeps what was fitted, from which a search that was stopped goes on and
     ends the same. watch(tried) is called after each fit, from several threads; what it raises ends the search.
+    minutes: after these, no further effect is looked for; what was found is judged as always, which takes its own time.
     Raises ValueError for bad arguments, and for held-out logs that are also searched, given twice or of
     another unit.
     """
@@ -54,7 +57,7 @@ def diagnose(
     every = sharing_counts((*as_logs(logs), *as_logs(held_out or ())))
     logs, held_out = every[:searched_logs], every[searched_logs:]
     say, policy = progress or _silent, policy or DecisionPolicy()
-    _check(logs, held_out, most, only)
+    _check(logs, held_out, most, only, minutes)
     if start is not None:  # effects are for the search to find, and to be judged
         start = Plant.resolve(start).replace(effects=())
     part = searched_part(logs, policy)
@@ -65,7 +68,7 @@ def diagnose(
         say(f"{journal} keeps {len(kept)} fits of a search that was stopped; those of these logs are not made again")
 
     def names(held: HeldOut) -> Diagnosis:
-        found = searched(held, start, most, only, say, fitter)
+        found = searched(held, start, most, only, say, fitter, began + 60.0 * minutes)
         say("predicting the held-out data")
         return verified(found, held)
 
@@ -89,11 +92,13 @@ def _silent(text: str) -> None:
     """Progress that nobody wants."""
 
 
-def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequence[str] | None) -> None:
+def _check(logs: Sequence[Log], held_out: Sequence[Log], most: int, only: Sequence[str] | None, minutes: float) -> None:
     if strange := [name for name in only or () if name not in EFFECTS]:
         raise ArgumentError("only", ",".join(strange), "no such effect", where_to_look(strange))
     if most < 1:
         raise ValueError(f"most must be at least 1, got {most}")
+    if not minutes > 0.0:
+        raise ArgumentError("minutes", f"{minutes:g}", "no time to search", "; expected more than 0")
     if not logs:
         raise ValueError("diagnose needs at least one log, got none")
     if searched_too := [log for log in held_out if any(log.overlaps(own) for own in logs)]:

@@ -313,6 +313,7 @@ class DiagnosisFile(Struct, kw_only=True):
             "library's, or because they follow from it. Each is an entry as in effects; law_of is that named effect"
         ),
     ] = UNSET
+    ended_early: Annotated[bool | UnsetType, Meta(description="Ended by its time limit: more may be missing")] = UNSET
     ranking: Annotated[list[Ranked], Meta(description="The effects that were tried first, the best first")]
     not_visible: Annotated[
         list[str] | UnsetType,

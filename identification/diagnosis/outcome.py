@@ -115,6 +115,11 @@ class Diagnosis:
         return refused or self.still_off > 1.0 or (self.rest is not None and self.rest.structured)
 
     @property
+    def ended_early(self) -> bool:
+        """Whether the time given ended the search, so that more effects may be missing."""
+        return self.naming is not None and self.naming.ended_early
+
+    @property
     def torque_floor_exceeded(self) -> bool:
         """Whether data that no fit saw are predicted worse than noise alone would, and that noise is nearly all torque
         noise: torques that the plant misses, or wrong parameters, pass for it."""
@@ -238,6 +243,7 @@ class Diagnosis:
                 for e, of in zip(effects, describes, strict=True)
                 if of is not None
             ],
+            ended_early=self.ended_early,
             ranking=[Ranked(s.name, s.gain, s.score) for s in first],
             not_visible=self.not_visible,
             absorbed=dict(ABSORBED),

@@ -50,8 +50,9 @@ def searched(
     only: Sequence[str] | None,
     progress: Callable[[str], None],
     fitter: Fitter,
+    until: float = math.inf,
 ) -> Diagnosis:
-    """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`."""
+    """The search of the logs, its outcome not verified yet. Arguments as in `diagnose`; until: see `Search`."""
     logs, policy = held.logs, held.policy
     rms = float(np.sqrt(np.mean(np.concatenate([log.u for log in logs]) ** 2)))
     progress("identifying model (5)")
@@ -68,7 +69,7 @@ def searched(
     anchor = _anchor(_middle(starts) if starts and (dragged or _adrift(before)) else before.plant, policy)
     records = [stretch.record for stretch in stretches(logs)]
     nominal = fitter(FitRequest(anchor, START_NOISE, records, anchor=anchor, policy=policy))
-    search = Search(anchor, only, policy, progress, fitter)
+    search = Search(anchor, only, policy, progress, fitter, until=until)
     naming, after, rest = _settled(
         lambda joined: _named(search, nominal, before, held, most, joined),
         lambda known: afresh(nominal, starts, search, known, [s for m in memories for s in m.starts]),
@@ -78,6 +79,8 @@ def searched(
     verdict, summary = _verdict(naming, rest, policy)
     if not naming.found:
         before = after
+    if naming.ended_early:
+        summary += f" {sentences.ENDED_EARLY}"
     if abs(zero := _zero_in_counts(naming.final)) > policy.zero_told:
         summary += f" {sentences.zero(zero)}"
     before = _without_sharpness(before, naming, logs, policy)
@@ -155,6 +158,8 @@ def _settled(
     naming, after, rest = named(NOTHING_YET)
     if not rest.matters and _verdict(naming, rest, search.policy)[0] != "unknown":
         return naming, after, rest
+    if search.late:
+        return replace(naming, ended_early=True), after, rest
     search.progress("fitting every effect from other starts, as structure is left")
     best = naming.alone or naming.nominal
     fresh = other(best)

@@ -19,6 +19,7 @@ _PLACES: dict[Channel | None, str] = {
     Channel.INPUT: "a torque that comes with the command",
     Channel.SENSOR: "an error of a reading",
 }
+ENDED_EARLY = "The time that was given ended the search, so more effects may be missing."
 UNCHANGING = "The parameters are not the same all along the logs: structure remains that changes with time."
 
 

@@ -14,9 +14,11 @@ from msgspec import UNSET
 
 from experiments.cli.diagnose import _repeated
 from furuta_gym.declared import checked
+from identification import write_log
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.diagnosis_file import DiagnosisFile
 from tests.commands import furuta, refused, some_log
+from tests.factories import loop_log
 
 
 def test_without_a_plant_there_is_no_file_of_one_and_it_says_why(tmp_path: Path) -> None:
@@ -67,6 +69,30 @@ def test_a_full_disk_at_the_end_loses_no_search(tmp_path: Path, monkeypatch: pyt
         assert "No space left" in result.stderr
     assert journal.exists()
     assert furuta("diagnose", log, "-o", tmp_path / "found").exit_code == 0
+    assert not journal.exists()
+
+
+def test_a_search_that_its_time_ended_says_so_and_can_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "log.csv"
+    write_log(log, loop_log("arm_spring", 0.3, duration=4.0)[0])
+    journal = tmp_path / "found.search.jsonl"
+
+    def searched(*given: Any, **more: Any) -> Any:
+        return diagnose(*given, **more, only=["arm_spring"])
+
+    monkeypatch.setattr("identification.diagnosis.diagnose.diagnose", searched)
+    refused(furuta("diagnose", log, "-o", tmp_path / "found", "--minutes", "0"), "--minutes 0", "more than 0")
+    result = furuta("diagnose", log, "-o", tmp_path / "found", "--minutes", "1e-9")
+    assert result.exit_code == 0, result.output
+    found = json.loads((tmp_path / "found" / "diagnosis.json").read_text())
+    assert found["ended_early"]
+    assert [effect["name"] for effect in found["effects"]] == ["arm_spring"]
+    assert "more effects may be missing" in found["summary"]
+    assert found["next_experiment"].startswith("To look for more, give the same command more --minutes")
+    assert journal.exists()
+    result = furuta("diagnose", log, "-o", tmp_path / "found")
+    assert "goes on" in result.stderr or "keeps" in result.stderr
+    assert not json.loads((tmp_path / "found" / "diagnosis.json").read_text())["ended_early"]
     assert not journal.exists()
 
 

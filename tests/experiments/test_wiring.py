@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
@@ -35,6 +36,7 @@ COMMANDS = {
         ("identify", "--prior theta2=0.012±0.001", "priors", {"theta2": (0.012, 0.001)}, {}),
         ("validate", "--horizon 0.5", "horizon", 0.5, 0.3),
         ("diagnose", "--max-effects 2", "most", 2, 6),
+        ("diagnose", "--minutes 2", "minutes", 2.0, math.inf),
         ("simulate", "--torque-noise 1e-6,1e-8", "torque_noise", (1e-6, 1e-8), (0.0, 0.0)),
         ("simulate", "--torque-noise 1e-6", "torque_noise", (1e-6, 0.0), (0.0, 0.0)),
         ("train", "--observe-command", "training.observe_command", True, False),

@@ -43,6 +43,7 @@ class _Grown:
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
     alone: Fit | None = None
+    ended_early: bool = False
 
 
 def name_effects(
@@ -63,7 +64,7 @@ def name_effects(
     """
     judge = Judge(search.policy, rest, witness)
     grown = _grow(search, _Grown(nominal, nominal), most, judge, joined)
-    if len(grown.found) == 1 < most and (two := two_for_one(search, grown.found[0], grown.nominal)):
+    if len(grown.found) == 1 < most and not search.late and (two := two_for_one(search, grown.found[0], grown.nominal)):
         pair = _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed, alone=grown.alone)
         grown = _grow(search, pair, most, judge)
     taken = {ranking[0].name for ranking in grown.found}
@@ -77,6 +78,7 @@ def name_effects(
         laws=grown.laws,
         went=grown.went,
         alone=grown.alone,
+        ended_early=grown.ended_early,
     )
 
 
@@ -95,9 +97,11 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     where such data ask for it."""
     nominal, current, absorbed, alone = so_far.nominal, so_far.current, so_far.absorbed, so_far.alone
     found, last, refused = list(so_far.found), (), None
-    laws, went = so_far.laws, dict(so_far.went)
+    laws, went, ended_early = so_far.laws, dict(so_far.went), False
     doubts: list[tuple[_Grown, bool]] = []  # before each doubtful effect, and whether it is small
     for step in range(len(found), most):
+        if ended_early := bool(found) and search.late:
+            break
         tried = _compared(search, judge, current, found, step, joined)
         for _ in range(_AGAIN):
             if not tried.stalled(search.policy):
@@ -132,8 +136,8 @@ def _grow(search: Search, so_far: _Grown, most: int, judge: Judge, joined: Mappi
     for before, small in doubts:
         explained = not small and judge.rest.left(current) <= before.last[0].net
         if not (explained or judge.confirmed(before.current, current)):
-            return before
-    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went, alone)
+            return replace(before, ended_early=ended_early)
+    return _Grown(nominal, current, tuple(found), last, absorbed, refused, laws, went, alone, ended_early)
 
 
 @dataclass(frozen=True)

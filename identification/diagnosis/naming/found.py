@@ -55,7 +55,8 @@ class Naming:
     taken_back: what explains some of these logs, but not of data that no fit saw. perhaps_absent: what makes these logs
     likelier, though its size may be zero. laws: which effect only describes another law of which; names that are not
     found, or not any more, count for nothing. went: of an effect found, those found before in whose place it came.
-    alone: the model with the best single effect.
+    alone: the model with the best single effect. ended_early: whether the time given ended the search, so that more
+    may be missing.
     """
 
     nominal: Fit = field(repr=False)
@@ -69,6 +70,7 @@ class Naming:
     laws: Mapping[str, str] = field(default_factory=dict)
     went: Mapping[str, tuple[Suspect, ...]] = field(default_factory=dict)
     alone: Fit | None = field(default=None, repr=False)
+    ended_early: bool = False
 
     @property
     def rankings(self) -> tuple[Ranking, ...]:

@@ -8,6 +8,7 @@ without the effect carries part of it).
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -42,7 +43,8 @@ class Search:
     """What stays the same from step to step.
 
     anchor: plant of the weak prior. only: names of effects to consider (None: all). progress(text) is called at each
-    step. fitter, scorer: what fits and scores; tests put stand-ins there.
+    step. fitter, scorer: what fits and scores; tests put stand-ins there. until: time (of `time.monotonic`) after which
+    no further step is begun.
     """
 
     anchor: Plant
@@ -51,6 +53,12 @@ class Search:
     progress: Callable[[str], None] = _silent
     fitter: Fitter = fit
     scorer: Scorer = scores
+    until: float = math.inf
+
+    @property
+    def late(self) -> bool:
+        """Whether the time given is over."""
+        return time.monotonic() > self.until
 
     def suspects(self, current: Fit, found: int) -> tuple[list[str], dict[str, Score]]:
         """Effects worth a fit, and the scores of all. Where the noise has been fitted to hide what is missing, scores

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -66,6 +67,14 @@ def test_where_the_fit_with_what_was_found_had_stalled_the_search_goes_on_from_t
     assert found.names == ["input_delay", "pendulum_quadratic_drag"]
     assert found.final.value == pytest.approx(-1300.0, abs=0.05)
     assert found.rankings[0][0].gain == pytest.approx(900.0, abs=1.0)
+
+
+@pytest.mark.parametrize(("until", "names"), [(0.0, ["base_tilt"]), (math.inf, ["input_offset", "pendulum_stribeck"])])
+def test_when_the_time_is_over_no_further_step_is_begun(until: float, names: list[str]) -> None:
+    by = search({"": 0.0, **STAND_IN}, "base_tilt", "input_offset", "pendulum_stribeck")
+    found = names_found(a_fit(), replace(by, until=until))
+    assert found.names == names
+    assert found.ended_early is (until == 0.0)
 
 
 def test_no_more_are_found_than_asked_for() -> None:
