@@ -66,9 +66,10 @@ class Examination:
     @property
     def next_experiment(self) -> str:
         """What was designed, else what the verdict asks for."""
+        go_on = GO_ON if self.diagnosis.ended_early else ""
         if self.diagnosis.different is None:
-            return (GO_ON if self.diagnosis.ended_early else "") + self._next_of_these_logs
-        return f"{OTHER_PLANTS} {self._next_of_these_logs}" if self.design is not None else OTHER_PLANTS
+            return go_on + self._next_of_these_logs
+        return f"{go_on}{OTHER_PLANTS} {self._next_of_these_logs}" if self.design is not None else go_on + OTHER_PLANTS
 
     @property
     def _next_of_these_logs(self) -> str:

@@ -11,7 +11,7 @@ from furuta_gym.plant import EFFECTS, Effect
 from identification.diagnosis.gap_change import GapChange
 from identification.diagnosis.locate.location import Where
 from identification.diagnosis.outcome import Diagnosis, SecondWitness
-from identification.diagnosis.sentences import different_plants
+from identification.diagnosis.sentences import ENDED_EARLY, different_plants
 from identification.discrepancy.dependence import Channel, Variable
 from identification.validation.gap import printed_fits
 
@@ -52,7 +52,7 @@ def verdict(diagnosis: Diagnosis, next_step: str) -> Verdict:
         label += "; parameters uncertain"
     gap = judged_on(d)
     far = gap is not None and gap.after_over_floor > d.policy.far
-    good = d.verdict in ("named", "none") and not d.leftover and not far
+    good = d.verdict in ("named", "none") and not d.leftover and not far and not d.ended_early
     return Verdict(label, good, headline, tuple(_doubts(d)), tuple(_facts(d)), next_step)
 
 
@@ -165,6 +165,8 @@ def _doubts(d: Diagnosis) -> list[str]:
         doubts.append(f"{fitted}: {why}.")
     if d.second is not None and (said := _of_second(d.second)):
         doubts.append(said)
+    if d.ended_early:
+        doubts.append(ENDED_EARLY)
     remains = []
     if d.verdict in ("named", "ambiguous"):
         if d.rest is not None and d.rest.matters:

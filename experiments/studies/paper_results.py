@@ -1,4 +1,4 @@
-"""What a run of `experiments.reproduce_paper` is given and what comes out, as values."""
+"""What a run of `experiments.studies.reproduce_paper` is given and what comes out, as values."""
 
 from __future__ import annotations
 

@@ -29,7 +29,12 @@ def _typed(path: Path, session: Session) -> str:
 
 def _reading(session: Session) -> str:
     options = session.proposal.mapping.options() if session.proposal else ""
-    return f" {options}" if options else ""
+    return "".join(f" {said}" for said in (options, _no_file(session)) if said)
+
+
+def _no_file(session: Session) -> str:
+    """What keeps a rig.toml beside the logs from adding to the options, where the page was told how to read them."""
+    return "" if session.stated is None else "--mapping none"
 
 
 def init(session: Session) -> str:

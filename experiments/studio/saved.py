@@ -29,6 +29,7 @@ from experiments.report.contents import Verdict
 from furuta_gym.files import in_short, read_json, write_whole
 from furuta_gym.plant import Plant
 from identification import Estimate, Gap, LogError, RigMapping
+from identification.estimation.identifiability import Level
 
 from . import LARGEST_FILE, MOST_FILES
 from .session import Found, Session, bare_name, numbered
@@ -184,6 +185,7 @@ def _converter() -> cattrs.Converter:
     c = cattrs.Converter(forbid_extra_keys=True)
     for kind in (bool, str):
         c.register_structure_hook(kind, _exactly)
+    c.register_structure_hook(Level, lambda value, _: Level(_exactly(value, str)))
     c.register_structure_hook(int, _whole)
     c.register_structure_hook(float, _number)
     c.register_unstructure_hook(float, _told)

@@ -15,6 +15,7 @@ from furuta_gym.plant.effects import EFFECTS, where_to_look
 from ..estimation.pool import one_blas_thread
 from ..kalman.record import sharing_counts
 from ..logs.log import Log, as_logs, check_each_once
+from . import sentences
 from .held_out import HeldOut
 from .learning import with_learned
 from .naming.journal import FitJournal
@@ -73,9 +74,10 @@ def diagnose(
         return verified(found, held)
 
     found = names(held)
-    if len(part.logs) > 1 or held.whole:
+    complete = not found.ended_early  # else an effect that is not found yet may pass for another plant
+    if complete and (len(part.logs) > 1 or held.whole):
         say("asking whether all logs are of one plant")
-    if (different := different_plants(found, held)) is not None:
+    if complete and (different := different_plants(found, held)) is not None:
         say(f"the logs are of different plants: searching {different.sources[0]} alone")
         held = HeldOut(first_alone(part.logs, different), (), policy)  # its last part judges
         found = names(held).beside_other_plants(different)
@@ -85,6 +87,8 @@ def diagnose(
     if found.leftover:
         say("learning what no name explains")
         found = with_learned(found, held)
+    if found.ended_early:
+        found = replace(found, summary=f"{found.summary} {sentences.ENDED_EARLY}")
     return replace(found, stretches=part.spans[: len(held.logs)], runtime_s=time.monotonic() - began)
 
 

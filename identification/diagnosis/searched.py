@@ -79,8 +79,6 @@ def searched(
     verdict, summary = _verdict(naming, rest, policy)
     if not naming.found:
         before = after
-    if naming.ended_early:
-        summary += f" {sentences.ENDED_EARLY}"
     if abs(zero := _zero_in_counts(naming.final)) > policy.zero_told:
         summary += f" {sentences.zero(zero)}"
     before = _without_sharpness(before, naming, logs, policy)
@@ -168,7 +166,9 @@ def _settled(
         return naming, after, rest
     search.progress(f"searching again with {first}")
     again = named(fresh)
-    return again if cost(again[0].final) < cost(naming.final) - search.policy.believed else (naming, after, rest)
+    if cost(again[0].final) < cost(naming.final) - search.policy.believed:
+        return again
+    return replace(naming, ended_early=again[0].ended_early), after, rest
 
 
 def _own_starts(logs: Sequence[Log], plant: Plant) -> list[Start]:

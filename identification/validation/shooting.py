@@ -119,8 +119,12 @@ class _Problem:
         return np.clip((np.concatenate(runs) / self.size).ravel(), -_LOST, _LOST)
 
     def errors_of_own_starts(self, z: Array) -> Array:
-        """Errors from states that are smoothed under the plant at z itself, with the noise at z0."""
-        plant = filled_plant(self.plant, self.coordinates, z)
+        """Errors from states that are smoothed under the plant at z itself, with the noise at z0; NaN for a record
+        that the filter loses then, and where z makes no plant."""
+        try:
+            plant = filled_plant(self.plant, self.coordinates, z)
+        except ValueError:
+            return np.full(self.block.size, np.nan)
         own = [follow(plant, path.record, path.noise) for path in self.paths]
         runs = [
             np.full((len(w.starts), len(HORIZONS), 2), np.nan)
@@ -128,7 +132,7 @@ class _Problem:
             else free_run(replace(path, filtered=smooth(path).mean), w)
             for path, w in zip(own, self.windows, strict=True)
         ]
-        return (np.concatenate(runs) / self.size).ravel()
+        return np.clip((np.concatenate(runs) / self.size).ravel(), -_LOST, _LOST)
 
     def jacobian(self, z: Array) -> Array:
         return self.slopes(z, self.errors)
@@ -151,7 +155,9 @@ class _Problem:
         scores = np.zeros((int(self.block.max()) + 1, len(z)))
         np.add.at(scores, self.block, (weight * e)[:, None] * J)
         inside = np.abs(e) < _HUBER
-        inverse = np.linalg.pinv(J[inside].T @ self.slopes(z, self.errors_of_own_starts)[inside], rcond=1e-9)
+        own = self.slopes(z, self.errors_of_own_starts)[inside]
+        bread = J[inside].T @ (own if np.isfinite(own).all() else J[inside])  # a start that is lost says nothing
+        inverse = np.linalg.pinv(bread, rcond=1e-9)
         independent = sum(r.duration for r in self.records) / HORIZONS[-1]
         taken = independent / max(independent - len(z), 1.0)  # errors lose what the parameters take of them
         return taken * inverse @ (scores.T @ scores) @ inverse.T

@@ -273,7 +273,7 @@ class EffectType:
     @property
     def sharpens(self) -> bool:
         """Whether it gives friction another sharpness than the plant's own."""
-        return bool({"r1", "r2"} & set(self.changes))
+        return {"r1", "r2"} <= set(self.changes) and tuple(p.name for p in self.parameters) == ("r1", "r2")
 
     @property
     def changes_gain(self) -> bool:

@@ -64,7 +64,10 @@ def name_effects(
     """
     judge = Judge(search.policy, rest, witness)
     grown = _grow(search, _Grown(nominal, nominal), most, judge, joined)
-    if len(grown.found) == 1 < most and not search.late and (two := two_for_one(search, grown.found[0], grown.nominal)):
+    single = len(grown.found) == 1 < most
+    if single and search.late:
+        grown = replace(grown, ended_early=True)
+    elif single and (two := two_for_one(search, grown.found[0], grown.nominal)):
         pair = _Grown(grown.nominal, two[-1][0].fit, two, (), grown.absorbed, alone=grown.alone)
         grown = _grow(search, pair, most, judge)
     taken = {ranking[0].name for ranking in grown.found}

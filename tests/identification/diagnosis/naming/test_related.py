@@ -83,9 +83,8 @@ def test_a_special_case_and_what_includes_it_find_each_other(best: str, lost: st
     truth = torques(spring())
 
     def stays(request: FitRequest) -> Any:
-        plant = request.plant
         """A fit from which no descent leads away."""
-        (effect,) = plant.effects
+        (effect,) = request.plant.effects
         return a_fit(effect, value=400.0 * float(np.mean((torques(effect) - truth) ** 2) > 1e-4))
 
     setting = replace(search({"": 1000.0}), fitter=stays)
