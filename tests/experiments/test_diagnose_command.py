@@ -88,6 +88,7 @@ def test_a_search_that_its_time_ended_says_so_and_can_go_on(tmp_path: Path, monk
     assert found["ended_early"]
     assert [effect["name"] for effect in found["effects"]] == ["arm_spring"]
     assert "more effects may be missing" in found["summary"]
+    assert "more effects may be missing" in (tmp_path / "found" / "report.html").read_text(encoding="utf-8")
     assert found["next_experiment"].startswith("To look for more, give the same command more --minutes")
     assert journal.exists()
     result = furuta("diagnose", log, "-o", tmp_path / "found")

@@ -151,6 +151,7 @@ def test_the_mapping_of_the_command_line_wins_over_the_file_beside_the_log(tmp_p
         assert session.given.flip == turned
         session.add(path, by_rig_file=False)
         assert session.given.flip == turned  # the logs that are open stay as they are read
+        assert ("--mapping none" in commands.identify(session)) is (session is not beside)  # else rig.toml adds to it
 
 
 def test_a_dropped_log_takes_the_place_of_none_of_its_name(tmp_path: Path, spring_log: Path) -> None:
