@@ -92,7 +92,8 @@ def _named(
     """The search for names, the estimate with what was found, and what that leaves. joined: see `name_effects`."""
     logs, policy = held.logs, search.policy
     rest = Leftovers(logs, policy)
-    naming = preferred(name_effects(nominal, search, most, rest, held, joined), search, held)
+    naming = name_effects(nominal, search, most, rest, held, joined)
+    naming = replace(naming, ended_early=True) if naming.found and search.late else preferred(naming, search, held)
     naming = upheld(naming, search, held)
     naming, after, remains = _estimated(naming, before, logs, search)
     needed: set[str] = set()
