@@ -82,7 +82,9 @@ def test_a_search_that_its_time_ended_says_so_and_can_go_on(tmp_path: Path, monk
 
     monkeypatch.setattr("identification.diagnosis.diagnose.diagnose", searched)
     refused(furuta("diagnose", log, "-o", tmp_path / "found", "--minutes", "0"), "--minutes 0", "more than 0")
-    result = furuta("diagnose", log, "-o", tmp_path / "found", "--minutes", "1e-9")
+    with monkeypatch.context() as context:  # nor is anything exchanged then
+        context.setattr("identification.diagnosis.searched.preferred", lambda *_: pytest.fail("it was asked"))
+        result = furuta("diagnose", log, "-o", tmp_path / "found", "--minutes", "1e-9")
     assert result.exit_code == 0, result.output
     found = json.loads((tmp_path / "found" / "diagnosis.json").read_text())
     assert found["ended_early"]
