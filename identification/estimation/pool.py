@@ -26,9 +26,15 @@ def _enter() -> None:
 
 
 @lru_cache
+def threads() -> int:
+    """How many threads run side by side: one for every core this process may use, at least two."""
+    return max(2, cores())
+
+
+@lru_cache
 def shared_pool() -> Executor:
-    """The pool of whoever brings none, made once: a thread for every core this process may use, at least two."""
-    return ThreadPoolExecutor(max_workers=max(2, cores()), thread_name_prefix="furuta", initializer=_enter)
+    """The pool of whoever brings none, made once."""
+    return ThreadPoolExecutor(max_workers=threads(), thread_name_prefix="furuta", initializer=_enter)
 
 
 def in_shared_pool() -> bool:

@@ -28,7 +28,7 @@ from ..kalman.noise_model import READING, Noise
 from ..kalman.record import Record
 from ..kalman.sharpness import sharpness_rows
 from .optimise import Expansion
-from .pool import in_shared_pool, mapped
+from .pool import in_shared_pool, mapped, threads
 from .priors import Priors
 from .steps import CommonScale, LinearEffect
 
@@ -209,10 +209,8 @@ class PredictionError:
         n = len(z)
         steps = np.array([c.step for c in self.coordinates])
         steps = np.where(z + steps > self.high, -steps, steps)
-        answers = [self._differences(z, steps, exact)]
-        if central and answers[0] is not None:
-            back = np.where((z - steps < self.low) | (z - steps > self.high), steps, -steps)
-            answers.append(self._differences(z, back, exact))
+        back = np.where((z - steps < self.low) | (z - steps > self.high), steps, -steps)
+        answers = self._differences(z, [steps, back] if central else [steps], exact)
         value, gradient, information = self.priors.at(z)
         found = [side for side in answers if side is not None]
         if not found:  # one side alone will do, where the other has no plant
@@ -225,33 +223,39 @@ class PredictionError:
             information = information + flat.T @ flat
         return Expansion(value, gradient, information, slopes if scores else None)
 
-    def _differences(self, z: NDArray[np.float64], steps: NDArray[np.float64], exact: bool) -> _Differences | None:
-        """What filters shifted by `steps` (n,) say; None where one diverged."""
-        n = len(z)
+    def _differences(
+        self, z: NDArray[np.float64], sides: Sequence[NDArray[np.float64]], exact: bool
+    ) -> list[_Differences | None]:
+        """For each side, what filters shifted by its steps (n,) say; None where one diverged."""
+        n, records = len(z), self.records
         noisy = [i for i, c in enumerate(self.coordinates) if exact or c.noise]
         order = np.array(noisy + [i for i in range(n) if i not in noisy], dtype=np.int64)
-        bank = np.repeat(z[None], n + 1, axis=0)
-        bank[np.arange(1, n + 1), order] += steps[order]
-        rows = [np.empty((len(r.t), 5, n)) for r in self.records]
-        scores = [np.empty((len(r.t), n)) for r in self.records]
-        # every part filters the leader anew, so a bank is dealt out only where another thread is free for it
-        alone = self.pool is not None and len(self.records) == 1 and not in_shared_pool()
-        parts = _halves(len(noisy), n) if alone else [np.arange(n)]
-        jobs = [(i, part) for i in range(len(self.records)) for part in parts]
+        filled = [[(np.zeros((len(r.t), 5, n)), np.zeros((len(r.t), n))) for r in records] for _ in sides]
+        free = 1 if self.pool is None or in_shared_pool() else threads()
+        # every part filters the leader anew, so a bank is dealt out only where other threads are free for it
+        parts = _dealt_out(len(noisy), n, free // (len(sides) * len(records)))
+        jobs = [(side, i, part) for side in range(len(sides)) for i in range(len(records)) for part in parts]
 
-        def work(job: tuple[int, NDArray[np.int64]]) -> float:
-            i, part = job
-            leaders = 1 + int(np.sum(part < len(noisy)))
-            positions = np.concatenate([[0], part + 1])
-            result = self._filter(self.records[i], bank[positions], leaders, leaders if exact else 1)
+        def work(job: tuple[int, int, NDArray[np.int64]]) -> float:
+            side, i, part = job
+            at = order[part]
+            # the zeros of other logs do nothing here
+            own = np.array([self.coordinates[j].zero_of in (None, records[i].log) for j in at], dtype=bool)
+            at, leaders = at[own], 1 + int(np.sum(part[own] < len(noisy)))
+            bank = np.repeat(z[None], len(at) + 1, axis=0)
+            bank[np.arange(1, len(at) + 1), at] += sides[side][at]
+            result = self._filter(records[i], bank, leaders, leaders if exact else 1)
             if result is None:
                 return math.inf
-            return differentiate(*result[:3], steps[order[part]], order[part], rows[i], scores[i])
+            return differentiate(*result[:3], sides[side][at], at, *filled[side][i])
 
-        values = list(mapped(self.pool, work, jobs))
-        if not all(map(math.isfinite, values)):
-            return None
-        return _Differences(sum(v for (_, part), v in zip(jobs, values, strict=True) if part[0] == 0), rows, scores)
+        values = np.array(list(mapped(self.pool, work, jobs))).reshape(len(sides), len(records), len(parts))
+        return [
+            _Differences(float(own[:, 0].sum()), *map(list, zip(*arrays, strict=True)))
+            if np.isfinite(own).all()
+            else None
+            for own, arrays in zip(values, filled, strict=True)
+        ]
 
     def prior_cost(self, z: NDArray[np.float64]) -> float:
         """What priors, and the rigid body if asked for, add to V at z."""
@@ -281,8 +285,8 @@ def _before_rounding(total: NDArray[np.float64], quantum: NDArray[np.float64]) -
     return 0.5 * (rest + np.sqrt(rest**2 + (_SOFT * rounding) ** 2))
 
 
-def _halves(leaders: int, n: int) -> list[NDArray[np.int64]]:
-    """Positions of a bank dealt to two threads, as one record alone would leave a core idle."""
+def _dealt_out(leaders: int, n: int, parts: int) -> list[NDArray[np.int64]]:
+    """Positions of a bank in so many parts, which take about as long as each other."""
     cost = np.cumsum(np.where(np.arange(n) < leaders, 2.0, 1.0))
-    cut = max(1, int(np.searchsorted(cost, cost[-1] / 2.0)))
-    return [part for part in (np.arange(cut), np.arange(cut, n)) if part.size]
+    cuts = np.searchsorted(cost, cost[-1] * np.arange(1, max(1, parts)) / max(1, parts))
+    return [part for part in np.split(np.arange(n), cuts) if part.size]

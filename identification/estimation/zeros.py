@@ -22,6 +22,7 @@ from ..logs.checks import warn
 from ..logs.log import Log
 from .long_logs import PARTS, part_of
 from .optimise import minimise
+from .pool import mapped, shared_pool
 from .prediction_error import PredictionError, quietest
 
 _RESTLESS = 100.0  # times the least torque noise, from which the fit of the zeros starts
@@ -51,17 +52,20 @@ def aligned(plant: Plant, logs: Sequence[Log]) -> Aligned:
     pendulum's within a count or two. A log on which the filter diverges, or without a stretch that it can follow, keeps
     its zeros. Raises LogError where no log has such a stretch.
     """
-    zeros: dict[int, tuple[float, float]] = {}
     found = stretches(logs)
-    for i in sorted({stretch.log for stretch in found}):
+
+    def zeros_of(i: int) -> tuple[float, float] | None:
         records = [stretch.record for stretch in found if stretch.log == i]
         least = quietest(plant, records)
         coordinates = [*zero_coordinates(plant, records, free=(i,)), *noise_coordinates(least)]
         problem = PredictionError(plant, records, coordinates, Noise(_RESTLESS * least))
         problem = part_of(problem, PARTS[-1]) or problem  # enough for two numbers
         optimum = minimise(problem, problem.start(), _ITERATIONS, _TOLERANCE, exact=False)
-        if np.isfinite(optimum.value):
-            zeros[i] = problem.zeros_at(optimum.z).get(i, (0.0, 0.0))
+        return problem.zeros_at(optimum.z).get(i, (0.0, 0.0)) if np.isfinite(optimum.value) else None
+
+    which = sorted({stretch.log for stretch in found})
+    every = zip(which, mapped(shared_pool(), zeros_of, which), strict=True)
+    zeros = {i: own for i, own in every if own is not None}
     return Aligned(moved(logs, zeros), zeros)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from furuta_gym.plant import Plant
 from furuta_gym.plant.effects.words import number
 
-from ..estimation.pool import one_blas_thread
+from ..estimation.pool import mapped, one_blas_thread, shared_pool
 from ..estimation.zeros import aligned
 from ..kalman.coordinates import Zeros
 from ..kalman.noise import fit_noise
@@ -37,6 +37,7 @@ from .repeated import floors_of
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
 _CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
 _SAME_COUNT = 1e-3  # of a count: encoders whose steps differ by less are alike
+_TOGETHER = 120_000  # samples of all logs, of which each keeps some kilobytes: of more, one log after the other
 
 Array = NDArray[np.float64]
 
@@ -264,7 +265,8 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         logs, zeros = list(found.logs), found.zeros
     horizons = tuple(f * horizon for f in _CURVE)
     long = [stretch for stretch in stretches(logs) if _long_enough(stretch, horizons)]
-    kept = [predicted(plant, stretch, horizons) for stretch in long]
+    few = sum(len(stretch.record.t) for stretch in long) <= _TOGETHER
+    kept = list(mapped(shared_pool() if few else None, lambda stretch: predicted(plant, stretch, horizons), long))
     if not kept:
         raise ValueError(
             f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s without a gap of "

@@ -106,6 +106,11 @@ class Parameter:
         return self.grid == "frequencies"
 
     @property
+    def speed(self) -> bool:
+        """Whether it is a speed at which a law changes."""
+        return self.role == "shape" and self.unit == "rad/s"
+
+    @property
     def instant(self) -> bool:
         """Whether it is a time on the log's clock."""
         return self.grid == "times"

@@ -114,8 +114,9 @@ def _refit(looks: Sequence[Look], added: Sequence[list[Family]]) -> _Refitted:
 
 def suspicions_of(looks: Sequence[Look], columns: Sequence[list[Family]], policy: DecisionPolicy) -> list[Suspicion]:
     """Families by what they add, at the log's own noise, beside free values of θ."""
+    pairs = list(zip(looks, columns, strict=True))
     total = Normal.together(
-        Normal.of(look.flexible.uncorrected, [parameters_of(look), *g]) for look, g in zip(looks, columns, strict=True)
+        mapped(shared_pool(), lambda p: Normal.of(p[0].flexible.uncorrected, [parameters_of(p[0]), *p[1]]), pairs)
     )
     left = _apart(total, 9)
     whole = max(_gain(left, np.arange(len(left.right)))[0], 1e-12)

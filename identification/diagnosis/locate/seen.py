@@ -9,7 +9,7 @@ from furuta_gym.plant import Plant
 
 from ...discrepancy.basis import Family, Knots, Signals, families
 from ...discrepancy.correction import flexible
-from ...estimation.pool import one_blas_thread
+from ...estimation.pool import mapped, one_blas_thread, shared_pool
 from ...kalman.path import along, smooth
 from ...kalman.record import Stretch, stretches
 from ...kalman.taken import FEWEST
@@ -36,11 +36,12 @@ class Seen:
     @one_blas_thread
     def of(cls, plant: Plant, logs: Sequence[Log], policy: DecisionPolicy) -> Seen:
         """Raises as `locate`."""
-        looks = tuple(_look(plant, stretch, logs[stretch.log].origin) for stretch in long_enough(logs, policy))
+        pool = shared_pool()
+        looks = tuple(mapped(pool, lambda s: _look(plant, s, logs[s.log].origin), long_enough(logs, policy)))
         knots = Knots.of([look.signals for look in looks])
         peaks = max(looks, key=lambda look: look.flexible.path.record.duration).flexible.peaks
-        columns = tuple(families(look.signals, plant, knots, peaks, logs[look.log].span) for look in looks)
-        return cls(plant, tuple(logs), looks, columns)
+        columns = mapped(pool, lambda look: families(look.signals, plant, knots, peaks, logs[look.log].span), looks)
+        return cls(plant, tuple(logs), looks, tuple(columns))
 
     @one_blas_thread
     def another_law(self, name: str) -> float:

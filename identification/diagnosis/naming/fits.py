@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from furuta_gym.plant import EFFECTS, Effect, Plant
+from furuta_gym.plant import EFFECTS, Effect, Parameter, Plant
 
 from ...estimation.optimise import Optimum, minimise, promised
 from ...estimation.pool import shared_pool
@@ -34,6 +34,7 @@ _LEAST, _UNSEEN = 1e-9, 1e-6  # of the information: what the data do not show
 _TOLERANCE = 0.05  # nats, of the optimum
 _ROUGH = 1.0  # nats, where a gain is large
 _MANY, _FEW = 40, 10  # iterations
+_TURNED = 3.0  # of r q̇: there friction is constant to half a percent
 
 Effort = Literal["coarse", "quick", "full", "restarted"]
 """coarse: longer integration steps and frozen gains, on one thread: within a nat or so, for a multi-start.
@@ -120,6 +121,7 @@ class FitRequest:
         if anchor is not None:
             coordinates = [anchored(c, anchor, self.policy.anchor_std) for c in coordinates]
         coordinates = [repeating(c, max(r.duration for r in records), self.policy.periods) for c in coordinates]
+        coordinates = [turned_over(c, max(plant.sharpest)) for c in coordinates]
         step, pool = (COARSER, None) if self.effort == "coarse" else (1.0, shared_pool())
         return PredictionError(plant, records, coordinates, self.noise, step, pool, zeros=zeros)
 
@@ -185,10 +187,22 @@ def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:
     """A frequency [Hz] kept to `periods` within a log of some duration [s]; any other coordinate as it is.
 
     Slower than that is a drift, of which no log can say that it repeats."""
+    declared = _declared(c)
+    return replace(c, low=max(c.low, periods / duration)) if declared is not None and declared.repeats else c
+
+
+def turned_over(c: Coordinate, r: float) -> Coordinate:
+    """A speed [rad/s] at which a law changes kept to what is beyond 3/r; any other coordinate as it is.
+
+    There dry friction of sharpness r [s/rad] has turned over. Nearer to rest any change of it is another sharpness."""
+    declared = _declared(c)
+    return replace(c, low=max(c.low, _TURNED / r)) if declared is not None and declared.speed else c
+
+
+def _declared(c: Coordinate) -> Parameter | None:
+    """The declaration of an effect's parameter; None of any other coordinate."""
     effect, _, parameter = c.name.partition(".")
-    declared = EFFECTS[effect].parameters if effect in EFFECTS else ()
-    frequency = any(p.name == parameter and p.repeats for p in declared)
-    return replace(c, low=max(c.low, periods / duration)) if frequency else c
+    return next((p for p in EFFECTS[effect].parameters if p.name == parameter), None) if effect in EFFECTS else None
 
 
 def added(fitted: Fit, current: Fit) -> Effect:

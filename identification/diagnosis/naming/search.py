@@ -25,7 +25,7 @@ from .dropped import Remainder, dropped
 from .fits import Effort, Fit, FitRequest, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, plainer, price, price_in, shortlist, slight_beside
+from .suspects import Ranking, Suspect, follows_a_law, plainer, price, price_in, shortlist, slight_beside
 
 Scorer = Callable[..., dict[str, Score]]
 
@@ -298,6 +298,8 @@ def _ranking(comparison: Comparison, current: Fit) -> Ranking:
 
 
 def _contesting(ranking: Ranking, reduced: Fit, policy: DecisionPolicy) -> list[Suspect]:
-    """Suspects that did nearly as well as the first of their ranking and are not in the model by now."""
-    taken = {e.name for e in reduced.plant.effects}
-    return [s for s in ranking[1:] if s.net > policy.contested * ranking[0].net and s.name not in taken]
+    """Suspects that did nearly as well as the first of their ranking and are not in the model by now. A ripple that is
+    not seen to repeat does not contest a spring or cable: it is one."""
+    taken, (first, *others) = {e.name for e in reduced.plant.effects}, ranking
+    near = [s for s in others if s.net > policy.contested * first.net and s.name not in taken]
+    return [s for s in near if not (first.type.of_angle_alone and follows_a_law(s, policy))]

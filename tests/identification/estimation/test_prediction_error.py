@@ -14,7 +14,7 @@ from identification.estimation.identify import identify
 from identification.estimation.optimise import minimise
 from identification.estimation.pool import shared_pool
 from identification.estimation.prediction_error import PredictionError, quietest
-from identification.kalman.coordinates import noise_coordinates, plant_coordinates
+from identification.kalman.coordinates import noise_coordinates, plant_coordinates, zero_coordinates
 from identification.kalman.likelihood import whiten
 from identification.kalman.noise_model import Noise
 from identification.kalman.record import Record
@@ -51,8 +51,12 @@ def test_a_step_leads_as_far_as_a_factor_or_as_the_value_itself(log: Log) -> Non
     assert reach["theta8"] == reach["theta5"] == reach["r"] == reach["torque_noise1"] == 1.0
 
 
-def test_a_bank_is_dealt_to_two_threads_only_where_another_one_is_free(log: Log) -> None:
-    """In a thread of the pool both halves would run one after the other, each with a leader of its own."""
+@pytest.mark.parametrize(("free", "central", "parts"), [(2, False, 2), (2, True, 2), (7, True, 6), (100, False, 14)])
+def test_a_bank_is_dealt_to_threads_only_where_others_are_free(
+    log: Log, free: int, central: bool, parts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a thread of the pool all parts would run one after the other, each with a leader of its own."""
+    monkeypatch.setattr("identification.estimation.prediction_error.threads", lambda: free)
     pool, banks = shared_pool(), []
 
     class Counted(PredictionError):
@@ -62,14 +66,44 @@ def test_a_bank_is_dealt_to_two_threads_only_where_another_one_is_free(log: Log)
 
     p = problem(log.slice(0.0, 1.0))
     counted = Counted(TABLE_3, p.records, p.coordinates, NOISE, pool=pool)
-    here = counted.expand(counted.start())
-    assert len(banks) == 2
-    assert sum(banks) == len(p.coordinates) + 2
+    here = counted.expand(counted.start(), central=central)
+    sides, n = 1 + central, len(p.coordinates)
+    assert len(banks) == parts <= sides * n
+    assert sum(banks) == sides * n + parts
     banks.clear()
-    there = pool.submit(counted.expand, counted.start()).result()
-    assert banks == [len(p.coordinates) + 1]
+    there = pool.submit(counted.expand, counted.start(), central=central).result()
+    assert banks == sides * [n + 1]
     assert there.value == here.value
-    assert there.gradient == pytest.approx(here.gradient, rel=0, abs=0)
+    np.testing.assert_allclose(there.gradient, here.gradient, rtol=1e-12)
+    np.testing.assert_allclose(there.information, here.information, rtol=1e-12)
+
+
+def test_the_zeros_of_another_log_take_no_filter() -> None:
+    """Nor do they change what the filters of a log say."""
+    banks: list[tuple[int, int]] = []
+
+    class Counted(PredictionError):
+        def _filter(self, *arguments: Any) -> Any:
+            banks.append((arguments[0].log, len(arguments[1])))
+            return super()._filter(*arguments)
+
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("arm_spring"))
+    log, _ = paper_log(duration=2.0, plant=plant)
+    records = [replace(Record.from_log(log), log=i) for i in range(2)]
+    coordinates = plant_coordinates(plant) + noise_coordinates() + zero_coordinates(plant, records)
+    p = Counted(plant, records, coordinates, NOISE)
+    z, n = p.start(), len(coordinates)
+    there = p.expand(z, exact=True, scores=True)
+    own = {i: [j for j, c in enumerate(coordinates) if c.zero_of == i] for i in range(2)}
+    assert own[1]
+    assert banks == [(i, n + 1 - len(own[1 - i])) for i in range(2)]
+    assert there.scores is not None
+    for i in range(2):
+        assert not there.scores[i][:, own[1 - i]].any()
+        for j in own[i]:
+            h = 1e-4 * np.eye(n)[j]
+            slope = (p.value(z + h) - p.value(z - h)) / 2e-4
+            assert there.gradient[j] == pytest.approx(slope, rel=0.02, abs=0.5)
 
 
 def test_gradient_is_the_slope_of_the_objective(log: Log) -> None:
@@ -237,11 +271,9 @@ def test_one_side_of_a_difference_will_do_where_the_other_has_no_plant(monkeypat
     record = Record.from_log(log)
     problem = PredictionError(truth, [record], plant_coordinates(truth), Noise((1e-6, 1e-6)))
     z, own = problem.start(), PredictionError._differences
-    calls: list[int] = []
 
-    def half(self, *arguments):
-        calls.append(1)
-        return own(self, *arguments) if len(calls) == 1 else None
+    def half(self, z, sides, exact):
+        return [*own(self, z, sides[:1], exact), None]
 
     one = problem.expand(z, exact=True)
     monkeypatch.setattr(PredictionError, "_differences", half)

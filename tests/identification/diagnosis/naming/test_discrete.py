@@ -8,7 +8,7 @@ import pytest
 
 from furuta_gym.plant import EFFECTS, TABLE_3, Effect, Plant
 from identification.diagnosis.naming.discrete import starts_of, stepped
-from identification.diagnosis.naming.fits import repeating
+from identification.diagnosis.naming.fits import repeating, turned_over
 from identification.kalman.coordinates import plant_coordinates
 from tests.identification.diagnosis.fits import a_fit, search
 
@@ -74,3 +74,15 @@ def test_what_repeats_must_repeat_within_the_log() -> None:
     for c in plant_coordinates(plant):
         if c.name != "periodic_torque.f":
             assert kept[c.name] == c
+
+
+def test_a_stribeck_speed_stays_where_friction_has_turned_over() -> None:
+    """Below 3/r any curve of friction is another sharpness."""
+    plant = TABLE_3.with_effects(TABLE_3.default_effect("pendulum_stribeck"))
+    kept = {c.name: turned_over(c, 100.0) for c in plant_coordinates(plant)}
+    assert kept["pendulum_stribeck.vs"].low == pytest.approx(0.03)
+    for c in plant_coordinates(plant):
+        if c.name != "pendulum_stribeck.vs":
+            assert kept[c.name] == c
+        else:
+            assert turned_over(c, 1e4).low == c.low, "its own bound is higher"

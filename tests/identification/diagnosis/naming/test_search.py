@@ -12,8 +12,8 @@ from furuta_gym.plant import TABLE_3, Effect, Plant
 from identification.diagnosis.naming.fits import FitRequest
 from identification.diagnosis.naming.scores import Score
 from identification.diagnosis.naming.search import Search
-from identification.diagnosis.naming.suspects import Ranking
-from tests.identification.diagnosis.fits import PER_PARAMETER, Bowl, Bowls, Scores, a_fit, ranked, search
+from identification.diagnosis.naming.suspects import Ranking, Suspect, price
+from tests.identification.diagnosis.fits import PER_PARAMETER, SAMPLES, Bowl, Bowls, Scores, a_fit, ranked, search
 from tests.identification.diagnosis.silence import names_found
 
 
@@ -242,6 +242,20 @@ def test_a_name_that_stood_in_for_two_is_exchanged_if_it_was_contested(share: fl
     assert {e.name for e in again[1][0].fit.plant.effects} == {first, "pendulum_coulomb_asymmetry"}
     if exchanged:
         assert again[1][0].gain == pytest.approx(1000.0, abs=0.1), "beside the new name, not the old"
+
+
+@pytest.mark.parametrize(("n", "first"), [(4.0, "arm_cable"), (16.0, "arm_ripple")])
+def test_a_cable_is_contested_later_by_a_ripple_that_repeats_only(n: float, first: str) -> None:
+    """Beside the delay the ripple explains 200 nats more; of four periods a turn the arm passes half a one."""
+    by_effects = {"": 2000.0, "arm_cable": 1000.0, "arm_ripple": 1100.0, "input_delay": 1000.0}
+    by = search(by_effects | {"arm_cable input_delay": 200.0, "arm_ripple input_delay": 0.0})
+    ripple = Effect("arm_ripple", {"A": 0.5, "n": n, "φ": 0.5})
+    rival = Suspect("arm_ripple", 900.0, 900.0 - price("arm_ripple", SAMPLES), a_fit(ripple, value=1100.0))
+    found = [
+        (*ranked(("arm_cable", 1000.0), fit=a_fit("arm_cable", value=1000.0)), rival),
+        ranked(("input_delay", 800.0), fit=a_fit("arm_cable", "input_delay", value=200.0)),
+    ]
+    assert [ranking[0].name for ranking in by.reconsidered(found, nobody_asks)] == [first, "input_delay"]
 
 
 @pytest.mark.parametrize(("net", "stays"), [(7.0, False), (14.0, True)])
