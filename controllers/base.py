@@ -1,7 +1,7 @@
 """What a controller is: readings of the two encoders in, a command out, everything else its own affair."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,11 +23,13 @@ class Controller(ABC):
 
     `reference` is the arm angle to hold [rad]: a number, or a function of the time since `reset` [s].
     `tasks` says what it can do: "balance" from near upright, "swing_up" from hanging. `feedback_gain`: K of
-    u = −K (q1, q̇1, q2, q̇2) + d where the command is just that, as a log may carry it; else None.
+    u = −K (q1, q̇1, q2, q̇2) + d where the command is just that, as a log may carry it; else None. `record`: of its
+    training, where it was learned, empty if that is not known; else None.
     """
 
     tasks: tuple[str, ...] = ("balance",)
     feedback_gain: tuple[float, float, float, float] | None = None
+    record: Mapping[str, Any] | None = None
 
     def __init__(self, name: str, sample_time: float, u_max: float, reference: Reference = 0.0) -> None:
         if not (np.isfinite(sample_time) and 0 < sample_time <= 1):

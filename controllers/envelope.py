@@ -16,7 +16,9 @@ The same rules in Python (`Guarded`) and in the C headers (`exports.envelope_c`)
    command that a policy sees hold its own commands, and learn of the difference by the next readings alone.
 4. What is to be added to the command, as an excitation, is added. A command that is no number: off.
 5. Soft start: the command grows linearly to its full size over `soft_start`.
-6. Slew: it changes by at most slew · T a sample, 0 before the first.
+6. Slew: it changes by at most slew · T a sample, 0 before the first. T is the caller's period. A policy that acts at
+   every n-th sample of a loop nears its command there in n steps. Its C header, called once in these n samples, and
+   the env that it learned on change the command by up to slew · n · T at once, and so arrive at the same command.
 7. Clamp: |u| ≤ u_max.
 
 Off means a command of 0 until reset, and the reason is kept.

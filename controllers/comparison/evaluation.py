@@ -16,6 +16,7 @@ from ..registry import make_controller
 from .conditions import USUAL_GROUPS, Condition, conditions
 from .result import Comparison
 from .statistics import Interval
+from .trained import trained
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,8 @@ def compare(
         "u_max": plant.u_max,
         "designed_for_this_plant": design == plant,
     }
-    return Comparison(plant, settings, {row.name: row.group for row in rows}, scores, skipped, policies)
+    groups_of = {row.name: row.group for row in rows}
+    return Comparison(plant, settings, groups_of, scores, skipped, trained(policies), policies)
 
 
 def trial_period(plant: Plant, sample_time: float | None, controllers: Sequence[Any]) -> float:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from msgspec import Struct
 
-from furuta_gym.declared import checked
+from furuta_gym.declared import checked, written
 from furuta_gym.files import in_short, read_json, write_whole
 from furuta_gym.plant import Plant
 
 from .conditions import map_name
 from .statistics import Interval, IntervalEntry
+from .trained import TrainedEntry
 from .variations import delay_of
 
 if TYPE_CHECKING:
@@ -38,7 +39,8 @@ UNITS |= {f"worst_{figure}": UNITS[figure] for figure in ("settling", "largest_q
 
 
 class ComparisonFile(Struct):
-    """comparison.json. groups: by condition its group, as the first schema had it, or by group its conditions."""
+    """comparison.json. groups: by condition its group, as the first schema had it, or by group its conditions. trained:
+    of learned controllers; earlier files have none."""
 
     schema: Literal["furuta-comparison/1", "furuta-comparison/2"]
     plant: dict[str, Any]
@@ -46,13 +48,15 @@ class ComparisonFile(Struct):
     groups: dict[str, str | dict[str, Any]]
     controllers: dict[str, dict[str, dict[str, IntervalEntry]]]
     skipped: dict[str, str]
+    trained: dict[str, TrainedEntry] = {}
 
 
 @dataclass(frozen=True)
 class Comparison:
     """`scores[controller][condition][figure]` is an `Interval`; `groups[condition]` is the group it belongs to.
 
-    skipped[controller]: why it was left out. policies[controller]: the controller itself; files do not keep it.
+    skipped[controller]: why it was left out. trained[controller]: how a learned one was trained, as its file says.
+    policies[controller]: the controller itself; files do not keep it.
     """
 
     plant: Plant
@@ -60,6 +64,7 @@ class Comparison:
     groups: Mapping[str, str]
     scores: Scores
     skipped: Mapping[str, str] = field(default_factory=dict)
+    trained: Mapping[str, TrainedEntry] = field(default_factory=dict)
     policies: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -77,6 +82,7 @@ class Comparison:
                 for controller, rows in self.scores.items()
             },
             "skipped": dict(self.skipped),
+            "trained": {controller: written(entry) for controller, entry in self.trained.items()},
         }
 
     def _in_group(self, group: str) -> dict[str, dict[str, Any]]:
@@ -109,7 +115,7 @@ class Comparison:
             }
             for controller, rows in read.controllers.items()
         }
-        return cls(Plant.from_dict(read.plant), read.settings, groups, scores, read.skipped)
+        return cls(Plant.from_dict(read.plant), read.settings, groups, scores, read.skipped, read.trained)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Comparison":
@@ -150,6 +156,8 @@ class Comparison:
             table.caption = f"{table.caption}\nn of m: so many of those that held came to rest"
         if own := delay_of(self.plant):
             table.caption = f"{table.caption}\nlate: later than the plant, whose own delay is {1e3 * own:.3g} ms"
+        for controller, entry in self.trained.items():
+            table.caption = f"{table.caption}\n{escape(f'training of {controller}: {entry}')}"
         for controller, reason in self.skipped.items():
             table.add_section()
             table.add_row(f"{escape(controller)}\nleft out", style="dim")

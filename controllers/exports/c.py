@@ -143,7 +143,7 @@ def c_header(
         theta=", ".join(f"{v:.6g}" for v in plant.theta),
         columns=columns_note(plant) + _zeros_note(q1_zero, q2_zero - controller.q2e),
         effects=effects_note(plant),
-        limits=limits_note(plant, envelope),
+        limits=limits_note(plant, envelope, controller.sample_time),
     )
     text += f"#ifndef {guard}\n#define {guard}\n\n" + ("#include <math.h>\n\n" if share else "")
     text += _STEP.format(
@@ -182,10 +182,13 @@ def columns_note(plant: Plant) -> str:
     return "".join([" * The logs that the plant was fitted to were read in several ways:\n", *told])
 
 
-def limits_note(plant: Plant, envelope: Envelope) -> str:
-    """Lines for the header's comment on what the plant file and the envelope limit."""
+def limits_note(plant: Plant, envelope: Envelope, period: float) -> str:
+    """Lines for the header's comment on what the plant file and the envelope limit. period [s]: of calls."""
     speed = f"up to {envelope.arm_speed:g} rad/s" if math.isfinite(envelope.arm_speed) else "at any speed of the arm"
     reach = f"up to {envelope.arm_travel:.3g} rad to either side, {speed}"
+    if envelope.slew < math.inf:
+        most = f"{envelope.slew * period:.4g} {plant.unit}"
+        reach += f".\n * The command changes by at most {most} from one call to the next, or goes to 0"
     if not plant.limits:
         return f" * The plant file has no limits: {reach}.\n"
     limits = ", ".join(f"{name} {value:g}" for name, value in plant.limits.items())

@@ -144,7 +144,7 @@ def policy_c_header(
         theta=", ".join(f"{v:.6g}" for v in controller.plant.theta),
         columns=columns_note(controller.plant),
         effects=effects_note(controller.plant),
-        limits=limits_note(controller.plant, envelope),
+        limits=limits_note(controller.plant, envelope, period),
         **names,
     )
     arrays = [_array("scale", network.scale)]

@@ -35,7 +35,9 @@ class LearnedController(Controller):
     by all copies, and `reset` does not clear it. velocity_cutoff [rad/s]: default is that of the encoders.
     normalized: actions are shares of `trained_u_max`, the command's limit where it was trained (default: the plant's),
     and so is the last command that it sees. every: the policy looks and acts at every n-th call and holds its command
-    in between, so that one trained at n · sample_time plays on a faster clock exactly as it was trained.
+    in between, so that one trained at n · sample_time plays on a faster clock exactly as it was trained. Only where the
+    rig's slew limits a command, loop and env differ: see rule 6 of `controllers.envelope`. record: of the training,
+    see `policy_file.read_record`; a comparison says from it how the policy was trained.
     """
 
     def __init__(
@@ -55,11 +57,12 @@ class LearnedController(Controller):
         arm_limit: float = ARM_TRAVEL,
         tasks: tuple[str, ...] = ("balance",),
         reference: Reference = 0.0,
+        record: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(name, sample_time, plant.u_max, reference)
         self.plant, self.unit = plant, plant.unit
         self.sensors = choose_sensors(plant, sensors)
-        self.predict = predict
+        self.predict, self.record = predict, dict(record or {})
         self.tasks = tasks
         self.history = history
         self.observe_command = observe_command
@@ -221,6 +224,7 @@ def load_policy(
         trained_u_max=rig.get("u_max"),
         every=every,
         sensors=sensors,
+        record=record,
         **settings | options,
     )
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +12,7 @@ import typer
 
 from . import options as opt
 from .output import check_folder, print_json
+from .steps import steps
 
 
 def demo_command(
@@ -26,7 +30,18 @@ def demo_command(
 
     require_extra()
     check_folder(out)
+    began = time.monotonic()
+
+    @contextmanager
+    def at_work(text: str) -> Iterator[Callable[[str], None]]:
+        with steps("demo", began=began) as tell:  # for each alone: the story is printed between, and may be piped
+            tell(text)
+            yield lambda more: tell(f"{text}: {more}")
+
+    def say(line: str = "") -> None:
+        typer.echo(line, err=as_json)
+
     with whole_folder(out, FILES) as folder:
-        figures = run_demo(folder, seed=seed, say=(lambda line="": typer.echo(line, err=as_json)), shown=out)
+        figures = run_demo(folder, seed=seed, say=say, shown=out, work=at_work)
     if as_json:
         print_json(figures)

@@ -52,10 +52,11 @@ def init_command(
 
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
-    file = None if str(reading.file) == "none" else reading.file
+    alone = str(reading.file) == "none"  # what any rig.toml says does not count
+    file = None if alone else reading.file
     known = reading.said if file is None else reading.said.over(load_mapping(file))
     proposal = propose(tables, known)
-    kept = kept_mapping(target, proposal) if yes and target.exists() else RigMapping()
+    kept = kept_mapping(target, proposal) if yes and target.exists() and not alone else RigMapping()
     if not kept.empty:
         typer.echo(f"Kept from {target}: {kept.options()}", err=True)
         proposal = propose(tables, known.over(kept))

@@ -34,15 +34,18 @@ _SLOWEST = 50.0
 
 
 @contextmanager
-def steps(command: str, samples: int | None = None, console: Console | None = None) -> Iterator[Callable[[str], None]]:
+def steps(
+    command: str, samples: int | None = None, console: Console | None = None, began: float | None = None
+) -> Iterator[Callable[[str], None]]:
     """Give a function that is told each step of a long work as it begins.
 
-    command: of `furuta`, of `FIRST_TIME` where samples are given; how fast it went here is remembered by it.
+    command: of `furuta`, of `FIRST_TIME` where samples are given; how fast it went here is remembered by it. began:
+    `time.monotonic()` at the start, where other work went before.
     """
     from furuta_gym.cache_folder import compilations  # not before a long work: help loads no library of numbers
 
     console = console or errors
-    began, compiled = time.monotonic(), compilations()
+    began, compiled = time.monotonic() if began is None else began, compilations()
     expected = None if samples is None else _expected(command, samples)
     line = _Line(began, expected)
     live = Live(line, console=console, transient=True, refresh_per_second=4) if console.is_terminal else None

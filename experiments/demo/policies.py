@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,33 @@ from experiments.bench import Rig
 from experiments.bench_runs import Run, contrast, run_on_bench, summary
 from furuta_gym.plant import Plant
 
+Tell = Callable[[str], None]
+Work = Callable[[str], AbstractContextManager[Tell]]
+"""What is entered for each long work, with its name; it gives what is told how far the work is."""
+
 STEPS = 400_000  # of the environment: about ten seconds of CPU on one core
 RUNS, DURATION = 10, 6.0
 SEED = 2000  # of the first run; not a seed of the logs
 SIDES = ("without", "with")
+
+
+@contextmanager
+def quietly(text: str) -> Iterator[Tell]:
+    """Work that shows nothing."""
+    yield lambda more: None
+
+
+def in_tenths(tell: Tell) -> Callable[[int, int], None]:
+    """Progress in counts, told in percent, each tenth once."""
+    shown = 0
+
+    def count(done: int, of: int) -> None:
+        nonlocal shown
+        if (percent := min(10 * (10 * done // of), 100)) > shown:  # it goes up to whole batches
+            tell(f"{percent} %")
+            shown = percent
+
+    return count
 
 
 @dataclass(frozen=True)
@@ -88,12 +112,19 @@ class Trial:
 
 
 def try_on_rig(
-    without: Plant, with_it: Plant, rig: Rig, folder: Path, seed: int, say: Callable[[str], None], steps: int = STEPS
+    without: Plant,
+    with_it: Plant,
+    rig: Rig,
+    folder: Path,
+    seed: int,
+    say: Callable[[str], None],
+    steps: int = STEPS,
+    work: Work = quietly,
 ) -> Trial:
     """Train a policy on each plant, and let it and an LQR balance the rig itself from the same starts.
 
-    The policies, three readings and the last command deep so that they can see a delay, are kept in `folder`. Raises
-    ValueError without the extra "rl".
+    The policies, three readings and the last command deep so that they can see a delay, are kept in `folder`. work: see
+    `quietly`. Raises ValueError without the extra "rl".
     """
     known = {"u_max": rig.kind.u_max, "sample_time": rig.period}  # what a laboratory knows and a log does not tell
     played, spent = [], {}
@@ -102,12 +133,15 @@ def try_on_rig(
         path = folder / f"policy_{side}.zip"
         path.unlink(missing_ok=True)
         wall, cpu = time.perf_counter(), time.process_time()
-        train(Training(plant, "balance", "ppo", steps, seed, history=3, observe_command=True), path)
+        with work(f"training on the plant {side} the effect") as tell:
+            training = Training(plant, "balance", "ppo", steps, seed, history=3, observe_command=True)
+            train(training, path, progress=in_tenths(tell))
         spent[side] = {"wall_s": round(time.perf_counter() - wall, 1), "cpu_s": round(time.process_time() - cpu, 1)}
         say(f"   trained on the plant {side} the effect: {steps:,} steps in {spent[side]['wall_s']:.0f} s")
         for name, source in (("lqr", "lqr"), ("policy", path)):
             controller = make_controller(source, plant, rig.period)
-            runs = tuple(run_on_bench(rig, controller, SEED + i, DURATION) for i in range(RUNS))
+            with work(f"playing the {name} made {side} the effect on the rig"):
+                runs = tuple(run_on_bench(rig, controller, SEED + i, DURATION) for i in range(RUNS))
             played.append(Played(name, side, runs))
     played.sort(key=lambda p: p.name)
     return Trial(tuple(played), spent, steps, without.unit)

@@ -11,6 +11,8 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from identification.logs.log import Log
 
 Say = Callable[..., None]
+Work = policies.Work
 
 FILES = ("rig.json", "gap.json", "diagnosis.json", "plant.json", "report.html", "parameters.png", "prediction.png",
          "comparison.json", "comparison_without.json", "policy_without.zip", "policy_with.zip",
@@ -35,6 +38,7 @@ LOGS = Path(__file__).parent / "logs"
 FITTED, HELD_OUT, TRUTH = LOGS / "paper.csv", LOGS / "wide.csv", LOGS / "truth.json"
 HORIZON = 0.2  # s, of the predictions that are drawn
 CONTROLLERS = ("lqr", "lqg")
+_PARTS = 6  # of the story, the policies last
 TRIALS = 20  # of each controller and group
 
 
@@ -60,12 +64,18 @@ def record_logs() -> None:
 
 
 def run_demo(
-    out: Path, seed: int = 0, say: Say = print, steps: int = policies.STEPS, shown: Path | None = None
+    out: Path,
+    seed: int = 0,
+    say: Say = print,
+    steps: int = policies.STEPS,
+    shown: Path | None = None,
+    work: Work = policies.quietly,
 ) -> dict[str, Any]:
     """Run the story, write its files into `out`, and return its figures.
 
     say(line) is called for every line of text. steps: of the training of each policy; 0 leaves the policies out. shown:
-    the folder that the text names, where `out` will get another name. Raises OSError if `out` cannot be written.
+    the folder that the text names, where `out` will get another name. work: see `policies.Work`; what it is given names
+    the step, and of how many. Raises OSError if `out` cannot be written.
     """
     from experiments.demo import plots
     from experiments.report import render
@@ -74,19 +84,20 @@ def run_demo(
     started = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)
     truth = json.loads(TRUTH.read_text(encoding="utf-8"))
-    fitted, held_out = _read(say)
-    estimate = _identify(fitted, out, say)
-    gap = _validate(estimate, held_out, out, say)
-    examination = _diagnose(fitted, held_out, truth, out, say)
+    tellers = [_Teller(n, _PARTS if steps else _PARTS - 1, say, work) for n in range(1, _PARTS + 1)]
+    fitted, held_out = _read(tellers[0])
+    estimate = _identify(fitted, out, tellers[1])
+    gap = _validate(estimate, held_out, out, tellers[2])
+    examination = _diagnose(fitted, held_out, truth, out, tellers[3])
     after = examination.diagnosis.after
     assert after is not None
-    say("   Drawing …")
-    fits = {"model (5)": estimate, "effect added": after}
-    plots.draw_parameters(fits, truth["theta"], out / "parameters.png")
-    before, new = predictions(estimate.plant, held_out), predictions(after.plant, held_out)
-    plots.draw_predictions(before, new, out / "prediction.png")
-    compared = _compare(estimate.plant, after.plant, out, seed, say)
-    played = _play(estimate.plant, after.plant, out, seed, steps, say) if steps else None
+    with tellers[3].work("drawing"):
+        fits = {"model (5)": estimate, "effect added": after}
+        plots.draw_parameters(fits, truth["theta"], out / "parameters.png")
+        before, new = predictions(estimate.plant, held_out), predictions(after.plant, held_out)
+        plots.draw_predictions(before, new, out / "prediction.png")
+    compared = _compare(estimate.plant, after.plant, out, seed, tellers[4])
+    played = _play(estimate.plant, after.plant, out, seed, steps, tellers[5]) if steps else None
     page = diagnosis_page(examination, extra=(rig_section(played),) if played else ())
     (out / "report.html").write_text(render(page), encoding="utf-8")
     figures = {
@@ -106,43 +117,63 @@ def run_demo(
     return figures
 
 
-def _read(say: Say) -> tuple[Log, Log]:
+@dataclass(frozen=True)
+class _Teller:
+    """Tells of one part of the story, the n-th of so many."""
+
+    n: int
+    of: int
+    say: Say
+    shown_by: Work
+
+    def begin(self, text: str) -> None:
+        self.say(f"{'' if self.n == 1 else chr(10)}{self.n} of {self.of}  {text}")
+
+    def work(self, text: str) -> AbstractContextManager[policies.Tell]:
+        return self.shown_by(f"{self.n} of {self.of}, {text}")
+
+
+def _read(tell: _Teller) -> tuple[Log, Log]:
     from identification.logs.reading import read_log
 
-    say("1  Read two logs of one rig: one to fit, one of another experiment that is never fitted")
+    tell.begin("Read two logs of one rig: one to fit, one of another experiment that is never fitted")
     logs = read_log(FITTED), read_log(HELD_OUT)
     for log in logs:
-        say(_indented(str(log)))
+        tell.say(_indented(str(log)))
     return logs
 
 
-def _identify(log: Log, out: Path, say: Say) -> Estimate:
+def _identify(log: Log, out: Path, tell: _Teller) -> Estimate:
     from identification.estimation.identify import identify
 
-    say("\n2  Identify model (5) from the first log (prediction error; a few seconds) …")
-    estimate = identify(log)
+    tell.begin("Identify model (5) from the first log (prediction error; a few seconds) …")
+    with tell.work("fitting"):
+        estimate = identify(log)
     estimate.save(out / "rig.json")
-    say(_indented(str(estimate)))
+    tell.say(_indented(str(estimate)))
     return estimate
 
 
-def _validate(estimate: Estimate, log: Log, out: Path, say: Say) -> dict[str, Any]:
+def _validate(estimate: Estimate, log: Log, out: Path, tell: _Teller) -> dict[str, Any]:
     from identification.validation.gap import validate
 
-    say("\n3  Validate on the log that was not fitted …")
-    result = validate(estimate.plant, [log])
+    tell.begin("Validate on the log that was not fitted …")
+    with tell.work("predicting"):
+        result = validate(estimate.plant, [log])
     _write_json(out / "gap.json", result.to_dict())
-    say(_indented(str(result)))
+    tell.say(_indented(str(result)))
     return result.to_dict()["gap"]
 
 
-def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, say: Say) -> Examination:
+def _diagnose(log: Log, held_out: Log, truth: dict[str, Any], out: Path, tell: _Teller) -> Examination:
     """Search for what is missing; writes diagnosis.json and plant.json (with it)."""
     from experiments.report import examine
     from identification.diagnosis.diagnose import diagnose
 
-    say("\n4  The gap is far above the noise: diagnose what model (5) misses (a minute or two) …")
-    examination = examine(diagnose([log], [held_out]), [log], [held_out])
+    say = tell.say
+    tell.begin("The gap is far above the noise: diagnose what model (5) misses (a minute or two) …")
+    with tell.work("diagnosing") as progress:
+        examination = examine(diagnose([log], [held_out], progress=progress), [log], [held_out], progress=progress)
     _write_json(out / "diagnosis.json", examination.to_dict())
     if examination.diagnosis.plant is not None:
         examination.diagnosis.plant.save(out / "plant.json")
@@ -182,32 +213,34 @@ def predictions(plant: Plant, log: Log, horizon: float = HORIZON) -> dict[str, A
     return {"t": record.t[at], "measured": record.y[at], "predicted": record.y[at] - errors, "horizon": horizon}
 
 
-def _compare(without: Plant, with_it: Plant, out: Path, seed: int, say: Say) -> dict[str, dict[str, float]]:
+def _compare(without: Plant, with_it: Plant, out: Path, seed: int, tell: _Teller) -> dict[str, dict[str, float]]:
     """Controllers designed from both plants, in the same trials on the plant that has the effect. Writes
     comparison.json of those that know the effect, and comparison_without.json. Returns the share of trials held, by
     plant and controller."""
     from controllers.comparison.evaluation import compare
 
     names = " and ".join(CONTROLLERS)
-    say(f"\n5  Design {names} from the plant without and with the effect, and play them on the one that has it …")
+    tell.begin(f"Design {names} from the plant without and with the effect, and play them on the one that has it …")
     held: dict[str, dict[str, float]] = {}
     for side, design, file in (("without", without, "comparison_without"), ("with", with_it, "comparison")):
-        found = compare(
-            with_it, CONTROLLERS, design_plant=design, trials=TRIALS, duration=5.0, groups=("balance",), seed=seed
-        )
+        with tell.work(f"playing what was designed {side} the effect"):
+            found = compare(
+                with_it, CONTROLLERS, design_plant=design, trials=TRIALS, duration=5.0, groups=("balance",), seed=seed
+            )
         _write_json(out / f"{file}.json", found.to_dict())
         held[side] = {name: rows["balance"]["success"].value for name, rows in found.scores.items()}
         shares = [f"{name} holds {100 * share:.0f} % of {TRIALS} trials" for name, share in held[side].items()]
         shares += [f"{name} is left out: {why}" for name, why in found.skipped.items()]
-        say(f"   designed {side} the effect: {', '.join(shares)}")
+        tell.say(f"   designed {side} the effect: {', '.join(shares)}")
     return held
 
 
-def _play(without: Plant, with_it: Plant, out: Path, seed: int, steps: int, say: Say) -> policies.Trial | None:
+def _play(without: Plant, with_it: Plant, out: Path, seed: int, steps: int, tell: _Teller) -> policies.Trial | None:
     """Policies and LQRs of both plants on the rig; None without the extra "rl"."""
-    say("\n6  Train a policy on the plant without and with the effect, and play it and an LQR on the rig itself …")
+    say = tell.say
+    tell.begin("Train a policy on the plant without and with the effect, and play it and an LQR on the rig itself …")
     try:
-        trial = policies.try_on_rig(without, with_it, demo_rig(), out, seed, say, steps)
+        trial = policies.try_on_rig(without, with_it, demo_rig(), out, seed, say, steps, tell.work)
     except ValueError as error:
         say(f"   left out: {error}")
         return None

@@ -38,8 +38,8 @@ def _no_file(session: Session) -> str:
 
 
 def init(session: Session) -> str:
-    said = session.given.options()
-    return f"furuta init {files(session)}" + (f" {said}" if said else "") + " --yes"
+    options = (session.given.options(), _no_file(session))
+    return f"furuta init {files(session)}" + "".join(f" {said}" for said in options if said) + " --yes"
 
 
 def identify(session: Session, out: str = "rig.json") -> str:

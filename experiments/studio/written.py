@@ -20,12 +20,12 @@ def write_plant(plant: Plant, path: Path) -> str:
 
 
 def write_mapping(session: Session, path: Path) -> str:
-    """Write how the logs are read. What was left out by the file before is kept. Gives what to say of that, and of what
-    it said otherwise; "" for nothing."""
+    """Write how the logs are read. What was left out by the file before is kept, unless the command line said that no
+    file of its own holds. Gives what to say of that, and of what it said otherwise; "" for nothing."""
     proposal = session.proposal
     assert proposal is not None
     shown = proposal.mapping  # all that the page shows is said, and holds
-    kept = kept_mapping(path, replace(proposal, given=shown))
+    kept = RigMapping() if session.stated is not None else kept_mapping(path, replace(proposal, given=shown))
     mapping = kept.over(shown)
     try:
         there = load_mapping(path)

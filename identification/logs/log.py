@@ -23,7 +23,7 @@ from .formats import write_table
 from .gaps import gaps
 from .mapping import KNOWN_KEYS
 from .rig_mapping import RigMapping
-from .said import COLUMNS, parse_counts, parse_gain, parse_unit
+from .said import COLUMNS, of_file, parse_counts, parse_gain, parse_unit
 
 __all__ = ["Log", "LogError", "LogWarning", "write_log"]
 
@@ -90,11 +90,12 @@ class Log:
             raise LogError(f"{self.source}: t does not increase strictly. Sort the samples, drop repeated ones.")
         if not 0.0 <= self.begins < np.inf:
             raise LogError(f"{self.source}: begins = {self.begins!r}. Expected seconds after the first sample.")
-        object.__setattr__(self, "input_unit", parse_unit(self.input_unit))
-        if self.encoder_counts is not None:
-            object.__setattr__(self, "encoder_counts", parse_counts(self.encoder_counts))
-        if self.controller_gain is not None:
-            object.__setattr__(self, "controller_gain", parse_gain(self.controller_gain))
+        with of_file(self.source):
+            object.__setattr__(self, "input_unit", parse_unit(self.input_unit))
+            if self.encoder_counts is not None:
+                object.__setattr__(self, "encoder_counts", parse_counts(self.encoder_counts))
+            if self.controller_gain is not None:
+                object.__setattr__(self, "controller_gain", parse_gain(self.controller_gain))
         if self.device is not None:
             object.__setattr__(self, "device", self.device.strip() or None)
             if len((self.device or "").splitlines()) > 1:

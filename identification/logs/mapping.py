@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import checks as log_checks
-from .checks import LogArgumentError, LogError
+from .checks import LogError
 from .gaps import evened
 from .jumps import warn_about_jumps
 from .rig_mapping import RigMapping
@@ -21,6 +21,7 @@ from .said import (
     COLUMNS,
     RADIANS,
     SECONDS,
+    of_file,
     parse_angle_units,
     parse_counts,
     parse_gain,
@@ -62,7 +63,7 @@ def map_table(
     """Map and check. said: how the table is to be read; the others are arguments of `identification.logs.read_log`."""
     name = table.name
     if constant_command not in ("error", "warn", "ignore"):
-        raise LogArgumentError("constant_command", repr(constant_command), "expected error, warn or ignore")
+        raise LogError(f"{name}: constant_command {constant_command!r}: expected error, warn or ignore")
     factor = seconds_of(said.time_unit or "s")
     gain_of_u = 1.0 if said.input_scale is None else said.input_scale
     names = _find_columns(table, said.columns)
@@ -243,21 +244,17 @@ def _guess(ours: str, free: Sequence[str]) -> str | None:
 
 def _angle_units(name: str, said: Mapping[str, str], stored: str | None) -> dict[str, str]:
     """Units of q1 and q2: of each what the user says, else what the file says, else rad."""
-    try:
+    with of_file(name):
         held = {} if stored is None else parse_angle_units(stored)
-    except LogError as error:
-        raise LogError(f"{name}: {error}") from None
     chosen = {q: _prefer(name, f"the angle unit of {q}", said.get(q), held.get(q)) for q in ("q1", "q2")}
     return {q: unit or "rad" for q, unit in chosen.items()}
 
 
 def _prefer(name: str, key: str, explicit: Any, stored: str | None, parse: Any = None) -> Any:
     """What the user says, else what the file says; a warning where they differ."""
-    try:
+    with of_file(name):
         said = parse(explicit) if parse and explicit is not None else explicit
         held = parse(stored) if parse and stored is not None else stored
-    except LogError as error:
-        raise LogError(f"{name}: {error}") from None
     if said is not None and held is not None and said != held:
         log_checks.warn(f"{name}: {key} is {held} in the file and {said} as given. Using what was given.")
     return held if said is None else said

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from .formats import file_hash, read_table
 from .log import Log
 from .mapping import map_table
 from .rig_mapping import RigMapping
-from .said import parse_counts, parse_cuts, parse_flip, parse_skip
+from .said import of_file, parse_counts, parse_cuts, parse_flip, parse_skip
 from .table import Table
 
 
@@ -55,22 +56,24 @@ def read_log(
     table: the file's content, where it has been read already.
 
     What is given here beats the file's own `# key: value` lines; where the two differ, a LogWarning says so.
-    Raises LogError (a ValueError) for anything that would make an estimate from this file meaningless.
+    Raises LogError (a ValueError), naming the file, for an argument that cannot be and for anything that would make an
+    estimate from this file meaningless.
     """
-    skip = parse_skip(skip)
-    cuts = parse_cuts(cut)
-    said = RigMapping.of(
-        columns,
-        unit,
-        time_unit=None if time_unit == "s" else time_unit,
-        pendulum_zero=pendulum_zero,
-        flip=parse_flip(flip) or None,
-        encoder_counts=None if encoder_counts is None else parse_counts(encoder_counts),
-        input_unit=input_unit,
-        input_scale=None if input_scale == 1.0 else input_scale,
-        skip=skip or None,
-        cut=cuts or None,
-    )
+    with of_file(Path(path).name if table is None else table.name):
+        skip = parse_skip(skip)
+        cuts = parse_cuts(cut)
+        said = RigMapping.of(
+            columns,
+            unit,
+            time_unit=None if time_unit == "s" else time_unit,
+            pendulum_zero=pendulum_zero,
+            flip=parse_flip(flip) or None,
+            encoder_counts=None if encoder_counts is None else parse_counts(encoder_counts),
+            input_unit=input_unit,
+            input_scale=None if input_scale == 1.0 else input_scale,
+            skip=skip or None,
+            cut=cuts or None,
+        )
     table = read_table(path) if table is None else table
     mapped = map_table(table, said, device=device, controller_gain=controller_gain, constant_command=constant_command)
     for note in table.notes if said.empty else ():  # where names are given, they were found

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
-from .checks import LogArgumentError
+from .checks import LogArgumentError, LogError
 
 COLUMNS = ("t", "q1", "q2", "u")
 
@@ -24,6 +25,17 @@ RADIANS = {"rad": 1.0, "deg": math.pi / 180.0, "turns": 2.0 * math.pi}
 ANGLE_UNITS = (*RADIANS, "counts")
 _NEXT_NAME = re.compile(r",(?=\s*\w+\s*=)")  # a comma that no name follows belongs to the column before it
 _CUT = "expected FROM:TO in seconds of the log's own clock, FROM before TO, such as 12:14"
+
+
+@contextmanager
+def of_file(name: str) -> Iterator[None]:
+    """Let an error in what is said of a file, or in what the file says of itself, begin with the file's name.
+
+    Raises LogError."""
+    try:
+        yield
+    except LogArgumentError as error:
+        raise LogError(f"{name}: {error}") from None
 
 
 def parse_columns(columns: str | Mapping[str, str] | None) -> dict[str, str]:

@@ -19,7 +19,7 @@ def shares(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sb3 = pytest.importorskip("stable_baselines3")
     env = gym.make("furuta_gym:FurutaID-v0", plant=QUBE, normalize_action=True)
     path = tmp_path_factory.mktemp("shares") / "own.zip"
-    sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=32, n_epochs=1, device="cpu").learn(32).save(path)
+    sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=32, n_epochs=1, seed=5, device="cpu").learn(32).save(path)
     return path
 
 
@@ -42,6 +42,17 @@ def test_actions_of_another_size_are_refused(shares: Path, tmp_path: Path) -> No
         make_controller(path, QUBE, trust=True)
     right = recorded(shares, tmp_path, env={"normalize_action": True}, plant={"u_max": QUBE.u_max})
     assert make_controller(right, QUBE, trust=True).scale == QUBE.u_max
+
+
+def test_steps_and_seed_are_those_of_the_zip_where_the_record_says_neither(shares: Path, tmp_path: Path) -> None:
+    rig = {"u_max": QUBE.u_max}
+    said = {"env": {"task": "balance"}, "plant": rig, "algorithm": "PPO"}
+    own = make_controller(recorded(shares, tmp_path, **said), QUBE, trust=True).record
+    assert own is not None
+    assert (own["steps"], own["seed"]) == (32, 5)
+    told = make_controller(recorded(shares, tmp_path, seed=7, **said), QUBE, trust=True).record
+    assert told is not None
+    assert (told["steps"], told["seed"]) == (32, 7)
 
 
 def test_another_algorithm_is_refused(shares: Path, tmp_path: Path) -> None:

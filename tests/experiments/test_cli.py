@@ -6,6 +6,8 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from decimal import Decimal
 from pathlib import Path
 
@@ -281,9 +283,20 @@ def test_the_demo_tells_its_story_and_ends_well(
         write_log(file, read_log(getattr(story, name)).slice(stop=5.0))
         monkeypatch.setattr(story, name, file)
     lines: list[str] = []
+    works: list[str] = []
+
+    @contextmanager
+    def work(text: str) -> Iterator[Callable[[str], None]]:
+        works.append(text)
+        yield lambda more: works.append(f"{text}: {more}")
+
     figures = story.run_demo(
-        tmp_path, say=lambda line="": lines.append(line), steps=policies.STEPS if whole else 20_000
+        tmp_path, say=lambda line="": lines.append(line), steps=policies.STEPS if whole else 20_000, work=work
     )
+    assert [line.split("  ")[0].strip() for line in lines if " of 6  " in line] == [f"{n} of 6" for n in range(1, 7)]
+    assert list(dict.fromkeys(text.split(",")[0] for text in works)) == [f"{n} of 6" for n in range(2, 7)]
+    assert "4 of 6, diagnosing: locating the gap" in works
+    assert works.count("6 of 6, training on the plant with the effect: 100 %") == 1
     written = {path.name for path in tmp_path.iterdir()}
     files = {"rig.json", "plant.json", "diagnosis.json", "report.html", "gap.json", "demo.json"}
     files |= {"prediction.png", "parameters.png", "policy_without.zip", "policy_with.zip"}

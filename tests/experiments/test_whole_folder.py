@@ -178,7 +178,7 @@ def test_the_demo_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     from tests.commands import furuta
 
     def runs(text: str, stop: bool):
-        def run(out: Path, seed: int, say: object, shown: Path) -> dict[str, str]:
+        def run(out: Path, seed: int, say: object, shown: Path, work: object) -> dict[str, str]:
             assert shown == tmp_path / "demo"
             (out / "rig.json").write_text(text)
             if stop:

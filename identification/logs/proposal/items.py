@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..encoders import encoder_step, usual_counts
-from ..said import COLUMNS, parse_unit
+from ..said import COLUMNS, of_file, parse_unit
 from ..signs import Signs
 from .columns import SPOKEN
 from .look import Look
@@ -73,7 +73,8 @@ def _unit_items(look: Look) -> list[Item]:
     unit, scale = command_unit(look.table, column, u, look.policy)
     row = item("input_unit", "command in", unit, "--input-unit")
     if row.value is None and "input_unit" in look.table.metadata:
-        stated = parse_unit(look.table.metadata["input_unit"])
+        with of_file(look.table.name):
+            stated = parse_unit(look.table.metadata["input_unit"])
         row = Item("input_unit", row.says, stated, stated, row.confidence, "the file says so", (), row.option)
     rows.append(row)
     scale = look.given.input_scale or scale

@@ -215,6 +215,28 @@ def test_how_logs_are_read_keeps_what_the_file_before_left_out(tmp_path: Path, s
     assert load_mapping(path) == shown
 
 
+@pytest.mark.parametrize("stated", [RigMapping(), RigMapping(skip=0.5)], ids=["none", "a file"])
+def test_where_the_command_line_says_how_logs_are_read_the_file_before_adds_nothing(
+    stated: RigMapping, tmp_path: Path, spring_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log, path = tmp_path / "log.csv", tmp_path / "rig.toml"
+    shutil.copy(spring_log, log)
+    left_out = RigMapping(skip=1.0, cut=((2.0, 3.0),))
+    save_mapping(path, left_out)
+    session = Session(tmp_path, stated)
+    session.add(log)
+    assert session.proposal is not None
+    shown = session.proposal.mapping
+    assert write_mapping(session, path) == f"{path}: the file that was replaced said otherwise: --skip 1 --cut 2:3."
+    assert load_mapping(path) == shown
+    assert (shown.skip, shown.cut) == (stated.skip, None)
+    save_mapping(path, left_out)
+    result = furuta(*shlex.split(commands.init(session))[1:])  # as the page shows it
+    assert result.exit_code == 0, result.output
+    assert load_mapping(path) == shown
+
+
 def test_a_moved_plant_has_a_command_line_where_a_file_holds_it(tmp_path: Path, spring_log: Path) -> None:
     session, moved = opened(tmp_path, spring_log), TABLE_3.replace(theta=1.1 * TABLE_3.theta)
     assert commands.what_if(session, moved) == ""

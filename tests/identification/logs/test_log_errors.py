@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from identification.logs.checks import LogArgumentError
+from identification.logs.formats import read_table
 from identification.logs.log import Log, LogError
+from identification.logs.proposal import propose
 from identification.logs.reading import read_log
 from identification.logs.rig_mapping import RigMapping
 from tests.factories import paper_log
@@ -122,11 +125,16 @@ def test_wrongly_mapped_column_is_named_as_the_user_named_it(tmp_path):
         ({"controller_gain": "1,2"}, "four numbers"),
         ({"time_unit": "h"}, "expected one of s, ms, us"),
         ({"constant_command": "maybe"}, "expected error, warn or ignore"),
+        ({"flip": "q3"}, "expected q1, q2 or u"),
+        ({"cut": "12"}, "expected FROM:TO"),
+        ({"columns": "t"}, "expected pairs"),
     ],
 )
-def test_options_that_make_no_sense(tmp_path, options, message):
-    with pytest.raises(LogError, match=message):
+def test_arguments_that_make_no_sense_are_refused_with_the_files_name(tmp_path, options, message):
+    with pytest.raises(LogError, match=rf"^log\.csv: .*{message}"):
         read_log(csv(tmp_path), **options)
+    with pytest.raises(LogError, match=rf"^run 7: .*{message}"):
+        read_log(csv(tmp_path), table=replace(read_table(csv(tmp_path)), name="run 7"), **options)
 
 
 @pytest.mark.parametrize(
@@ -164,6 +172,15 @@ def test_an_error_carries_the_argument_it_is_about(argument, value):
 def test_bad_metadata_names_the_file(tmp_path):
     with pytest.raises(LogError, match=r"log\.csv: encoder_counts 'a lot'"):
         read_log(csv(tmp_path, head="# encoder_counts: a lot\n"))
+    current = csv(tmp_path, head="# input_unit: A\n")
+    for look in (read_log, lambda path: propose(read_table(path))):
+        with pytest.raises(LogError, match=r"^log\.csv: input_unit 'A': expected V"):
+            look(current)
+
+
+def test_a_log_of_a_bad_unit_is_refused_by_its_name():
+    with pytest.raises(LogError, match=r"^run 7: input_unit 'A': expected V"):
+        Log(**rows(), source="run 7", input_unit="A")
 
 
 # --- numbers ----------------------------------------------------------------------------------------------
