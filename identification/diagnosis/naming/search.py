@@ -21,7 +21,7 @@ from ...estimation.prediction_error import quietest
 from ..policy import DecisionPolicy
 from .comparison import Comparison
 from .discrete import starts_of, stepped
-from .dropped import Remainder, dropped
+from .dropped import dropped
 from .fits import Effort, Fit, FitRequest, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
@@ -190,7 +190,8 @@ class Search:
         comparison.finished |= zip(names, mapped(pool, to_the_end, names), strict=True)
         comparison.fits |= {name: comparison.finished[name] for name in names}
         self.progress("fitting the model without it")
-        again = self._rival(dropped(comparison.best, added(comparison.best, current).name), current, comparison.best)
+        without = dropped(comparison.best, added(comparison.best, current).name)
+        again = self.rival(without.plant, replace(current, zeros=without.zeros), comparison.best)
         return again if again.value < current.value else current
 
     def _step_look_alikes(self, comparison: Comparison) -> None:
@@ -205,9 +206,10 @@ class Search:
                 self.progress(f"trying other whole numbers of {name}")
                 comparison.fits[name] = stepped(fitted, current, self, rough=False)
 
-    def _rival(self, remainder: Remainder, start: Fit, against: Fit) -> Fit:
-        """A plant fitted to compare it with a better one: only as well as the difference asks for."""
-        quick = self.fitted(remainder.plant, replace(start, zeros=remainder.zeros), "quick")
+    def rival(self, plant: Plant, start: Fit, against: Fit) -> Fit:
+        """A plant fitted to compare it with a better one: only as well as the difference asks for. It starts from the
+        noise and zeros of another fit."""
+        quick = self.fitted(plant, start, "quick")
         behind = (
             quick.value - against.value - (0.0 if quick.optimum.converged else self.policy.catches_up * quick.promised)
         )
@@ -235,7 +237,8 @@ class Search:
 
     def reduced(self, fitted: Fit, name: str) -> Fit:
         """Fitted without one of its effects; the others take its part over where they can."""
-        return self._rival(dropped(fitted, name), fitted, fitted)
+        without = dropped(fitted, name)
+        return self.rival(without.plant, replace(fitted, zeros=without.zeros), fitted)
 
     def ranked_again(self, found: Sequence[Ranking], current: Fit) -> tuple[list[Ranking], Fit]:
         """The rankings of the effects found, and the best fit, where the fit with them had stalled and `current` is a

@@ -7,6 +7,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
 
+from furuta_gym.plant import Plant
+
 from ...estimation.pool import mapped, shared_pool
 from .fits import Fit
 from .found import FoundEffect, Naming
@@ -113,11 +115,12 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
         before = naming.final
         for exchange in exchanges:
             search.progress(f"asking held-out data about {exchange.by.name} in place of {exchange.former.name}")
-        tried = list(mapped(shared_pool(), partial(_fitted_in_place, start=before, search=search), exchanges))
+        tried = list(mapped(shared_pool(), partial(_rival_in_place, start=before, search=search), exchanges))
         witness.hears([before, *tried])
-        for exchange, fitted in zip(exchanges, tried, strict=True):
+        for exchange, rival in zip(exchanges, tried, strict=True):
             refused.add(exchange.names)
-            if witness.prefers(before, fitted):
+            if witness.prefers(before, rival):
+                fitted = search.to_the_end(rival)
                 loss = fitted.value - before.value
                 gain = exchange.former.suspect.gain - loss
                 net = gain - price_in(fitted, exchange.by.name)
@@ -141,7 +144,7 @@ def _exchanged(naming: Naming, false: _Asked, search: Search, witness: Witness) 
     for exchange in _alternatives(naming, former, search, search.policy.as_good):
         s = exchange.by
         search.progress(f"trying {s.name} in place of {former.name}")
-        fitted = _fitted_in_place(exchange, reduced, search)
+        fitted = search.fitted(*_placed(exchange, reduced), "full")
         gain = reduced.value - fitted.value
         found = Suspect(s.name, gain, gain - price_in(fitted, s.name), fitted, s.score)
         if found.net > search.policy.believed and not witness.denies(reduced, fitted):
@@ -160,13 +163,19 @@ def _alternatives(naming: Naming, former: FoundEffect, search: Search, share: fl
     return [_Exchange(former, s) for s in kept]
 
 
-def _fitted_in_place(exchange: _Exchange, start: Fit, search: Search) -> Fit:
-    """A fit with one effect in the place of another; `start` may have that one still, or be fitted without it."""
+def _rival_in_place(exchange: _Exchange, start: Fit, search: Search) -> Fit:
+    """A fit with one effect in the place of another that `start` has, only as well as the difference asks for."""
+    return search.rival(*_placed(exchange, start), start)
+
+
+def _placed(exchange: _Exchange, start: Fit) -> tuple[Plant, Fit]:
+    """Where a fit with one effect in the place of another starts: its plant, and the fit whose noise and zeros it has.
+    `start` may have the other one still, or be fitted without it."""
     s = exchange.by
     effect = s.fit.plant.effect(s.name)
     assert effect is not None
     plant = start.plant.without(exchange.former.name).with_effects(effect)
-    return search.fitted(plant, replace(start, noise=between(s.fit, start)), "full")
+    return plant, replace(start, noise=between(s.fit, start))
 
 
 def _in_place(naming: Naming, former: FoundEffect, by: Suspect) -> Naming:
