@@ -77,7 +77,7 @@ def trained(policies: Mapping[str, Any]) -> dict[str, TrainedEntry]:
     return {
         name: TrainedEntry.of(policy.record)
         for name, policy in inner.items()
-        if isinstance(policy, Controller) and policy.record is not None
+        if isinstance(policy, Controller) and isinstance(policy.record, Mapping)
     }
 
 

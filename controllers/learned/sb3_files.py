@@ -39,7 +39,7 @@ def algorithm_class(name: str) -> Any:
 
 
 def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any]]:
-    """The network of a trusted zip and the record given, with steps and seed of the zip where it says neither.
+    """The network of a trusted zip and the record given, with steps and seed of the zip where it does not say them.
 
     Raises ValueError for one that `network_of` refuses, and for one that learned from normalised observations."""
     model = load_sb3(path, str(record.get("algorithm") or algorithm_of(path)))
@@ -65,7 +65,8 @@ def read_sb3(path: Path, record: dict[str, Any]) -> tuple[Network, dict[str, Any
         )
     if _scaled(model.observation_space) and isinstance(env, Mapping):
         record = record | {"env": {**env, "scale_observation": True}}
-    return network_of(model), {"steps": model.num_timesteps, "seed": model.seed} | record
+    own = {"steps": model.num_timesteps, "seed": model.seed}
+    return network_of(model), record | {name: value for name, value in own.items() if record.get(name) is None}
 
 
 def _normalised(model: Any, frame: int) -> bool:

@@ -52,8 +52,8 @@ def init_command(
 
     target = opt.output_file(out or logs[0].parent / NAME, [".toml"], logs)
     tables = [read_table(path) for path in logs]
-    alone = str(reading.file) == "none"  # what any rig.toml says does not count
-    file = None if alone else reading.file
+    alone = reading.file is not None  # what the rig.toml there says does not count
+    file = None if str(reading.file) == "none" else reading.file
     known = reading.said if file is None else reading.said.over(load_mapping(file))
     proposal = propose(tables, known)
     kept = kept_mapping(target, proposal) if yes and target.exists() and not alone else RigMapping()

@@ -169,6 +169,12 @@ class DecisionPolicy:
         "periods",
     )
 
+    turned: float = _rule(
+        3.0,
+        "a search keeps a Stribeck speed beyond so many 1/r; nearer to rest Coulomb friction itself changes",
+        THEORY,
+    )
+
     # whether structure is left
     left: float = _rule(8.0, "a torque is said to be left from this evidence", DEV, "nats")
     negligible: float = _rule(0.5, "rounding hides a smaller change of a prediction 0.3 s ahead", THEORY, "counts")

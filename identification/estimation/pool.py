@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections.abc import Callable, Iterable
@@ -27,8 +28,10 @@ def _enter() -> None:
 
 @lru_cache
 def threads() -> int:
-    """How many threads run side by side: one for every core this process may use, at least two."""
-    return max(2, cores())
+    """How many threads run side by side: one for every core this process may use, at least two. No more than numba is
+    told, as a worker among others is."""
+    told = os.environ.get("NUMBA_NUM_THREADS", "")
+    return max(2, min(cores(), int(told) if told.isdigit() else sys.maxsize))
 
 
 @lru_cache

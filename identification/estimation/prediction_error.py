@@ -35,6 +35,7 @@ from .steps import CommonScale, LinearEffect
 _VAGUE = 100.0  # times a reading's variance: how little is known of an angle before the first reading
 _BANDWIDTH = 3.0  # rad/s
 _SOFT = 0.05  # of the rounding's variance, see `_before_rounding`
+_FEWEST = 4  # filters with a Jacobian of their own, in a part of a bank
 
 
 class _Differences(NamedTuple):
@@ -232,16 +233,17 @@ class PredictionError:
         order = np.array(noisy + [i for i in range(n) if i not in noisy], dtype=np.int64)
         filled = [[(np.zeros((len(r.t), 5, n)), np.zeros((len(r.t), n))) for r in records] for _ in sides]
         free = 1 if self.pool is None or in_shared_pool() else threads()
-        # every part filters the leader anew, so a bank is dealt out only where other threads are free for it
-        parts = _dealt_out(len(noisy), n, free // (len(sides) * len(records)))
-        jobs = [(side, i, part) for side in range(len(sides)) for i in range(len(records)) for part in parts]
-
-        def work(job: tuple[int, int, NDArray[np.int64]]) -> float:
-            side, i, part = job
-            at = order[part]
+        jobs = []
+        for i, record in enumerate(records):
             # the zeros of other logs do nothing here
-            own = np.array([self.coordinates[j].zero_of in (None, records[i].log) for j in at], dtype=bool)
-            at, leaders = at[own], 1 + int(np.sum(part[own] < len(noisy)))
+            own = np.array([self.coordinates[j].zero_of in (None, record.log) for j in order], dtype=bool)
+            leaders = int(np.sum(own[: len(noisy)]))
+            parts = _dealt_out(leaders, int(own.sum()), exact, free // (len(sides) * len(records)))
+            jobs += [(side, i, order[own][part], k == 0) for side in range(len(sides)) for k, part in enumerate(parts)]
+
+        def work(job: tuple[int, int, NDArray[np.int64], bool]) -> float:
+            side, i, at, _ = job
+            leaders = 1 + int(np.sum([exact or self.coordinates[j].noise for j in at]))
             bank = np.repeat(z[None], len(at) + 1, axis=0)
             bank[np.arange(1, len(at) + 1), at] += sides[side][at]
             result = self._filter(records[i], bank, leaders, leaders if exact else 1)
@@ -249,12 +251,12 @@ class PredictionError:
                 return math.inf
             return differentiate(*result[:3], sides[side][at], at, *filled[side][i])
 
-        values = np.array(list(mapped(self.pool, work, jobs))).reshape(len(sides), len(records), len(parts))
+        values = np.zeros(len(sides))
+        for (side, _, _, first), value in zip(jobs, mapped(self.pool, work, jobs), strict=True):
+            values[side] += value if first or math.isinf(value) else 0.0
         return [
-            _Differences(float(own[:, 0].sum()), *map(list, zip(*arrays, strict=True)))
-            if np.isfinite(own).all()
-            else None
-            for own, arrays in zip(values, filled, strict=True)
+            _Differences(float(value), *map(list, zip(*arrays, strict=True))) if math.isfinite(value) else None
+            for value, arrays in zip(values, filled, strict=True)
         ]
 
     def prior_cost(self, z: NDArray[np.float64]) -> float:
@@ -285,8 +287,10 @@ def _before_rounding(total: NDArray[np.float64], quantum: NDArray[np.float64]) -
     return 0.5 * (rest + np.sqrt(rest**2 + (_SOFT * rounding) ** 2))
 
 
-def _dealt_out(leaders: int, n: int, parts: int) -> list[NDArray[np.int64]]:
-    """Positions of a bank in so many parts, which take about as long as each other."""
-    cost = np.cumsum(np.where(np.arange(n) < leaders, 2.0, 1.0))
-    cuts = np.searchsorted(cost, cost[-1] * np.arange(1, max(1, parts)) / max(1, parts))
-    return [part for part in np.split(np.arange(n), cuts) if part.size]
+def _dealt_out(leaders: int, n: int, exact: bool, most: int) -> list[NDArray[np.int64]]:
+    """Positions of a bank in at most so many parts, which take about as long as each other. Each part filters the
+    leader anew, so exact ones hold four filters at least, and a bank with frozen gains is halved at most."""
+    parts = max(1, min(most, n // _FEWEST if exact else 2))
+    cost = np.where(np.arange(n) < leaders, 2.0, 1.0)
+    middle = (np.cumsum(cost) - 0.5 * cost) / cost.sum()
+    return [part for part in (np.flatnonzero((middle * parts).astype(int) == i) for i in range(parts)) if part.size]

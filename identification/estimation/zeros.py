@@ -22,7 +22,7 @@ from ..logs.checks import warn
 from ..logs.log import Log
 from .long_logs import PARTS, part_of
 from .optimise import minimise
-from .pool import mapped, shared_pool
+from .pool import mapped, one_blas_thread, shared_pool
 from .prediction_error import PredictionError, quietest
 
 _RESTLESS = 100.0  # times the least torque noise, from which the fit of the zeros starts
@@ -45,6 +45,7 @@ def moved(logs: Sequence[Log], zeros: Zeros) -> tuple[Log, ...]:
     return tuple(log.moved(*zeros[i]) if i in zeros else log for i, log in enumerate(logs))
 
 
+@one_blas_thread
 def aligned(plant: Plant, logs: Sequence[Log]) -> Aligned:
     """Logs of a plant that was identified on others, with the most likely zeros of their encoders taken off.
 

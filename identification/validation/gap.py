@@ -9,7 +9,7 @@ plant starts as near to the truth as it can; the floor is computed without trust
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -31,13 +31,13 @@ from ..logs.log import Log, as_logs, check_each_once
 from .adequacy import Adequacy, Judgement
 from .free_run import PER_HORIZON, Windows
 from .noise_floor import RESTING, RESTING_SAYS
-from .predicted import SETTLE, predicted
+from .predicted import SETTLE, Predicted, predicted
 from .repeated import floors_of
 
 HORIZON = 0.3  # s: long enough for a missing torque to show, short against the fall of the upright pendulum
 _CURVE = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # of the horizon, where errors are kept
 _SAME_COUNT = 1e-3  # of a count: encoders whose steps differ by less are alike
-_TOGETHER = 120_000  # samples of all logs, of which each keeps some kilobytes: of more, one log after the other
+_TOGETHER = 60_000  # samples of the logs that are predicted side by side: each keeps some kilobytes
 
 Array = NDArray[np.float64]
 
@@ -265,8 +265,7 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         logs, zeros = list(found.logs), found.zeros
     horizons = tuple(f * horizon for f in _CURVE)
     long = [stretch for stretch in stretches(logs) if _long_enough(stretch, horizons)]
-    few = sum(len(stretch.record.t) for stretch in long) <= _TOGETHER
-    kept = list(mapped(shared_pool() if few else None, lambda stretch: predicted(plant, stretch, horizons), long))
+    kept = _every(lambda stretch: predicted(plant, stretch, horizons), long)
     if not kept:
         raise ValueError(
             f"no log is long enough: prediction over {horizon:g} s needs {SETTLE + 2 * horizon:g} s without a gap of "
@@ -306,6 +305,16 @@ def validate(plant: Plant | str, logs: Log | Sequence[Log], horizon: float = HOR
         still=still,
         least_counts=_smallest(steps),
     )
+
+
+def _every(work: Callable[[Stretch], Predicted], stretches: Sequence[Stretch]) -> list[Predicted]:
+    """work(stretch) of each, side by side as far as memory allows."""
+    done: list[Predicted] = []
+    while rest := stretches[len(done) :]:
+        ends = np.cumsum([len(stretch.record.t) for stretch in rest])
+        together = max(1, int(np.searchsorted(ends, _TOGETHER, side="right")))
+        done += mapped(shared_pool(), work, rest[:together])
+    return done
 
 
 def _smallest(steps: Array) -> Array:

@@ -57,7 +57,8 @@ class Parameter:
     `of_a_day` that it counts from the arm's zero or the start of the log's clock, so that it is another on another day;
     `jumps` that readings answer to a tiny change either not at all or with a jump, as to a time between two samples, so
     that derivatives need a longer step; `travel` that it is a way of the arm [rad], and that a law with a longer one
-    than the arm goes is none of this effect.
+    than the arm goes is none of this effect; `near_rest` that it is the speed below which friction is another, so that
+    a search keeps it where Coulomb friction has turned over.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Parameter:
     jumps: bool = False
     travel: bool = False
     of_a_day: bool = False
+    near_rest: bool = False
 
     @property
     def typed(self) -> str:
@@ -104,11 +106,6 @@ class Parameter:
     def repeats(self) -> bool:
         """Whether it is a frequency, so that what it describes comes again."""
         return self.grid == "frequencies"
-
-    @property
-    def speed(self) -> bool:
-        """Whether it is a speed at which a law changes."""
-        return self.role == "shape" and self.unit == "rad/s"
 
     @property
     def instant(self) -> bool:

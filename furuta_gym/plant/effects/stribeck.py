@@ -27,7 +27,15 @@ def stribeck_parameters(coulomb: str, size: float) -> tuple[Parameter, ...]:
     return (
         Parameter("ΔF", "{u}", "break-away minus Coulomb torque", size, relative_to=coulomb, lower=0.0),
         Parameter(
-            "vs", "rad/s", "Stribeck speed", 0.3, lower=0.01, upper=3.0, role="shape", grid=(0.05, 0.15, 0.4, 1.0)
+            "vs",
+            "rad/s",
+            "Stribeck speed",
+            0.3,
+            lower=0.01,
+            upper=3.0,
+            role="shape",
+            grid=(0.05, 0.15, 0.4, 1.0),
+            near_rest=True,
         ),
         Parameter(
             "δ",

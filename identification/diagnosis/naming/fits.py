@@ -34,7 +34,6 @@ _LEAST, _UNSEEN = 1e-9, 1e-6  # of the information: what the data do not show
 _TOLERANCE = 0.05  # nats, of the optimum
 _ROUGH = 1.0  # nats, where a gain is large
 _MANY, _FEW = 40, 10  # iterations
-_TURNED = 3.0  # of r q̇: there friction is constant to half a percent
 
 Effort = Literal["coarse", "quick", "full", "restarted"]
 """coarse: longer integration steps and frozen gains, on one thread: within a nat or so, for a multi-start.
@@ -121,7 +120,7 @@ class FitRequest:
         if anchor is not None:
             coordinates = [anchored(c, anchor, self.policy.anchor_std) for c in coordinates]
         coordinates = [repeating(c, max(r.duration for r in records), self.policy.periods) for c in coordinates]
-        coordinates = [turned_over(c, max(plant.sharpest)) for c in coordinates]
+        coordinates = [turned_over(c, plant, self.policy.turned) for c in coordinates]
         step, pool = (COARSER, None) if self.effort == "coarse" else (1.0, shared_pool())
         return PredictionError(plant, records, coordinates, self.noise, step, pool, zeros=zeros)
 
@@ -191,12 +190,16 @@ def repeating(c: Coordinate, duration: float, periods: float) -> Coordinate:
     return replace(c, low=max(c.low, periods / duration)) if declared is not None and declared.repeats else c
 
 
-def turned_over(c: Coordinate, r: float) -> Coordinate:
-    """A speed [rad/s] at which a law changes kept to what is beyond 3/r; any other coordinate as it is.
+def turned_over(c: Coordinate, plant: Plant, turned: float) -> Coordinate:
+    """A speed [rad/s] of friction near rest kept to what is beyond turned/r; any other coordinate as it is.
 
-    There dry friction of sharpness r [s/rad] has turned over. Nearer to rest any change of it is another sharpness."""
+    There the joint's dry friction of sharpness r [s/rad] has turned over. Nearer to rest any change of it is another
+    sharpness."""
     declared = _declared(c)
-    return replace(c, low=max(c.low, _TURNED / r)) if declared is not None and declared.speed else c
+    if declared is None or not declared.near_rest:
+        return c
+    r = plant.sharpest[EFFECTS[c.name.partition(".")[0]].place == "pendulum"]
+    return replace(c, low=max(c.low, turned / r))
 
 
 def _declared(c: Coordinate) -> Parameter | None:

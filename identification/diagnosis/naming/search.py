@@ -25,7 +25,7 @@ from .dropped import dropped
 from .fits import Effort, Fit, FitRequest, Fitter, added, fit
 from .multistart import best_and_look_alike, best_of, from_best, from_other_sizes, look_alikes, multi_start
 from .scores import Score, scores
-from .suspects import Ranking, Suspect, follows_a_law, plainer, price, price_in, shortlist, slight_beside
+from .suspects import Ranking, Suspect, may_replace, plainer, price, price_in, shortlist, slight_beside
 
 Scorer = Callable[..., dict[str, Score]]
 
@@ -210,12 +210,12 @@ class Search:
         """A plant fitted to compare it with a better one: only as well as the difference asks for. It starts from the
         noise and zeros of another fit."""
         quick = self.fitted(plant, start, "quick")
-        behind = (
-            quick.value - against.value - (0.0 if quick.optimum.converged else self.policy.catches_up * quick.promised)
-        )
-        if behind > self.policy.plain:
-            return quick
-        return self.fitted(quick.plant, quick, "full")
+        return quick if self.far_behind(quick, against) else self.fitted(quick.plant, quick, "full")
+
+    def far_behind(self, quick: Fit, against: Fit) -> bool:
+        """Whether a quick fit is so far behind another one that it need not be fitted to the nat."""
+        catches_up = 0.0 if quick.optimum.converged else self.policy.catches_up * quick.promised
+        return quick.value - against.value - catches_up > self.policy.plain
 
     def fitted(self, plant: Plant, start: Fit, effort: Effort = "restarted") -> Fit:
         """A plant fitted to the end, from the noise and zeros of another fit."""
@@ -301,8 +301,9 @@ def _ranking(comparison: Comparison, current: Fit) -> Ranking:
 
 
 def _contesting(ranking: Ranking, reduced: Fit, policy: DecisionPolicy) -> list[Suspect]:
-    """Suspects that did nearly as well as the first of their ranking and are not in the model by now. A ripple that is
-    not seen to repeat does not contest a spring or cable: it is one."""
-    taken, (first, *others) = {e.name for e in reduced.plant.effects}, ranking
+    """Suspects that did nearly as well as the first of their ranking, may take its place and are not in the model by
+    now."""
+    taken = {e.name for e in reduced.plant.effects}
+    first, *others = ranking
     near = [s for s in others if s.net > policy.contested * first.net and s.name not in taken]
-    return [s for s in near if not (first.type.of_angle_alone and follows_a_law(s, policy))]
+    return [s for s in near if may_replace(first, s, policy)]

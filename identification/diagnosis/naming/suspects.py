@@ -74,6 +74,12 @@ def follows_a_law(suspect: Suspect, policy: DecisionPolicy) -> bool:
     return bool(suspect.type.periods_a_turn) and not repeats(suspect.fit, suspect.name, policy)
 
 
+def may_replace(first: Suspect, other: Suspect, policy: DecisionPolicy) -> bool:
+    """Whether another suspect may take the place of a name at all. A ripple that is not seen to repeat does not take
+    that of a spring or cable: it is one."""
+    return not (first.type.of_angle_alone and follows_a_law(other, policy))
+
+
 def plainer(ranking: Ranking, policy: DecisionPolicy) -> Suspect | None:
     """The spring or cable that explains nearly as much as a ripple at the head of a ranking that is not seen to repeat;
     None without one."""

@@ -3,7 +3,7 @@ so that a false one goes and the right ones stay."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,7 +15,7 @@ from .found import FoundEffect, Naming
 from .judge import Witness
 from .multistart import between
 from .search import Search
-from .suspects import Suspect, alike, follows_a_law, price_in
+from .suspects import Suspect, alike, may_replace, price_in
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class _Asked:
     fitted: Fit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Exchange:
     """A suspect in the place of an effect found."""
 
@@ -115,12 +115,11 @@ def preferred(naming: Naming, search: Search, witness: Witness) -> Naming:
         before = naming.final
         for exchange in exchanges:
             search.progress(f"asking held-out data about {exchange.by.name} in place of {exchange.former.name}")
-        tried = list(mapped(shared_pool(), partial(_rival_in_place, start=before, search=search), exchanges))
-        witness.hears([before, *tried])
-        for exchange, rival in zip(exchanges, tried, strict=True):
+        tried = _tried(exchanges, before, search, witness)
+        refused |= {exchange.names for exchange in exchanges if exchange not in tried}
+        for exchange, fitted in tried.items():
             refused.add(exchange.names)
-            if witness.prefers(before, rival):
-                fitted = search.to_the_end(rival)
+            if witness.prefers(before, fitted):
                 loss = fitted.value - before.value
                 gain = exchange.former.suspect.gain - loss
                 net = gain - price_in(fitted, exchange.by.name)
@@ -154,18 +153,34 @@ def _exchanged(naming: Naming, false: _Asked, search: Search, witness: Witness) 
 
 def _alternatives(naming: Naming, former: FoundEffect, search: Search, share: float) -> list[_Exchange]:
     """What may be in the place of a name, and is not there already: look-alikes that explain at least a `share` of what
-    it explains of the fitted logs, and what was found before it and went when it joined. A ripple that is not seen to
-    repeat does not take the place of a spring or cable: it is one."""
+    it explains of the fitted logs, and what was found before it and went when it joined."""
     taken = {e.name for e in naming.final.plant.effects} | {s.name for s in naming.taken_back}
     look_alikes = [s for s in former.ranking if alike(s.name, former.name) and s.gain > share * former.suspect.gain]
     found = [s for s in (*look_alikes, *naming.went.get(former.name, ())) if s.name not in taken]
-    kept = [s for s in found if not (former.type.of_angle_alone and follows_a_law(s, search.policy))]
+    kept = [s for s in found if may_replace(former.suspect, s, search.policy)]
     return [_Exchange(former, s) for s in kept]
 
 
-def _rival_in_place(exchange: _Exchange, start: Fit, search: Search) -> Fit:
-    """A fit with one effect in the place of another that `start` has, only as well as the difference asks for."""
-    return search.rival(*_placed(exchange, start), start)
+def _tried(exchanges: Sequence[_Exchange], before: Fit, search: Search, witness: Witness) -> dict[_Exchange, Fit]:
+    """Fits to the end of the exchanges that held-out data may prefer. One that is far behind on the fitted logs is only
+    fitted quickly where these data do not ask for it."""
+
+    def in_place(exchange: _Exchange) -> Fit:
+        return search.fitted(*_placed(exchange, before), "quick")
+
+    def to_the_end(rough: Fit) -> Fit:
+        return search.fitted(rough.plant, rough, "full")
+
+    quick = list(mapped(shared_pool(), in_place, exchanges))
+    witness.hears([before, *quick])
+    hopeful = {
+        exchange: rough
+        for exchange, rough in zip(exchanges, quick, strict=True)
+        if not search.far_behind(rough, before) or witness.confirms(before, rough)
+    }
+    fitted = list(mapped(shared_pool(), to_the_end, hopeful.values()))
+    witness.hears(fitted)
+    return dict(zip(hopeful, fitted, strict=True))
 
 
 def _placed(exchange: _Exchange, start: Fit) -> tuple[Plant, Fit]:

@@ -77,12 +77,11 @@ def test_what_repeats_must_repeat_within_the_log() -> None:
 
 
 def test_a_stribeck_speed_stays_where_friction_has_turned_over() -> None:
-    """Below 3/r any curve of friction is another sharpness."""
-    plant = TABLE_3.with_effects(TABLE_3.default_effect("pendulum_stribeck"))
-    kept = {c.name: turned_over(c, 100.0) for c in plant_coordinates(plant)}
-    assert kept["pendulum_stribeck.vs"].low == pytest.approx(0.03)
-    for c in plant_coordinates(plant):
-        if c.name != "pendulum_stribeck.vs":
-            assert kept[c.name] == c
-        else:
-            assert turned_over(c, 1e4).low == c.low, "its own bound is higher"
+    """Below 3/r any curve of friction is another sharpness: of its own joint."""
+    speeds = [f"{joint}_stribeck.vs" for joint in ("arm", "pendulum")]
+    plant = TABLE_3.with_effects(*(TABLE_3.default_effect(speed.partition(".")[0]) for speed in speeds))
+    sharper = plant.with_effects(Effect("friction_sharpness", {"r1": 1e4, "r2": 150.0}))
+    for rig, lows in ((plant, (0.03, 0.03)), (sharper, (0.01, 0.02))):  # the library's own bound is 0.01
+        kept = {c.name: turned_over(c, rig, 3.0) for c in plant_coordinates(rig)}
+        assert [kept[speed].low for speed in speeds] == pytest.approx(lows)
+        assert all(kept[c.name] == c for c in plant_coordinates(rig) if c.name not in speeds)

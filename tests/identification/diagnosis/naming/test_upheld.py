@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
 
 from furuta_gym.plant import Effect
+from identification.diagnosis.naming.fits import FitRequest
 from identification.diagnosis.naming.found import Naming
 from identification.diagnosis.naming.upheld import preferred, upheld
-from tests.identification.diagnosis.fits import Told, a_fit, naming, search, suspect
+from tests.identification.diagnosis.fits import Bowls, Told, a_fit, naming, search, suspect
 from tests.identification.diagnosis.silence import names_found
 
 THREE = {
@@ -202,6 +203,34 @@ def test_of_predictions_that_are_far_off_any_look_alike_is_asked(
     witness = Told(far_off=far, a_little_off=True, needed=("arm_spring",), by=gained)
     found = preferred(names_found(a_fit(), by), by, witness)
     assert found.names == ["input_delay", kept]
+
+
+@dataclass(frozen=True)
+class Rough(Bowls):
+    """Quick fits end 150 nats above the bottom, and believe to have arrived."""
+
+    efforts: list[tuple[str, str]] = field(default_factory=list)
+
+    def __call__(self, request: FitRequest) -> Any:
+        self.efforts.append((" ".join(e.name for e in request.plant.effects), request.effort))
+        fitted = super().__call__(request)
+        return replace(fitted, value=fitted.value + 150.0) if request.effort == "quick" else fitted
+
+
+@pytest.mark.parametrize(("needed", "kept"), [(("arm_spring",), "arm_spring"), ((), "arm_taut_cable")])
+def test_what_held_out_data_may_prefer_is_judged_by_a_fit_to_the_end(needed: tuple[str, ...], kept: str) -> None:
+    """They ask for it by 1100 nats, and the fitted logs mind 1020: a rough fit would say 1170."""
+    both, beside = CABLES["input_delay arm_taut_cable"], "input_delay arm_spring"
+    by = search({"": 0.0, **CABLES, beside: both + 1020.0}, "input_delay", *FORMS)
+    found = names_found(a_fit(), by)
+    fitter = Rough({"": 0.0, **CABLES, beside: both + 1020.0})
+    after = preferred(found, replace(by, fitter=fitter), Told(needed=needed, by=1100.0))
+    assert after.names == ["input_delay", kept]
+    asked = [effort for names, effort in fitter.efforts if set(names.split()) == set(beside.split())]
+    assert asked == ["quick", *(["full"] if needed else [])]
+    if needed:
+        assert after.final.value == pytest.approx(both + 1020.0, abs=0.1)
+        assert after.found[1].suspect.gain == pytest.approx(found.found[1].suspect.gain - 1020.0, abs=0.1)
 
 
 def test_held_out_data_are_not_asked_where_nothing_else_may_be_named() -> None:
