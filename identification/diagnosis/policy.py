@@ -145,7 +145,7 @@ class DecisionPolicy:
     )
     plain: float = _rule(
         100.0,
-        "the model without an effect need not be fitted to the nat if the effect gains more than this",
+        "a model that is further behind than this need not be fitted to the nat",
         COST,
         "nats",
     )
