@@ -162,9 +162,9 @@ def commands_page() -> str:
         *_table(reading),
     ]
     lines.append(
-        "\nThe exit code is 0 after a result, 2 after bad input, with one message, and 130 after Ctrl-C. Nothing is "
-        "half-written. Compiled code is kept in the folder that the variable `FURUTA_CACHE` names, else in the user's "
-        "cache folder."
+        "\nThe exit code is 0 after a result, 2 after bad input, with one message, and 130 after Ctrl-C. A check has "
+        "two more: 10 and 11 of `furuta validate --limit`. Nothing is half-written. Compiled "
+        "code is kept in the folder that the variable `FURUTA_CACHE` names, else in the user's cache folder."
     )
     return "\n".join(lines) + "\n"
 

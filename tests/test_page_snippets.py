@@ -36,7 +36,7 @@ def test_the_rule_of_the_standing_encoder_can_be_left_out(tmp_path: Path) -> Non
     """docs/how-to/first_run.md."""
     from furuta_gym.plant import Plant
 
-    Plant.resolve("qube").save(tmp_path / "rig.json")
+    Plant.resolve("qube").save(tmp_path / "final.json")
     ((code, _),) = run_pages.kept(DOCS / "how-to" / "first_run.md")
     run_pages.run([code], tmp_path, "first_run")
     assert "FURUTA_LQR_ARM" in (tmp_path / "lqr.h").read_text()

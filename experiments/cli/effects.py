@@ -25,7 +25,7 @@ def effects_command(
 ) -> None:
     """The effects that a plant can have: what each does, how it shows on a rig, and its look-alikes.
 
-    A diagnosis can name all of them but the last, which is fitted where the named ones leave too much."""
+    A diagnosis can name all of them but arm_learned, which is fitted where the named ones leave too much."""
     from furuta_gym.plant import EFFECTS, Effect
     from furuta_gym.plant.effects.library import CARRIED
 

@@ -59,7 +59,7 @@ def _effect(effect: Effect, d: Diagnosis) -> Text:
     told = "" if d.naming.describes(effect.name) is None else f"; only {d.naming.relation(effect.name)}"
     unit = d.after.plant.unit
     values = ", ".join(_value(effect, p.name, unit) for p in effect.type.in_play(effect.parameters))
-    line = Markup('<code>{}</code> <span class="equation">{}</span> {}{}').format(
+    line = Markup('<code>{}</code> <span class="equation">{}</span>, with {}{}').format(
         effect.name, effect.type.equation, values, told
     )
     return Text(line, "quiet")

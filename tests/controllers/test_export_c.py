@@ -149,7 +149,7 @@ def test_the_check_of_a_build_on_the_page_runs(tmp_path, monkeypatch, capsys):
         r"```python\n(.*?)```", page.partition("### Check your build")[2].partition("\n## ")[0], re.DOTALL
     )
     monkeypatch.chdir(tmp_path)
-    QUBE.save("rig.json")
+    QUBE.save("final.json")
     export_c(make_controller("lqr", QUBE), "lqr.h", single=True)
     run = simulate(
         QUBE, make_controller("lqr", QUBE), 5.0, 0.004, Sensors(2048), paper_signal(), x0=(0.1, 0.05, 0.0, 0.0)
