@@ -22,10 +22,12 @@ def test_yes_keeps_the_scale_and_what_is_left_out(tmp_path: Path) -> None:
     kept = load_mapping(rig)
     assert (kept.input_unit, kept.input_scale, kept.skip) == ("N·m", 0.5, 1.0)
     assert "# kept from the file that was here" in rig.read_text(encoding="utf-8")
-    alone = furuta("init", log, "--yes", "--mapping", "none")
-    assert (alone.exit_code, load_mapping(rig).input_scale, load_mapping(rig).skip) == (0, None, None)
-    assert "Kept" not in alone.stderr
-    save_mapping(rig, kept)
+    save_mapping(tmp_path / "other.toml", RigMapping(skip=2.0))
+    for mapping, skip in (("none", None), (tmp_path / "other.toml", 2.0)):
+        alone = furuta("init", log, "--yes", "--mapping", mapping)
+        assert (alone.exit_code, load_mapping(rig).input_scale, load_mapping(rig).skip) == (0, None, skip)
+        assert "Kept" not in alone.stderr
+        save_mapping(rig, kept)
     said = furuta("init", log, "--yes", "--skip", "0", "--input-scale", "2", "--input-unit", "N·m")
     assert said.exit_code == 0
     assert "Kept" not in said.stderr
