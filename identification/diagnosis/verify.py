@@ -19,6 +19,7 @@ from .gap_change import GapChange, speaks_against
 from .held_out import HeldOut
 from .locate.locate import locate
 from .naming.certain import may_be_absent
+from .naming.fits import turning_speed
 from .origin import with_origin
 from .outcome import Diagnosis
 
@@ -70,9 +71,16 @@ def _of_no_size(diagnosis: Diagnosis) -> bool:
 
 
 def _sharpness_alone(diagnosis: Diagnosis) -> bool:
-    """Whether all that was found is another sharpness r of friction. No rig has the paper's r, so another one is worth
-    a name only where it shows in predictions and is far from it, or leaves structure."""
-    return [effect.type.sharpens for effect in diagnosis.found] == [True] and not diagnosis.leftover
+    """Whether all that was found is another sharpness r of friction, or friction that is another nearer to rest than
+    its sharpness shows. No rig has the paper's r, so another one is worth a name only where it shows in predictions and
+    is far from it, or leaves structure."""
+    if len(diagnosis.found) != 1 or diagnosis.leftover or diagnosis.after is None:
+        return False
+    ((name, kind),) = ((effect.name, effect.type) for effect in diagnosis.found)
+    values = diagnosis.after.plant.effect(name)
+    nearest = turning_speed(diagnosis.after.plant, name, diagnosis.policy.turned)
+    near_rest = values is not None and any(p.near_rest and values.parameters[p.name] < nearest for p in kind.parameters)
+    return kind.sharpens or near_rest
 
 
 def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis | None:
@@ -81,14 +89,17 @@ def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -
     assert diagnosis.after is not None
     apart, factor = diagnosis.after.plant.sharpening, diagnosis.policy.usual_sharpness
     low, high = diagnosis.policy.sharpness / factor, diagnosis.policy.sharpness * factor
-    if apart is None or not all(low <= r <= high for r in apart.parameters.values()):
+    if apart is not None and not all(low <= r <= high for r in apart.parameters.values()):
         return None
     fitted = _with_free_sharpness(diagnosis, held, gap, "")
     found, change = fitted.before, fitted.gap
     assert found is not None
     assert change is not None
     ratio = change.before.ratio_to_floor
-    if fitted.leftover or (not _one_value(apart) and ratio > diagnosis.policy.adequate * gap.after.ratio_to_floor):
+    one_r = _one_value(apart) if apart is not None else False
+    if fitted.leftover or (not one_r and ratio > diagnosis.policy.adequate * gap.after.ratio_to_floor):
+        return None
+    if apart is None and not all(low <= r <= high for r in found.plant.sharpness):
         return None
     told = sentences.usual_sharpness(
         found.plant.sharpness[0], diagnosis.policy.sharpness, ratio if ratio <= diagnosis.policy.far else None

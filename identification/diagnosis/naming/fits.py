@@ -198,8 +198,12 @@ def turned_over(c: Coordinate, plant: Plant, turned: float) -> Coordinate:
     declared = _declared(c)
     if declared is None or not declared.near_rest:
         return c
-    r = plant.sharpest[EFFECTS[c.name.partition(".")[0]].place == "pendulum"]
-    return replace(c, low=max(c.low, turned / r))
+    return replace(c, low=max(c.low, turning_speed(plant, c.name.partition(".")[0], turned)))
+
+
+def turning_speed(plant: Plant, name: str, turned: float) -> float:
+    """turned/r [rad/s] of the joint on which an effect acts."""
+    return turned / plant.sharpest[EFFECTS[name].place == "pendulum"]
 
 
 def _declared(c: Coordinate) -> Parameter | None:

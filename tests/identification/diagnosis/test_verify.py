@@ -261,6 +261,28 @@ def test_a_sharpness_near_the_papers_is_a_parameter_though_it_shows() -> None:
     assert found.plant.sharpness[0] == pytest.approx(40.0, rel=0.1)
 
 
+def test_friction_that_is_another_only_near_rest_is_a_sharpness() -> None:
+    """Friction of r = 250 in free decays, which Stribeck friction below 0.03 rad/s describes with r = 100."""
+    t = np.arange(2000) * 0.004
+    chirps = [0.2 * np.sin(2 * np.pi * (f + 0.2 * t) * t) * (t < 4.0) for f in (0.3, 0.5)]
+    rig = TABLE_3.replace(friction_sharpness=250.0)
+    logs = [open_loop_log(u, seed=seed, plant=rig, torque_noise=(1e-9, 1e-11)) for seed, u in enumerate(chirps)]
+    found = diagnose(logs[0], logs[1], only=["arm_stribeck", "pendulum_stribeck"])
+    assert found.naming is not None
+    first = found.naming.rankings[0][0]
+    assert (first.name, first.net > POLICY.believed) == ("arm_stribeck", True)
+    assert (found.verdict, found.named, found.added) == ("none", (), False)
+    assert "another sharpness" in found.summary
+    assert found.plant is not None
+    assert found.plant.sharpness[0] == pytest.approx(250.0, rel=0.1)
+    assert found.after is not None
+    for vs, alone in ((0.02, True), (0.3, False)):
+        plant = TABLE_3.with_effects(Effect("arm_stribeck", {"ΔF": 0.1, "vs": vs}))
+        naming = replace(found.naming, found=(FoundEffect(found.naming.rankings[0]),))
+        named = replace(found, naming=naming, after=replace(found.after, plant=plant))
+        assert _sharpness_alone(named) is alone
+
+
 @pytest.mark.parametrize(("std", "one"), [(1.0, False), (20.0, True)])
 def test_two_sharpnesses_may_be_one_where_their_intervals_overlap(std: float, one: bool) -> None:
     assert _one_value(Effect("friction_sharpness", {"r1": 60.0, "r2": 40.0}, {"r1": std, "r2": std})) is one
