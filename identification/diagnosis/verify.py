@@ -76,11 +76,10 @@ def _sharpness_alone(diagnosis: Diagnosis) -> bool:
     is far from it, or leaves structure."""
     if len(diagnosis.found) != 1 or diagnosis.leftover or diagnosis.after is None:
         return False
-    ((name, kind),) = ((effect.name, effect.type) for effect in diagnosis.found)
-    values = diagnosis.after.plant.effect(name)
-    nearest = turning_speed(diagnosis.after.plant, name, diagnosis.policy.turned)
-    near_rest = values is not None and any(p.near_rest and values.parameters[p.name] < nearest for p in kind.parameters)
-    return kind.sharpens or near_rest
+    (found,), plant = diagnosis.found, diagnosis.after.plant
+    effect, slowest = plant.effect(found.name), turning_speed(plant, found.name, diagnosis.policy.turned)
+    speeds = [] if effect is None else [effect.parameters[p.name] for p in effect.type.parameters if p.near_rest]
+    return found.type.sharpens or any(speed < slowest for speed in speeds)
 
 
 def _with_usual_sharpness(diagnosis: Diagnosis, held: HeldOut, gap: GapChange) -> Diagnosis | None:

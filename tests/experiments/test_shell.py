@@ -5,10 +5,8 @@ from __future__ import annotations
 import io
 import json
 import logging
-import re
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
@@ -18,7 +16,6 @@ from experiments.cli import app, output
 from experiments.cli import steps as steps_module
 from experiments.cli.logbook import own_version
 from experiments.cli.steps import steps
-from experiments.demo.policies import in_tenths
 from furuta_gym import cache_folder
 from furuta_gym.cache_folder import note_compilation, when_compiling
 from furuta_gym.plant import EFFECTS
@@ -122,38 +119,6 @@ def test_a_step_after_other_work_shows_the_time_of_all() -> None:
     with steps("demo", console=Console(file=out), began=time.monotonic() - 130.0) as tell:
         tell("2 of 6, fitting")
     assert out.getvalue() == "[2 min 10 s] 2 of 6, fitting\n"
-
-
-@pytest.mark.parametrize("terminal", [False, True])
-def test_the_demo_shows_its_work_beside_its_story(
-    terminal: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The story may be piped: what is shown on the terminal takes none of it."""
-    shown = io.StringIO()
-
-    def story(out: Path, *, say: Any, work: Any, **rest: Any) -> dict[str, Any]:
-        say("2 of 6  Identify")
-        with work("2 of 6, fitting") as tell:
-            tell("10 %")
-        say("done")
-        return {}
-
-    monkeypatch.setattr("experiments.demo.story.run_demo", story)
-    monkeypatch.setattr(steps_module, "errors", Console(file=shown, force_terminal=terminal, width=80))
-    result = furuta("demo", "--out", tmp_path / "demo")
-    assert (result.exit_code, result.stdout) == (0, "2 of 6  Identify\ndone\n")
-    assert "2 of 6, fitting" in shown.getvalue()
-    assert "2 of 6, fitting: 10 %" in shown.getvalue()
-    assert bool(re.search(r"^\[\d+ s\] 2 of 6, fitting: 10 %$", shown.getvalue(), re.MULTILINE)) is not terminal
-
-
-def test_a_training_of_the_demo_is_told_in_tenths() -> None:
-    told: list[str] = []
-    count = in_tenths(told.append)
-    for done in range(0, 1001, 7):
-        count(done, 1000)
-    count(1240, 1000)
-    assert told == [f"{percent} %" for percent in range(10, 101, 10)]
 
 
 def test_a_step_that_takes_longer_than_usual_says_so() -> None:

@@ -25,6 +25,7 @@ from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_
 from identification.estimation.estimate import GainChange, NoiseReport
 from identification.kalman.noise import LostLog
 from identification.kalman.record import Record
+from identification.logs.log import Log
 from identification.validation.gap import validate
 from tests.factories import loop_log, made_log, open_loop_log, paper_log
 from tests.identification.diagnosis.fits import a_change, a_diagnosis, a_gap, an_estimate, naming, rest, suspect
@@ -247,12 +248,17 @@ def test_another_sharpness_that_shows_in_no_prediction_is_no_name() -> None:
     assert not _sharpness_alone(replace(named, still_off=2.0))  # something is left: the name stays
 
 
-def test_a_sharpness_near_the_papers_is_a_parameter_though_it_shows() -> None:
-    """Friction of r = 40 in free decays: with r = 100 the error is twice the noise floor."""
+def decays(r: float) -> list[Log]:
+    """Two logs of chirps, after which a rig whose friction has the sharpness r decays freely."""
     t = np.arange(2000) * 0.004
     chirps = [0.2 * np.sin(2 * np.pi * (f + 0.2 * t) * t) * (t < 4.0) for f in (0.3, 0.5)]
-    rig = TABLE_3.replace(friction_sharpness=40.0)
-    logs = [open_loop_log(u, seed=seed, plant=rig, torque_noise=(1e-9, 1e-11)) for seed, u in enumerate(chirps)]
+    rig = TABLE_3.replace(friction_sharpness=r)
+    return [open_loop_log(u, seed=seed, plant=rig, torque_noise=(1e-9, 1e-11)) for seed, u in enumerate(chirps)]
+
+
+def test_a_sharpness_near_the_papers_is_a_parameter_though_it_shows() -> None:
+    """Friction of r = 40 in free decays: with r = 100 the error is twice the noise floor."""
+    logs = decays(40.0)
     found = diagnose(logs[0], logs[1], only=["friction_sharpness", "arm_stribeck"])
     assert validate(TABLE_3, logs[1]).ratio_to_floor > 1.5
     assert (found.verdict, found.named, found.added) == ("none", (), False)
@@ -263,10 +269,7 @@ def test_a_sharpness_near_the_papers_is_a_parameter_though_it_shows() -> None:
 
 def test_friction_that_is_another_only_near_rest_is_a_sharpness() -> None:
     """Friction of r = 250 in free decays, which Stribeck friction below 0.03 rad/s describes with r = 100."""
-    t = np.arange(2000) * 0.004
-    chirps = [0.2 * np.sin(2 * np.pi * (f + 0.2 * t) * t) * (t < 4.0) for f in (0.3, 0.5)]
-    rig = TABLE_3.replace(friction_sharpness=250.0)
-    logs = [open_loop_log(u, seed=seed, plant=rig, torque_noise=(1e-9, 1e-11)) for seed, u in enumerate(chirps)]
+    logs = decays(250.0)
     found = diagnose(logs[0], logs[1], only=["arm_stribeck", "pendulum_stribeck"])
     assert found.naming is not None
     first = found.naming.rankings[0][0]

@@ -386,3 +386,14 @@ def test_a_logger_that_is_stopped_by_hand_gives_repeats_all_the_same():
     assert repeats([logs[0], logs[1].taken(slice(None, 1200))]) == []  # a fifth is missing
     late = replace(uneven[1], u=np.r_[uneven[1].u[:-1], 0.3])
     assert repeats([logs[0], late]) == []
+
+
+def test_logs_are_predicted_in_turns_where_they_are_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One alone, or as many as memory allows: the answer is the same, log by log."""
+    logs = [loop_log(duration=3.0, seed=seed)[0] for seed in range(3)]
+    together = validate(TABLE_3, logs)
+    for most in (2 * len(logs[0]), 1):
+        monkeypatch.setattr("identification.validation.gap._TOGETHER", most)
+        apart = validate(TABLE_3, logs)
+        np.testing.assert_array_equal(apart.errors, together.errors)
+        np.testing.assert_array_equal(apart.log, together.log)
