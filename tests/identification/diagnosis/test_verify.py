@@ -21,7 +21,15 @@ from identification.diagnosis.naming.forward import START_NOISE
 from identification.diagnosis.naming.found import FoundEffect
 from identification.diagnosis.outcome import Diagnosis
 from identification.diagnosis.policy import DecisionPolicy
-from identification.diagnosis.verify import _of_no_size, _one_value, _sharpness_alone, judged, measure_gap, verified
+from identification.diagnosis.verify import (
+    _of_no_size,
+    _one_value,
+    _sharpness_alone,
+    _with_usual_sharpness,
+    judged,
+    measure_gap,
+    verified,
+)
 from identification.estimation.estimate import GainChange, NoiseReport
 from identification.kalman.noise import LostLog
 from identification.kalman.record import Record
@@ -279,11 +287,23 @@ def test_friction_that_is_another_only_near_rest_is_a_sharpness() -> None:
     assert found.plant is not None
     assert found.plant.sharpness[0] == pytest.approx(250.0, rel=0.1)
     assert found.after is not None
-    for vs, alone in ((0.02, True), (0.3, False)):
+    assert found.gap is not None
+
+    def named(vs: float, policy: DecisionPolicy = POLICY) -> Diagnosis:
         plant = TABLE_3.with_effects(Effect("arm_stribeck", {"ΔF": 0.1, "vs": vs}))
+        assert found.naming is not None
+        assert found.after is not None
         naming = replace(found.naming, found=(FoundEffect(found.naming.rankings[0]),))
-        named = replace(found, naming=naming, after=replace(found.after, plant=plant))
-        assert _sharpness_alone(named) is alone
+        return replace(found, naming=naming, after=replace(found.after, plant=plant), policy=policy)
+
+    assert _sharpness_alone(named(0.02))
+    assert not _sharpness_alone(named(0.3))
+    held = HeldOut((logs[0],), (logs[1],), POLICY)
+    usual = _with_usual_sharpness(named(0.02), held, found.gap)
+    assert usual is not None
+    assert (usual.verdict, "Friction sets in at r = 2" in usual.summary) == ("none", True)
+    strict = replace(POLICY, usual_sharpness=2.0)  # 250 is then far from the paper's 100
+    assert _with_usual_sharpness(named(0.02, strict), held, found.gap) is None
 
 
 @pytest.mark.parametrize(("std", "one"), [(1.0, False), (20.0, True)])

@@ -391,9 +391,17 @@ def test_a_logger_that_is_stopped_by_hand_gives_repeats_all_the_same():
 def test_logs_are_predicted_in_turns_where_they_are_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """One alone, or as many as memory allows: the answer is the same, log by log."""
     logs = [loop_log(duration=3.0, seed=seed)[0] for seed in range(3)]
-    together = validate(TABLE_3, logs)
-    for most in (2 * len(logs[0]), 1):
+    together, turns = validate(TABLE_3, logs), []
+
+    def counted(pool, work, items):
+        turns.append(len(items))
+        return map(work, items)
+
+    monkeypatch.setattr("identification.validation.gap.mapped", counted)
+    for most, asked in ((2 * len(logs[0]), [2, 1]), (1, [1, 1, 1])):
         monkeypatch.setattr("identification.validation.gap._TOGETHER", most)
+        turns.clear()
         apart = validate(TABLE_3, logs)
+        assert turns == asked
         np.testing.assert_array_equal(apart.errors, together.errors)
         np.testing.assert_array_equal(apart.log, together.log)
