@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from furuta_gym.plant import TABLE_3
 from identification.estimation.identify import identify
-from identification.estimation.pool import mapped, one_blas_thread, shared_pool
+from identification.estimation.pool import mapped, one_blas_thread, shared_pool, threads
 from identification.estimation.prediction_error import PredictionError
 from identification.kalman.coordinates import noise_coordinates, plant_coordinates
 from identification.kalman.noise_model import Noise
@@ -41,9 +41,9 @@ def test_the_numbers_do_not_depend_on_the_pool() -> None:
     records = [Record.from_log(loop_log(duration=2.0, seed=seed)[0]) for seed in (0, 1)]
     coordinates = plant_coordinates(TABLE_3) + noise_coordinates()
     for used in (records[:1], records):
-        with ThreadPoolExecutor(3) as threads:
+        with ThreadPoolExecutor(3) as three:
             alone, beside = (
-                PredictionError(TABLE_3, used, coordinates, Noise((1e-3, 1e-5)), pool=pool) for pool in (None, threads)
+                PredictionError(TABLE_3, used, coordinates, Noise((1e-3, 1e-5)), pool=pool) for pool in (None, three)
             )
             z = alone.start()
             assert alone.value(z) == beside.value(z)
@@ -119,3 +119,14 @@ def test_noise_needs_the_plant_that_it_belongs_to() -> None:
     with pytest.raises(ValueError, match=r"there is no start.*Expected both: identify\(logs, estimate\.plant, noise="):
         identify(log, noise=noise)
     assert identify(log, TABLE_3, noise=noise, iterations=1, model_error=False).samples == len(log)
+
+
+@pytest.mark.parametrize(
+    ("here", "told", "used"), [(16, "", 16), (1, "", 2), (16, "3", 3), (16, "1", 2), (16, "many", 16)]
+)
+def test_a_worker_among_others_takes_no_more_threads_than_it_is_told(
+    here: int, told: str, used: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", told)
+    monkeypatch.setattr("identification.estimation.pool.cores", lambda: here)
+    assert threads.__wrapped__() == used
